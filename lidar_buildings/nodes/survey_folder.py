@@ -14,7 +14,8 @@ from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
-from lidar_buildings.io.clouds.las import InputFile, frame_of, open_cloud, open_inputs
+from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import Share, check_folder
@@ -72,7 +73,7 @@ class SurveyFolder:
             check_folder(Path(config.output), overwrite=config.overwrite, is_live=self.is_live)
             return
         clouds, self._problems = open_inputs(config.input)
-        inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
+        inputs = [cloud.input_file for cloud in clouds]
         self._claim(inputs, frame_of(clouds), overwrite=config.overwrite)
 
     @property
@@ -103,7 +104,7 @@ class SurveyFolder:
         inputs = []
         if self._bags:
             clouds, self._problems = open_inputs(with_clouds(self._config.input, Path(self._config.placed)))
-            inputs = [InputFile(cloud.path, cloud.point_count) for cloud in clouds]
+            inputs = [cloud.input_file for cloud in clouds]
         self._claim(inputs, frame, overwrite=self._config.overwrite and self.frame is None)
         return True
 

@@ -178,7 +178,8 @@ class TileCluster:
     def _suspect(self, call: _Call, error: KilledWorker) -> None:
         """Keep a call at which workers ended until it can be done alone; it may be as innocent as others."""
         if call.is_alone:
-            self._finish(call, error=WorkerLostError("workers ended at it, also with nothing beside it"))
+            why = "workers ended at it, also with nothing beside it: give them more memory"
+            self._finish(call, error=WorkerLostError(why))
             return
         _log.warning("workers ended at a task (%s): it is done alone later", error)
         with self._lock:

@@ -1,10 +1,12 @@
 """A survey that is made up as it is read, and how much memory it takes: a process of its own imports this."""
 
 import tracemalloc
+from pathlib import Path
 
 import laspy
 import numpy as np
 
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.tiling import tiling
 
@@ -21,6 +23,7 @@ class LongCloud:
         self.n_chunks, self.chunk_size = n_chunks, chunk_size
         self.point_count = n_chunks * chunk_size
         self.header = laspy.LasHeader(point_format=1)
+        self.input_file = InputFile(Path(self.path), self.point_count)
 
     def chunks(self, size):
         for number in range(self.n_chunks):

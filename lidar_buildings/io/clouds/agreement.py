@@ -1,4 +1,4 @@
-"""Whether clouds can be one survey: one reference system, and one map frame that reaches all of them."""
+"""Whether clouds can be one survey: each once, one reference system, one map frame that reaches all."""
 
 from __future__ import annotations
 
@@ -21,6 +21,26 @@ ORIGIN_STEP = 100.0
 REACH = 2.0**14
 #: The widest survey: its origin lies in its middle [m].
 MAX_EXTENT = 2.0 * (REACH - ORIGIN_STEP)
+
+
+def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
+    """
+    Leave out files that hold the points of one before them, and say so.
+
+    They are told by their headers: as many points, and of each return, in the same bounds to the last digit.
+    Points in another order, as of the same file as COPC, are the same.
+    """
+    seen: set[tuple[object, ...]] = set()
+    kept: list[Cloud] = []
+    copies: list[Cloud] = []
+    for cloud in clouds:
+        returns = tuple(cloud.header.number_of_points_by_return)
+        points = (cloud.point_count, *cloud.mins, *cloud.maxs, *returns, cloud.crs.name)
+        (copies if cloud.point_count and points in seen else kept).append(cloud)
+        seen.add(points)
+    if copies:
+        warn_once(f"{_named(copies)} with the same points as other inputs: left out")
+    return kept
 
 
 def agreed_system(clouds: Sequence[Cloud]) -> Cloud:

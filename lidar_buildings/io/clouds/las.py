@@ -10,7 +10,6 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import laspy
 import numpy as np
@@ -26,8 +25,10 @@ from lidar_buildings.io.clouds.agreement import (
     agreed_system,
     say_what_is_assumed,
     shared_origin,
+    without_copies,
 )
 from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged, state_of
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
 from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
@@ -48,13 +49,6 @@ _MAX_SCALE, _MAX_OFFSET = 1e3, 1e12
 MOST_POINTS = 2**32 - 1
 
 
-class InputFile(NamedTuple):
-    """One input of a run."""
-
-    path: Path
-    point_count: int
-
-
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """
@@ -72,6 +66,8 @@ class Cloud:
         What it says of its coordinates.
     mins, maxs : ndarray of shape (3,)
         Bounds in source coordinates; NaN if the file holds no point.
+    state : tuple of int, optional
+        Size [bytes] and time of the last change [ns] when it was opened.
     """
 
     path: Path
@@ -80,6 +76,12 @@ class Cloud:
     crs: SourceCrs
     mins: NDArray[np.float64]
     maxs: NDArray[np.float64]
+    state: tuple[int, int] | None = None
+
+    @property
+    def input_file(self) -> InputFile:
+        """What a run notes of it."""
+        return InputFile(self.path, self.point_count, self.state)
 
     @property
     def point_count(self) -> int:
@@ -100,9 +102,10 @@ class Cloud:
         Raises
         ------
         InputError
-            If they cannot be read to the last one.
+            If they cannot be read to the last one, or the file is not the one that was opened.
         """
         end = self.point_count if last is None else last
+        check_unchanged(self.input_file)
         with reported(self.path), open_reader(self.path) as (reader, guard):
             done = first
             if first:
@@ -117,6 +120,7 @@ class Cloud:
                     )
                 done += len(points)
                 yield points
+        check_unchanged(self.input_file)
 
 
 def open_cloud(path: str | Path) -> Cloud:
@@ -130,6 +134,7 @@ def open_cloud(path: str | Path) -> Cloud:
     """
     path = Path(path)
     with reported(path):
+        state = state_of(path)
         raw = read_raw_header(path)
         with (
             captured_panics(),
@@ -144,14 +149,14 @@ def open_cloud(path: str | Path) -> Cloud:
             warn_once(f"{path}: holds no points: export it again unless that is meant")
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
-        return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs)
+        return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs, state)
 
 
 def open_inputs(
     inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
 ) -> tuple[list[Cloud], list[str]]:
     """
-    Open files, folders and globs; what is missing or unreadable does not keep the others from it.
+    Open files, folders and globs, copies once; what is unreadable does not keep the others from it.
 
     Returns
     -------
@@ -174,7 +179,7 @@ def open_inputs(
             problems.append(str(error))
     if not clouds:
         raise InputError("\n".join(problems))
-    return clouds, problems
+    return without_copies(clouds), problems
 
 
 def read_tile(path: str | Path) -> PointTile:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.copc import write_copc
-from lidar_buildings.io.clouds.las import InputFile, open_cloud
+from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
+from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
@@ -225,9 +226,10 @@ def _write_cloud(job: _Job) -> _Written:
     """Write one input's file; return what was written, or why it is impossible."""
     table = job.folder / PARTIAL / f"{job.number}.results"
     try:
+        check_unchanged(job.input)
         cloud = open_cloud(job.input.path)
         if cloud.point_count != job.input.point_count:
-            raise InputError(f"{cloud.path}: has changed during the run: run it again with --overwrite")
+            raise changed(cloud.path)
         output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)

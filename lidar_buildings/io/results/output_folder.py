@@ -18,7 +18,7 @@ from lidar_buildings import __version__
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.input_file import InputFile, state_of
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.footprint_results import FootprintResults
@@ -104,7 +104,7 @@ class OutputFolder:
         identity = {
             "version": __version__,
             "inputs": [
-                [str(file.path.resolve()), file.point_count, file.path.stat().st_mtime_ns]
+                [str(file.path.resolve()), file.point_count, (file.state or state_of(file.path))[1]]
                 for file in self.inputs
             ],
             "frame": asdict(frame),

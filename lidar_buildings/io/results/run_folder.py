@@ -16,7 +16,7 @@ from lidar_buildings.io.files.captured_stderr import one_line
 from lidar_buildings.io.results.output_config import FORMAT_FILES, REPORT_FILE
 
 if TYPE_CHECKING:
-    from lidar_buildings.io.clouds.las import InputFile
+    from lidar_buildings.io.clouds.input_file import InputFile
 
 #: Calls a function for each of some jobs.
 Share = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]

@@ -19,7 +19,7 @@ from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.stages.terrain.window import enclosing
-from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.las import CHUNK, Cloud
-from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.spool import Cell, temporary_error
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 
@@ -101,9 +101,7 @@ def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answe
         try:
             part = answer.result()
         except RuntimeError as error:
-            raise InputError(
-                f"{cloud.path}: no worker can read it ({error}): give them more memory"
-            ) from error
+            raise InputError(f"{cloud.path}: no worker can read it: {error}") from error
         if isinstance(part, LidarBuildingsError):
             raise part
         yield store.join(source, part)
@@ -128,3 +126,6 @@ def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsE
     except LidarBuildingsError as error:
         store.remove()
         return error
+    except OSError as error:  # samples that find the disk full
+        store.remove()
+        return temporary_error(part.folder, error)

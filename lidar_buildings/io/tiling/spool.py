@@ -90,7 +90,7 @@ class Spool:
         try:
             self.folder = Path(tempfile.mkdtemp(prefix="lidar_buildings_", dir=folder))
         except OSError as error:
-            raise self._full(folder or tempfile.gettempdir(), error) from error
+            raise temporary_error(folder or tempfile.gettempdir(), error) from error
         #: Where the records are.
         self.pieces: Pieces = {}
 
@@ -118,7 +118,7 @@ class Spool:
         except OSError as error:
             for cell, _ in written:
                 os.truncate(self._file(cell), before[cell] * RECORD.itemsize)
-            raise self._full(self.folder, error) from error
+            raise temporary_error(self.folder, error) from error
         for cell, count in written:
             self.pieces[cell] = [Piece(self._file(cell), count)]
         return touched
@@ -177,12 +177,13 @@ class Spool:
     def _file(self, cell: Cell) -> Path:
         return self.folder / f"{cell[0]}_{cell[1]}.points"
 
-    @staticmethod
-    def _full(folder: str | Path, error: OSError) -> OutputError:
-        return OutputError(
-            f"{folder}: temporary files cannot be written ({one_line(error)}): "
-            "free some space, or set TMPDIR to a folder with more"
-        )
+
+def temporary_error(folder: str | Path, error: OSError) -> OutputError:
+    """Return the error of a temporary folder that cannot be written."""
+    return OutputError(
+        f"{folder}: temporary files cannot be written ({one_line(error)}): "
+        "free some space, or set TMPDIR to a folder with more"
+    )
 
 
 def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:

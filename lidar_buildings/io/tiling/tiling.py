@@ -13,7 +13,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.clouds.las import InputFile, frame_of, open_inputs
+from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.tiling.file_parts import Submit, read_files
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Cell, Head
@@ -88,7 +88,7 @@ class TileSource:
                 f"{len(self._clouds)} input files: at most {_MOST_FILES} in one run: run them in parts"
             )
         self.unreadable: set[int] = set()
-        self.inputs = [InputFile(cloud.path, cloud.point_count) for cloud in self._clouds]
+        self.inputs = [cloud.input_file for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]

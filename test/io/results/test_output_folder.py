@@ -17,7 +17,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model import BuildingModel
-from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.output_config import OutputConfig

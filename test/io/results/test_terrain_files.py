@@ -15,7 +15,8 @@ from support.saved_tiles import load_products
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, TerrainRasters
-from lidar_buildings.io.clouds.las import InputFile, open_cloud
+from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.terrain_files import (
     RASTERS,

@@ -1,12 +1,15 @@
 """Files read in parts by other processes: the same tiles as read here."""
 
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from support import cloud_files
 
+from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.pipeline.agenda import WorkerLostError
 from lidar_buildings.simulation import simulate_survey
 
 CONFIG = TilingConfig(tile_size=40.0, buffer=20.0)
@@ -83,3 +86,30 @@ def test_a_tile_needs_little_of_the_survey_to_be_sent(survey):
         while alone.grow():
             assert ready[0].grow()
             assert_equal([alone.read()], [ready[0].read()])
+
+
+@pytest.mark.parametrize("name", [".points", "samples"])
+def test_a_store_that_is_full_gives_one_line_and_keeps_nothing(survey, tmp_path, monkeypatch, name):
+    """Read by threads here, where the disk can be made to look full."""
+    cloud_files.fill_the_disk(monkeypatch, name, 1000)
+    with ThreadPoolExecutor(2) as threads:
+        source = TileSource(survey, CONFIG, submit=threads.submit, temporary=tmp_path)
+        with source, pytest.raises(OutputError, match=r"temporary files cannot be written \(No space left"):
+            list(source.ready())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(survey, tmp_path):
+    def submit(read, part):
+        answer = Future()
+        if part.source:
+            answer.set_result(read(part))
+        else:
+            answer.set_exception(WorkerLostError("workers ended at it"))
+        return answer
+
+    first, *others = sorted(survey.glob("*.laz"))
+    expected, _ = tiles_of(others)
+    found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
+    assert problems == [f"{first}: no worker can read it: workers ended at it"]
+    assert sum(len(tile) for tile in found) == sum(len(tile) for tile in expected)

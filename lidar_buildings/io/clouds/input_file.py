@@ -1,0 +1,53 @@
+"""What a run notes of a file when it opens it, to see that it stays as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.las_reader import reported
+
+
+class InputFile(NamedTuple):
+    """
+    One input of a run.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    point_count : int
+        Its number of points.
+    state : tuple of int, optional
+        Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
+    """
+
+    path: Path
+    point_count: int
+    state: tuple[int, int] | None = None
+
+
+def state_of(path: Path) -> tuple[int, int]:
+    """Return a file's size [bytes] and when it was last changed [ns]."""
+    found = path.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+def check_unchanged(file: InputFile) -> None:
+    """
+    Refuse a file that was replaced, or written to, since its state was noted.
+
+    Raises
+    ------
+    InputError
+        If it was.
+    """
+    with reported(file.path):
+        if file.state is not None and state_of(file.path) != file.state:
+            raise changed(file.path)
+
+
+def changed(path: Path) -> InputError:
+    """Return what is said of a file that is not the one it was."""
+    return InputError(f"{path}: has changed during the run: run it again with --overwrite")

@@ -1,0 +1,100 @@
+"""Files that are replaced while they are used, and files that are there twice: said, and nothing mixed."""
+
+import json
+import shutil
+
+import laspy
+import pytest
+from support.cli_runs import Command, files_in
+from support.results import contents
+
+from lidar_buildings.commands import run_local
+from lidar_buildings.simulation import simulate_survey
+
+SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
+
+
+@pytest.fixture
+def command(capfd, monkeypatch):
+    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
+    return Command(capfd, *SMALL_TILES)
+
+
+@pytest.fixture(scope="module")
+def house(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("house")
+    simulate_survey(folder, "single_house", 0, density=3.0)
+    return folder / "strip_01.laz"
+
+
+@pytest.fixture
+def pair(house, tmp_path):
+    """The house, and another one a kilometre east."""
+    folder = tmp_path / "pair"
+    folder.mkdir()
+    shutil.copy(house, folder / "a.laz")
+    other = laspy.read(house)
+    other.x = other.x + 1000.0
+    other.write(folder / "b.laz")
+    return folder
+
+
+def replaced(path):
+    """Let a file look written to."""
+    path.write_bytes(path.read_bytes() + b"\0")
+
+
+def said_of(path):
+    return f"lidar-buildings: {path}: has changed during the run: run it again with --overwrite"
+
+
+def test_a_file_that_is_replaced_before_it_is_read_is_left_out(command, house, pair, tmp_path, monkeypatch):
+    alone, out = tmp_path / "alone", tmp_path / "out"
+    assert command("run", pair / "a.laz", "--output", alone).status == 0
+    original = run_local.OutputFolder
+
+    def folder(*arguments, **keywords):
+        replaced(pair / "b.laz")
+        return original(*arguments, **keywords)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(run_local, "OutputFolder", folder)
+        spoken = command("run", pair, "--output", out)
+    assert spoken.status == 2
+    assert spoken.err == [said_of(pair / "b.laz")]
+    assert (out / "classified" / "a.laz").read_bytes() == (alone / "classified" / "a.laz").read_bytes()
+    assert not (out / "classified" / "b.laz").exists()
+    told = [json.loads((folder / "run.json").read_text()) for folder in (out, alone)]
+    assert told[0]["buildings"] == told[1]["buildings"]
+    assert command("run", pair, "--output", out, "--overwrite").status == 0
+
+
+def test_a_file_that_is_replaced_after_it_was_read_gets_no_classes_of_other_points(
+    command, pair, tmp_path, monkeypatch
+):
+    original = run_local.process_tiles
+
+    def process(*arguments):
+        outcome = original(*arguments)
+        replaced(pair / "b.laz")
+        return outcome
+
+    monkeypatch.setattr(run_local, "process_tiles", process)
+    spoken = command("run", pair, "--output", tmp_path / "out")
+    assert spoken.status == 2
+    assert spoken.err == [said_of(pair / "b.laz")]
+    assert [name for name in files_in(tmp_path / "out") if name.startswith("classified")] == [
+        "classified/a.laz"
+    ]
+
+
+def test_points_that_are_there_twice_count_once(command, house, tmp_path, caplog):
+    alone, out = tmp_path / "alone", tmp_path / "out"
+    assert command("run", house, "--output", alone).status == 0
+    copy, unpacked = tmp_path / "copy.laz", tmp_path / "unpacked.las"
+    shutil.copy(house, copy)
+    laspy.read(house).write(unpacked)
+    spoken = command("run", house, copy, unpacked, "--output", out)
+    assert spoken.status == 0
+    assert caplog.messages == [f"{copy} and 1 more with the same points as other inputs: left out"]
+    assert contents(out) == contents(alone)
