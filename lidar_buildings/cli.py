@@ -11,7 +11,13 @@ from pathlib import Path
 from typing import NoReturn
 
 from lidar_buildings import __version__
-from lidar_buildings.commands.run_options import add_part_of_bag, add_run_arguments, add_settings
+from lidar_buildings.commands.run_options import (
+    add_part_of_bag,
+    add_plan_arguments,
+    add_record,
+    add_run_arguments,
+    add_settings,
+)
 
 #: Exit statuses, with 3 for a run of which a tile failed: users' scripts rely on them.
 DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
@@ -57,6 +63,9 @@ def command_parser() -> argparse.ArgumentParser:
     run = commands.add_parser("run", help="point clouds to classified points, outlines and models")
     add_run_arguments(run)
     run.set_defaults(command=_run)
+    plan = commands.add_parser("plan", help="say what a run will take, from headers alone")
+    add_plan_arguments(plan)
+    plan.set_defaults(command=_plan)
     _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
     _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
@@ -106,6 +115,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reliable", action="store_true", help="have lost scans sent again: their publisher must be reliable"
     )
+    add_record(parser)
     add_settings(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
@@ -129,6 +139,12 @@ def _live(options: argparse.Namespace) -> int:
     from lidar_buildings.commands.live import live_command
 
     return live_command(options)
+
+
+def _plan(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.plan import plan_command
+
+    return plan_command(options)
 
 
 def _add_inspect(parser: argparse.ArgumentParser) -> None:

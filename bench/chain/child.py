@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from bench.chain.process_tree import machine_cpu, tree_memory, tree_of
 from bench.common.clouds import ROOT
+from lidar_buildings.commands.process_tree import machine_cpu, tree_memory, tree_of
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
 PERIOD = 0.25

@@ -6,13 +6,29 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from tqdm import tqdm
 
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.recording import Recording
     from lidar_buildings.io.results.run_summary import RunSummary
+
+
+class Usage(NamedTuple):
+    """
+    What the processes of a run took together.
+
+    Attributes
+    ----------
+    processor : float
+        Processor time [s].
+    memory : int
+        The most at a time [bytes].
+    """
+
+    processor: float
+    memory: int
 
 
 @dataclass(frozen=True)
@@ -28,11 +44,14 @@ class RunOutcome:
         Stamp of each tile that was given up → why.
     recording : Recording or None
         The bag that was wanted beside the files.
+    usage : Usage or None
+        What it took, None where that is not known.
     """
 
     summary: RunSummary
     failed: Mapping[int, str]
     recording: Recording | None = None
+    usage: Usage | None = None
 
 
 class _Bar(tqdm):

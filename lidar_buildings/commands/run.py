@@ -11,14 +11,16 @@ import time
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
+from lidar_buildings.commands.plan import compare_with_plan
 from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
-from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, check_folder, discard_unfinished
+from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, Use, check_folder, discard_unfinished
 from lidar_buildings.io.results.sole_use import sole_use
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
@@ -57,10 +59,12 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
     else:
         outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
+    wall = time.perf_counter() - started
+    planned = compare_with_plan(request, options, outcome, wall) if request.use is Use.NONE else ""
     if options.json:
-        print(json.dumps(outcome_as_json(request.output, outcome, time.perf_counter() - started), indent=2))
+        print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))
     elif not options.quiet:
-        tell_outcome(request.output, outcome, time.perf_counter() - started)
+        tell_outcome(request.output, outcome, wall, planned)
     has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
@@ -91,7 +95,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
     with BuildingPool(prepare=load_stages) as pool:
         from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
 
-        return run_local(request, footprints, pool)
+        return measured(lambda: run_local(request, footprints, pool))
 
 
 def _run_cluster(
@@ -106,7 +110,9 @@ def _run_cluster(
 
     with TileCluster(n_workers, scheduler) as cluster:
         print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
-        return run_local(request, footprints, cluster)
+        if scheduler:  # what its workers take is not known here
+            return run_local(request, footprints, cluster)
+        return measured(lambda: run_local(request, footprints, cluster))
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

@@ -33,6 +33,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
     )
+    add_record(parser)
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument(
@@ -53,7 +54,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
-        type=_at_least_one,
+        type=at_least_one,
         default=0,
         metavar="N",
         help="without ROS, on N processes of dask.distributed",
@@ -77,6 +78,13 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
 
 
+def add_record(parser: argparse.ArgumentParser) -> None:
+    """Add what of the graph is recorded."""
+    parser.add_argument(
+        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
+    )
+
+
 def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
     """Add which time of a bag is wanted."""
     parser.add_argument(
@@ -87,12 +95,23 @@ def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add how parameters are set."""
-    """Add what files and feeds have in common."""
+def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add all of `plan`: of what `run` can be told, what its cost depends on."""
+    parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
     parser.add_argument(
-        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
+        "--workers", type=at_least_one, default=0, metavar="N", help="on N processes of dask.distributed"
     )
+    parser.add_argument("--no-ros", action="store_true", help="without ROS, on the cores of this machine")
+    add_settings(parser)
+    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
+    untold = ("record", "rate", "topic", "odometry", "start", "duration", "update", "namespace", "output")
+    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, scheduler="")
+    parser.set_defaults(**dict.fromkeys(("footprints", "footprints_layer", "footprint_id", *untold)))
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add how parameters are set, and the last stage."""
     parser.add_argument(
         "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
     )
@@ -111,7 +130,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", metavar="STAGE", help="end with this stage")
 
 
-def _at_least_one(text: str) -> int:
+def at_least_one(text: str) -> int:
+    """Return a number of workers."""
     number = int(text)
     if number < 1:
         raise argparse.ArgumentTypeError("must be at least 1")

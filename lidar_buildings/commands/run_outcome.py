@@ -32,8 +32,8 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
         print(f"lidar-buildings: {line}", file=sys.stderr)
 
 
-def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
-    """Print what was found and where it is, last what to open first."""
+def tell_outcome(output: Path, outcome: RunOutcome, wall: float, planned: str = "") -> None:
+    """Print what was found, what it took and where it is, last what to open first."""
     summary, bag = outcome.summary, outcome.recording
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
@@ -42,6 +42,8 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
         print(f"set aside by class: {aside}")
     if summary.footprints:
         print(_footprints_line(summary.footprints))
+    if planned:
+        print(planned)
     for name in summary.files:
         print(f"  {output / name}")
     if bag is not None and not bag.failure:

@@ -19,10 +19,10 @@ from bench.chain.decoding import decode
 from bench.chain.latency import middle_tile
 from bench.chain.live import Sending, latencies, memory_thirds
 from bench.chain.parts import n_compiled
-from bench.chain.process_tree import children_cpu, tree_memory, tree_of
 from bench.chain.repeated import repeat_bags
 from bench.chain.stages import Clock
 from lidar_buildings.commands import replay
+from lidar_buildings.commands.process_tree import children_cpu, tree_memory, tree_of
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
 

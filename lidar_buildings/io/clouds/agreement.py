@@ -14,6 +14,9 @@ from lidar_buildings.io.files.warn_once import warn_once
 
 if TYPE_CHECKING:
     from lidar_buildings.io.clouds.las import Cloud
+    from lidar_buildings.io.clouds.las_extent import CloudExtent
+
+    _Placed = Cloud | CloudExtent
 
 #: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
 ORIGIN_STEP = 100.0
@@ -43,7 +46,7 @@ def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
     return kept
 
 
-def agreed_system(clouds: Sequence[Cloud]) -> Cloud:
+def agreed_system(clouds: Sequence[_Placed]) -> _Placed:
     """
     Return the cloud that tells the reference system of all.
 
@@ -62,7 +65,7 @@ def agreed_system(clouds: Sequence[Cloud]) -> Cloud:
     return first
 
 
-def shared_origin(clouds: Sequence[Cloud]) -> tuple[float, float]:
+def shared_origin(clouds: Sequence[_Placed]) -> tuple[float, float]:
     """
     Return x and y of the map's origin [m]: the lower corner of all clouds, of a wide survey its middle.
 
@@ -88,7 +91,7 @@ def shared_origin(clouds: Sequence[Cloud]) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def say_what_is_assumed(clouds: Sequence[Cloud], first: Cloud) -> None:
+def say_what_is_assumed(clouds: Sequence[Cloud], first: _Placed) -> None:
     """Warn of clouds that take their reference system from another one, and of different vertical systems."""
     silent = [cloud for cloud in clouds if cloud.point_count and _is_silent(cloud, first)]
     if silent:
@@ -108,11 +111,11 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: Cloud) -> None:
         warn_once(f"{_named(silent)} without vertical reference system: heights taken to be in {name}")
 
 
-def _is_silent(cloud: Cloud, first: Cloud) -> bool:
+def _is_silent(cloud: _Placed, first: _Placed) -> bool:
     return bool(first.crs.name and not cloud.crs.name and np.allclose(first.units, cloud.units))
 
 
-def _is_like(cloud: Cloud, first: Cloud) -> bool:
+def _is_like(cloud: _Placed, first: _Placed) -> bool:
     return cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)
 
 
@@ -121,6 +124,6 @@ def _named(clouds: Sequence[Cloud]) -> str:
     return f"{clouds[0].path}{more}"
 
 
-def _system(cloud: Cloud) -> str:
+def _system(cloud: _Placed) -> str:
     name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
     return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"

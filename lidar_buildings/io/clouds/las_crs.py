@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import pyproj
@@ -21,6 +22,9 @@ from lidar_buildings.io.files.reference_systems import (
 )
 from lidar_buildings.io.files.warn_once import warn_once
 
+#: Records whose meaning is kept: files of a survey say the same, and to understand it takes most of the time
+#: in which a file is opened.
+_KEPT = 64
 _PROJECTION = b"LASF_Projection"
 _WKT, _GEO_KEYS = 2112, 34735
 
@@ -128,10 +132,12 @@ def _vertical_part(crs: Any) -> Any:
     return unbound(parts[1]) if len(parts) > 1 else None
 
 
+@lru_cache(maxsize=_KEPT)
 def _from_wkt(data: bytes) -> SourceCrs:
     return _described(_wkt_in(data))
 
 
+@lru_cache(maxsize=_KEPT)
 def _wkt_in(data: bytes) -> Any:
     text = data.split(b"\0")[0].decode("utf-8").strip()
     if not text:
@@ -152,6 +158,7 @@ def _described(crs: Any) -> SourceCrs:
     return SourceCrs(name_of(horizontal), float(horizontal_unit), float(vertical_unit), is_projected)
 
 
+@lru_cache(maxsize=_KEPT)
 def _from_geo_keys(data: bytes) -> SourceCrs:
     keys = _keys_in(data)
     if not keys:

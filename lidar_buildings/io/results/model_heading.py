@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.clouds.las import InputFile
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.results.output_config import TILES, OutputConfig
 from lidar_buildings.io.results.run_folder import output_names

@@ -228,6 +228,20 @@ def folder_of_points(path: Path) -> Path:
     return folder
 
 
+def add_to_run(path: Path, more: dict[str, Any]) -> None:
+    """
+    Add to what ``run.json`` tells.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    content = {**(_read(path / RUN) or {}), **more}
+    with atomic_file(path / RUN) as temporary:
+        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+
+
 def files_of_run(path: Path) -> list[str]:
     """Return the names of the files that ``run.json`` says were made, none if there is no such file."""
     earlier = _read(path / RUN) or {}

@@ -71,15 +71,14 @@ def fitting_tiles(
     size, start : float
         The start is 0 or half the side.
     """
-    bounds = np.array([(a.x_min, a.y_min, a.x_max, a.y_max) for a in areas]).reshape(-1, 2, 2)
-    bounds[:, 1] = np.maximum(bounds[:, 1], bounds[:, 0] + _SMALLEST)
+    bounds = bounds_of(areas)
     of_files = np.asarray(counts, dtype=np.float64)
     chosen, least, shortest = (_SIZES[-1], 0.0), np.inf, 0.0
     for size in _SIZES:
         if size < shortest:
             break
         for start in (0.0, 0.5 * size):
-            expected = _expected_points(bounds - start, of_files, buffer, size)
+            expected = expected_points(bounds - start, of_files, buffer, size)
             if expected.max(initial=0.0) <= max_points:
                 shortest = shortest or _SHORTEST * size
                 if expected.sum() < least:
@@ -87,7 +86,14 @@ def fitting_tiles(
     return chosen
 
 
-def _expected_points(
+def bounds_of(areas: Sequence[Rectangle]) -> NDArray[np.float64]:
+    """Return least and greatest x and y of each area, shape (n, 2, 2) [m]; none is without extent."""
+    bounds = np.array([(a.x_min, a.y_min, a.x_max, a.y_max) for a in areas]).reshape(-1, 2, 2)
+    bounds[:, 1] = np.maximum(bounds[:, 1], bounds[:, 0] + _SMALLEST)
+    return bounds
+
+
+def expected_points(
     bounds: NDArray[np.float64], counts: NDArray[np.float64], buffer: float, size: float
 ) -> NDArray[np.float64]:
     """

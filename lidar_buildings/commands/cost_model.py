@@ -1,0 +1,133 @@
+"""
+What a run will take, from the points, the area and the tiles of its survey.
+
+All figures of the model stand here. They were fitted to runs on two cores with all defaults: the virtual
+village whole and in 36 tiles, Delft once and four times, Montpellier, fusa, Toronto, Amsterdam and two sparse
+surveys of 0.75 and 1 km² (0.3 to 28 points a square metre). It is within 20 % of each in processor time and
+memory: what it does not know is how much of a survey is roofs. `bench.scale.plans` compares it with runs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.io.tiling.survey_plan import SurveyPlan
+
+#: Processor time to read a point, do it once, and write it [s].
+_POINT = 2.88e-6
+#: Processor time of a point in a tile or its buffer [s]: buffers are seen again and again.
+_SEEN_POINT = 1.30e-6
+#: Processor time of a square metre: rasters, terrain, and houses, however many points they have [s].
+_SQUARE_METRE = 15.1e-6
+#: Part of a core that several workers lose to each other, and to what one of them does alone.
+_LOSS = 0.08
+#: Memory of a point of a tile that is worked on, buffer included, and of a square metre of it [bytes].
+_POINT_MEMORY, _METRE_MEMORY = 199, 428
+#: Temporary files: of a point, and of a square metre [bytes].
+_POINT_DISK, _METRE_DISK = 68, 97
+#: Results: of a byte of the inputs, and of a square metre [bytes].
+_BYTE_OUTPUT, _METRE_OUTPUT = 2.3, 61
+#: Share of the work that each stage is, in their order; the rest is reading, rasters and writing.
+_STAGE_SHARES = (0.22, 0.15, 0.06, 0.06, 0.03, 0.06, 0.12)
+#: Processor time of the calibration on the machine on which the figures were measured [s].
+_REFERENCE = 0.0215
+#: How often it is repeated; the least counts.
+_REPEATS = 3
+
+
+class _WayFigures(NamedTuple):
+    """What a way of running costs beside its tiles: seconds to start, factor of the rest, bytes."""
+
+    start: float
+    worker_start: float
+    factor: float
+    memory: float
+    worker_memory: float
+
+
+class Way(Enum):
+    """How a run works."""
+
+    PROCESSES = _WayFigures(1.6, 0.0, 1.0, 110e6, 90e6)
+    GRAPH = _WayFigures(2.6, 0.0, 1.12, 300e6, 90e6)
+    CLUSTER = _WayFigures(2.0, 2.0, 1.0, 150e6, 200e6)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """
+    What a run is expected to take.
+
+    Attributes
+    ----------
+    wall, processor : float
+        Time with nothing else on the machine, and that of all processes [s].
+    memory, worker_memory : float
+        The most at a time of all processes, and of one worker [bytes].
+    temporary, outputs : float
+        Files that are there for a while, and results [bytes].
+    """
+
+    wall: float
+    processor: float
+    memory: float
+    worker_memory: float
+    temporary: float
+    outputs: float
+
+
+def expected_cost(
+    plan: SurveyPlan, n_workers: int, way: Way, until: str = STAGES[-1], slowness: float = 1.0
+) -> Cost:
+    """
+    Say what a run will take.
+
+    Parameters
+    ----------
+    plan : SurveyPlan
+        The survey and its tiles.
+    n_workers : int
+        Processes that do tiles.
+    way : Way
+        How it works.
+    until : str
+        The last stage.
+    slowness : float
+        Of this machine, see `measure_slowness`.
+    """
+    of_way, share = way.value, 1.0 - sum(_STAGE_SHARES[STAGES.index(until) + 1 :])
+    work = _POINT * plan.n_points + _SEEN_POINT * plan.tile_points.sum() + _SQUARE_METRE * plan.area
+    work *= slowness * of_way.factor * share
+    start = slowness * of_way.start
+    processor = start + slowness * of_way.worker_start * n_workers + work
+    n_busy = min(n_workers, plan.n_tiles) if way is Way.CLUSTER else n_workers
+    wall = start + slowness * of_way.worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
+    heaviest = np.sort(_POINT_MEMORY * plan.tile_points + _METRE_MEMORY * plan.tile_areas)[::-1]
+    worker = of_way.worker_memory + heaviest.max(initial=0.0)
+    return Cost(
+        wall,
+        processor,
+        of_way.memory + of_way.worker_memory * n_workers + heaviest[:n_workers].sum(),
+        worker,
+        _POINT_DISK * plan.n_points + _METRE_DISK * plan.area,
+        _BYTE_OUTPUT * plan.n_bytes + _METRE_OUTPUT * plan.area,
+    )
+
+
+def measure_slowness() -> float:
+    """Return how much longer this machine takes for work as stages do it than the one that was measured."""
+    points = np.random.default_rng(0).uniform(0.0, 100.0, (20_000, 3))
+    least = math.inf
+    for _ in range(_REPEATS):
+        began = time.process_time()
+        cKDTree(points).query(points, 4)
+        least = min(least, time.process_time() - began)
+    return least / _REFERENCE

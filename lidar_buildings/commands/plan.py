@@ -1,0 +1,140 @@
+"""The command ``lidar-buildings plan``: what a run will take, from headers alone; and how a run compares."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+from dataclasses import asdict
+from typing import Any
+
+from lidar_buildings.commands.cost_model import Cost, Way, expected_cost, measure_slowness
+from lidar_buildings.commands.progress import RunOutcome, counted
+from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.neighbours.parallel import n_cores
+from lidar_buildings.io.bags.bag_inputs import bags_among
+from lidar_buildings.io.clouds.las_extent import read_extents
+from lidar_buildings.io.results.run_folder import add_to_run
+from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
+
+#: Exit statuses: users' scripts rely on them.
+DONE, WRONG_USE = 0, 2
+
+
+def plan_command(options: argparse.Namespace) -> int:
+    """
+    Print what a run of these inputs will take.
+
+    Returns
+    -------
+    int
+        0; 2 if an input could not be read.
+    """
+    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    request = request_of(options)
+    plan, problems = _planned(request)
+    way = way_of(options)
+    n_workers = options.workers or n_cores()
+    cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
+    if options.json:
+        print(
+            json.dumps(
+                {**_survey(plan), "workers": n_workers, **asdict(cost), "problems": problems}, indent=2
+            )
+        )
+    else:
+        print("\n".join(_lines(plan, n_workers, cost)))
+    for problem in problems:
+        print(f"lidar-buildings: {problem}", file=sys.stderr)
+    return WRONG_USE if problems else DONE
+
+
+def way_of(options: argparse.Namespace) -> Way:
+    """Return how a run with these options works."""
+    if options.workers or options.scheduler:
+        return Way.CLUSTER
+    return Way.PROCESSES if options.no_ros else Way.GRAPH
+
+
+def compare_with_plan(
+    request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float
+) -> str:
+    """
+    Note in ``run.json`` what was planned and what was taken; return it in one line.
+
+    Of workers elsewhere only the time is known. Empty where the files cannot be read any more.
+    """
+    try:
+        plan, _ = _planned(request)
+    except InputError:
+        return ""
+    n_workers = options.workers or n_cores()
+    cost = expected_cost(plan, n_workers, way_of(options), request.until, measure_slowness())
+    compared = {"wall": {"planned": round(cost.wall, 1), "taken": round(wall, 1)}}
+    if (usage := outcome.usage) is not None:
+        compared["processor"] = {"planned": round(cost.processor, 1), "taken": round(usage.processor, 1)}
+        compared["memory"] = {"planned": round(cost.memory), "taken": usage.memory}
+    add_to_run(request.output, {"plan": compared})
+    return f"took {_told(compared, 'taken')}; planned: {_told(compared, 'planned')}"
+
+
+def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
+    if bags := bags_among(request.inputs):
+        raise InputError(f"{bags[0]}: is a bag, and only a run places its scans: plan clouds")
+    clouds, problems = read_extents(request.inputs)
+    return plan_survey(clouds, request.tiling), problems
+
+
+def _told(compared: dict[str, dict[str, float]], which: str) -> str:
+    told = [f"{compared['wall'][which]:.1f} s"]
+    if "processor" in compared:
+        told.append(f"{compared['processor'][which]:.1f} processor s")
+        told.append(f"{_bytes(compared['memory'][which])} of memory")
+    return ", ".join(told)
+
+
+def _survey(plan: SurveyPlan) -> dict[str, Any]:
+    """Return what is known of the survey itself."""
+    return {
+        "files": plan.n_files,
+        "points": plan.n_points,
+        "crs": plan.system,
+        "bounds": plan.bounds,
+        "area": plan.area,
+        "tiles": plan.n_tiles,
+        "tile_size": plan.tile_size,
+        "points_of_largest_tile": round(plan.tile_points.max(initial=0.0)),
+        "points_with_buffers": round(plan.tile_points.sum()),
+    }
+
+
+def _lines(plan: SurveyPlan, n_workers: int, cost: Cost) -> list[str]:
+    west, south, east, north = plan.bounds
+    density = plan.n_points / plan.area if plan.area else 0.0
+    seen = plan.tile_points.sum() / max(plan.n_points, 1)
+    system = plan.system.split(",")[0] or "no reference system named"
+    return [
+        f"{counted(plan.n_points, 'point')} in {counted(plan.n_files, 'file')}, {system}",
+        f"{east - west:,.0f} x {north - south:,.0f} m, of which {plan.area / 1e6:,.3g} km² have points: "
+        f"{density:.3g} a square metre",
+        f"{counted(plan.n_tiles, 'tile')} of {plan.tile_size:g} m, with up to "
+        f"{plan.tile_points.max(initial=0.0):,.0f} points; each point is seen {seen:.2f} times",
+        f"expected with {counted(n_workers, 'worker')}:",
+        f"  time       {_time(cost.wall)} ({_time(cost.processor)} of processors)",
+        f"  memory     {_bytes(cost.memory)}, {_bytes(cost.worker_memory)} a worker",
+        f"  temporary  {_bytes(cost.temporary)}",
+        f"  results    {_bytes(cost.outputs)}",
+    ]
+
+
+def _time(seconds: float) -> str:
+    hours, rest = divmod(round(seconds), 3600)
+    if hours:
+        return f"{hours} h {rest // 60:02d} min"
+    return f"{rest // 60} min {rest % 60:02d} s" if rest >= 60 else f"{seconds:.1f} s"
+
+
+def _bytes(number: float) -> str:
+    return f"{number / 1e9:,.1f} GB" if number >= 1e9 else f"{number / 1e6:,.0f} MB"

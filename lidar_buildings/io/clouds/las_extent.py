@@ -1,0 +1,105 @@
+"""What a LAS file's header alone says: how many points, where, in which system. No point is read."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.agreement import MAX_EXTENT
+from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
+from lidar_buildings.io.clouds.las_reader import reported
+from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
+
+#: Where the header has greatest and least x, y and z, in turns (LAS 1.4, table 3).
+_BOUNDS, _BOUNDS_AT = struct.Struct("<6d"), 179
+
+
+@dataclass(frozen=True, eq=False)
+class CloudExtent:
+    """
+    A file by its header.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    size : int
+        Of the file [bytes].
+    raw : RawHeader
+        Header and records.
+    crs : SourceCrs
+        What it says of its coordinates.
+    mins, maxs : ndarray of shape (3,)
+        Bounds in source coordinates; NaN if the file holds no point.
+    """
+
+    path: Path
+    size: int
+    raw: RawHeader
+    crs: SourceCrs
+    mins: NDArray[np.float64]
+    maxs: NDArray[np.float64]
+
+    @property
+    def point_count(self) -> int:
+        """Number of points."""
+        return self.raw.point_count
+
+    @property
+    def units(self) -> NDArray[np.float64]:
+        """Metres per source unit, per axis."""
+        return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
+
+
+def read_extent(path: Path) -> CloudExtent:
+    """
+    Read a file's header.
+
+    Raises
+    ------
+    InputError
+        If it is no LAS file, or its header cannot be true.
+    """
+    with reported(path):
+        raw = read_raw_header(path)
+        prefers_wkt = raw.minor_version >= 4 and bool(raw.global_encoding & 0x10)
+        crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path))
+        bounds = np.array(_BOUNDS.unpack_from(raw.block, _BOUNDS_AT)).reshape(3, 2)
+        maxs, mins = bounds.T if raw.point_count else np.full((2, 3), np.nan)
+        width = (maxs - mins)[:2] * crs.horizontal_unit
+        if raw.point_count and not ((width >= 0.0) & (width <= MAX_EXTENT)).all():
+            raise InputError(
+                f"{path}: the bounds in its header cannot be: export it again (a run measures them anew)"
+            )
+        return CloudExtent(path, path.stat().st_size, raw, crs, mins, maxs)
+
+
+def read_extents(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+) -> tuple[list[CloudExtent], list[str]]:
+    """
+    Read the headers of files, folders and globs; return those that can be read, and a line for each other.
+
+    Raises
+    ------
+    InputError
+        If none can be read.
+    """
+    found: list[CloudExtent] = []
+    paths, problems = search_inputs(inputs)
+    for path in paths:
+        try:
+            found.append(read_extent(path))
+        except InputError as error:
+            problems.append(str(error))
+    if not found:
+        raise InputError("\n".join(problems))
+    return found, problems
