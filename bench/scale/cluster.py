@@ -52,6 +52,11 @@ class Cluster:
         for number in range(len(self._processes)):
             self._kill(number)
 
+    @property
+    def pids(self) -> list[int]:
+        """The process of the scheduler, and those of the workers."""
+        return [process.pid for process in self._processes]
+
     def kill(self, chance: random.Random, share_of_scheduler: float) -> str:
         """Kill the scheduler or a worker with all its processes; say which."""
         number = 0 if chance.random() < share_of_scheduler else chance.randrange(1, len(self._processes))

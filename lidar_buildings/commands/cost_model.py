@@ -44,21 +44,36 @@ _REPEATS = 3
 
 
 class _WayFigures(NamedTuple):
-    """What a way of running costs beside its tiles: seconds to start, factor of the rest, bytes."""
+    """
+    What a way of running costs beside its tiles.
+
+    Attributes
+    ----------
+    start, worker_start : float
+        Processor time until it works, and of each worker until that does [s].
+    factor : float
+        Of the time of the work.
+    memory, worker_memory : float
+        Of the command, and of each worker [bytes].
+    memory_factor : float
+        Of the memory of points.
+    """
 
     start: float
     worker_start: float
     factor: float
     memory: float
     worker_memory: float
+    memory_factor: float
 
 
 class Way(Enum):
-    """How a run works."""
+    """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
-    PROCESSES = _WayFigures(1.6, 0.0, 1.0, 110e6, 90e6)
-    GRAPH = _WayFigures(2.6, 0.0, 1.12, 300e6, 90e6)
-    CLUSTER = _WayFigures(2.0, 2.0, 1.0, 150e6, 200e6)
+    PROCESSES = _WayFigures(1.6, 0.0, 1.0, 110e6, 90e6, 1.0)
+    GRAPH = _WayFigures(1.8, 0.0, 1.15, 200e6, 90e6, 1.75)
+    #: Workers load compiled loops each for itself, where the others are forked with them.
+    CLUSTER = _WayFigures(2.0, 1.5, 1.0, 200e6, 180e6, 1.0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +125,8 @@ def expected_cost(
     processor = start + slowness * of_way.worker_start * n_workers + work
     n_busy = min(n_workers, plan.n_tiles) if way is Way.CLUSTER else n_workers
     wall = start + slowness * of_way.worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
-    heaviest = np.sort(_POINT_MEMORY * plan.tile_points + _METRE_MEMORY * plan.tile_areas)[::-1]
+    of_points = of_way.memory_factor * _POINT_MEMORY * plan.tile_points
+    heaviest = np.sort(of_points + _METRE_MEMORY * plan.tile_areas)[::-1]
     worker = of_way.worker_memory + heaviest.max(initial=0.0)
     return Cost(
         wall,

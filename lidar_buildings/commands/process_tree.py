@@ -43,6 +43,11 @@ def children_cpu(pid: int) -> float:
     return _sum(tree_of(pid)[1:], _cpu)
 
 
+def tree_cpu(pid: int) -> float:
+    """Return the processor time that a process and its living descendants have had so far [s]."""
+    return _sum(tree_of(pid), _cpu)
+
+
 def machine_cpu() -> float:
     """Return the processor time that all processes of the machine have had since it was started [s]."""
     user, nice, system, _, _, *interrupts = map(int, (_PROC / "stat").read_text().split("\n")[0].split()[1:8])

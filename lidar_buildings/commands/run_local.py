@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
@@ -38,6 +39,9 @@ if TYPE_CHECKING:  # dask is there for those who ask for it
 
 #: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.
 _MARGIN = 10.0
+
+#: So many tiles wait for a worker at most: wide margin over the workers, little memory for the scheduler.
+_AHEAD = 1000
 
 _Answer = Future[TileOutcome | LidarBuildingsError]
 
@@ -175,20 +179,21 @@ def process_tiles(
     seconds: Counter[str] = Counter()
     failed: dict[int, str] = {}
     waiting: dict[_Answer, TileWork] = {}
+    answered: SimpleQueue[_Answer] = SimpleQueue()  # to wait for many futures takes time for each of them
     n_done = n_unchanged = 0
 
-    def finish(answers: set[_Answer]) -> None:
+    def finish() -> None:
         nonlocal n_done, n_unchanged
-        for answer in answers:
-            work = waiting.pop(answer)
-            outcome = _outcome(answer, work)
-            seconds.update(outcome.seconds)
-            if outcome.reason:
-                failed[work.tile.stamp] = outcome.reason
-            else:
-                n_done += 1
-                n_unchanged += outcome.is_unchanged
-                progress(n_done)
+        answer = answered.get()
+        work = waiting.pop(answer)
+        outcome = _outcome(answer, work)
+        seconds.update(outcome.seconds)
+        if outcome.reason:
+            failed[work.tile.stamp] = outcome.reason
+        else:
+            n_done += 1
+            n_unchanged += outcome.is_unchanged
+            progress(n_done)
 
     processes = pool or BuildingPool(0)
     how = {} if isinstance(processes, BuildingPool) else {"is_soon": True}
@@ -197,12 +202,15 @@ def process_tiles(
         is_only = source.tile_count == 1
         before = None if earlier is None else earlier.within(tile.core)
         work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, is_only, before)
-        waiting[processes.submit(done, work, **how)] = work
-        finish(wait(waiting, timeout=0).done)
+        answer = processes.submit(done, work, **how)
+        waiting[answer] = work
+        answer.add_done_callback(answered.put)
+        while len(waiting) > _AHEAD or not answered.empty():
+            finish()
     if processes.n_alive:
         folder.load_writers()
     while waiting:
-        finish(wait(waiting, return_when=FIRST_COMPLETED).done)
+        finish()
     return Processed(dict(seconds), failed, n_unchanged)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -14,6 +15,8 @@ from lidar_buildings.io.tiling.spool import Cell, temporary_error
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 
+#: So many parts are handed out ahead at least, as long as there are files: wide margin over the workers.
+AHEAD = 1000
 #: Points of a part: enough that a process is busy for seconds, and whole chunks.
 PART = 10 * CHUNK
 
@@ -67,7 +70,7 @@ def read_files(
     store : TileStore
         Where their points go.
     submit : callable, optional
-        Reads parts in other processes, all at once; files are read here, chunk by chunk, if not given.
+        Reads parts in other processes, many ahead; files are read here, chunk by chunk, if not given.
 
     Yields
     ------
@@ -81,12 +84,15 @@ def read_files(
         for source in order:
             yield source, _read_here(clouds[source], source, store)
         return
-    answers = {
-        source: [submit(read_part, part) for part in parts_of(clouds[source], source, store)]
-        for source in order
-    }
+    waiting: deque[list[Answer]] = deque()
+    ahead, n_ahead = iter(order), 0
     for source in order:
-        yield source, _joined(clouds[source], source, store, answers.pop(source))
+        while n_ahead < AHEAD and (number := next(ahead, None)) is not None:
+            waiting.append([submit(read_part, part) for part in parts_of(clouds[number], number, store)])
+            n_ahead += len(waiting[-1])
+        answers = waiting.popleft()
+        yield source, _joined(clouds[source], source, store, answers)
+        n_ahead -= len(answers)
 
 
 def _read_here(cloud: Cloud, source: int, store: TileStore) -> Iterator[set[Cell]]:

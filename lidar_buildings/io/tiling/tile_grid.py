@@ -212,11 +212,9 @@ class TileGrid:
                 found.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
         return found
 
-    def number_of(self, tile: Cell, areas: Sequence[Rectangle]) -> int:
-        """Number a tile from 1 by its place within areas; 1 for a place outside them."""
-        spans = [self.tile_span(area) for area in areas]
-        x0, y0 = (min(first[axis] for first, _ in spans) for axis in (0, 1))
-        x1, y1 = (max(last[axis] for _, last in spans) for axis in (0, 1))
+    def number_of(self, tile: Cell, area: Rectangle) -> int:
+        """Number a tile from 1 by its place within an area; 1 for a place outside it."""
+        (x0, y0), (x1, y1) = self.tile_span(area)
         number = (tile[0] - x0) * (y1 - y0 + 1) + tile[1] - y0 + 1
         is_counted = x0 <= tile[0] <= x1 and y0 <= tile[1] <= y1 and number < LATEST
         return number if is_counted else 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import weakref
+from collections import deque
 from collections.abc import Container, Generator, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -97,8 +98,9 @@ class TileSource:
         known = known or KnownSurvey(*tiles_for(self.config, self._areas, counts))
         self._grid = TileGrid.fitting(known.tile_size, self.config.buffer, known.start)
         self._unread = set(range(len(self._clouds)))
-        self._read: list[int] = []
+        self._read: deque[int] = deque()
         self._expected = self._grid.tiles_touching(filter(None, self._areas))
+        self._around = Rectangle.around([area for area in self._areas if area] or [Rectangle(0, 0, 0, 0)])
         self._waiting: set[Cell] = set()
         self._planned: set[Cell] = set()
         self._tiles: list[SpooledTile] = []
@@ -148,7 +150,7 @@ class TileSource:
         with self._lock:
             if not self._unread and not self._waiting:
                 return len(self._tiles)
-            return len(self._tiles) + len((self._expected | self._waiting) - self._planned)
+            return len(self._tiles) + len(self._expected)
 
     @property
     def known(self) -> KnownSurvey:
@@ -201,6 +203,7 @@ class TileSource:
             try:
                 for tiles in tiles_read:
                     self._waiting |= tiles
+                    self._expected |= tiles - self._planned
                     yield True
             except InputError as error:
                 self.problems.append(str(error))
@@ -225,12 +228,10 @@ class TileSource:
         A survey that has been read whole by then is measured as one, so that a small one comes out the same
         in one file and in many; of a larger one the first file that can tell does.
         """
-        if self._store.knows_spacing:
-            return
-        areas = [area for area in self._areas if area is not None]
-        if not self._unread and areas:
-            self._store.learn_spacing(Rectangle.around(areas))
-        for source in self._read:
+        if not self._store.knows_spacing and not self._unread:
+            self._store.learn_spacing(self._around)
+        while self._read and not self._store.knows_spacing:
+            source = self._read.popleft()  # one that cannot tell is not asked again
             area = self._areas[source]
             if area is not None:
                 self._store.learn_spacing(area, source)
@@ -245,7 +246,8 @@ class TileSource:
         if read is None:
             return
         reach = self.config.max_buffer
-        for tile in sorted(self._waiting - self._planned):
+        near = self._grid.tiles_touching([read.grown(reach)]) or self._waiting
+        for tile in sorted((self._waiting & near) - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
             surroundings = square.buffered(reach)
             if not surroundings.touches(read) or self._bounds.near(surroundings) & self._unread:
@@ -257,6 +259,7 @@ class TileSource:
         """Plan a tile, in parts where its points are too many for memory."""
         self._learn_spacing()
         self._waiting.discard(tile)
+        self._expected.discard(tile)
         self._planned.add(tile)
         blocks = [self._grid.block_of(tile)]
         while blocks:
@@ -286,8 +289,7 @@ class TileSource:
         is_standard = bool(encoding.gps_time_type)
         stamp = stamp_of_time(first_point.gps_time, is_standard=is_standard)
         if stamp is None:
-            areas = [area for area in self._areas if area is not None]
-            stamp = stamp_of_number(self._grid.number_of(tile, areas))
+            stamp = stamp_of_number(self._grid.number_of(tile, self._around))
         while stamp in self._by_stamp:
             stamp += STEP
         return stamp

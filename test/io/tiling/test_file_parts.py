@@ -51,10 +51,11 @@ def assert_equal(found, expected):
             assert np.array_equal(column, other.columns[name]), name
 
 
-@pytest.mark.parametrize("n_points", [file_parts.PART, 3000])
-def test_tiles_are_those_that_are_read_here(survey, submit, tmp_path, monkeypatch, n_points):
+@pytest.mark.parametrize(("n_points", "n_ahead"), [(file_parts.PART, 1000), (3000, 1000), (3000, 1)])
+def test_tiles_are_those_that_are_read_here(survey, submit, tmp_path, monkeypatch, n_points, n_ahead):
     expected, _ = tiles_of(survey)
     small_parts(monkeypatch, n_points)
+    monkeypatch.setattr(file_parts, "AHEAD", n_ahead)
     found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
     assert problems == []
     assert len(found) > 10
