@@ -32,7 +32,9 @@ KNOWN = {
 
 
 def asked(tmp_path, *options):
-    return request_of(command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), *options]))
+    return request_of(
+        command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), *options])
+    )
 
 
 @pytest.mark.parametrize("preset", PRESETS)

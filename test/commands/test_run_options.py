@@ -24,7 +24,9 @@ def test_georeferenced_takes_the_scans_of_a_bag_as_they_are(command, tmp_path):
 
 
 def test_a_rate_is_the_players(tmp_path):
-    options = command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), "--rate", "2.5"])
+    options = command_parser().parse_args(
+        ["run", "a.laz", "--output", str(tmp_path / "out"), "--rate", "2.5"]
+    )
     assert request_of(options).settings["tile_player"]["rate"] == 2.5
 
 
