@@ -42,6 +42,8 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float, planned: str = 
         print(f"set aside by class: {aside}")
     if summary.footprints:
         print(_footprints_line(summary.footprints))
+    for remark in summary.remarks:
+        print(remark)
     if planned:
         print(planned)
     for name in summary.files:

@@ -12,7 +12,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from support.cli_runs import Command, files_in
+from support.cli_runs import TILES3D, Command, files_in
 from support.results import MODELS, assert_complete, contents
 
 from lidar_buildings import cli
@@ -24,7 +24,7 @@ from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
 ALWAYS = ["classified/strip_01.laz", *RASTERS, "report.html", "run.json"]
-FILES = ["buildings.gpkg", *MODELS, *ALWAYS]
+FILES = ["buildings.gpkg", *MODELS, *ALWAYS, TILES3D]
 #: Stage → the files of a run that ends with it.
 FILES_UNTIL = {
     "ground_filter": ALWAYS,

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 from support import cloud_files
-from support.cli_runs import Command, bad_clouds, files_in
+from support.cli_runs import TILES3D, Command, bad_clouds, files_in
 from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
@@ -22,7 +22,7 @@ from lidar_buildings.simulation import simulate_survey
 pytestmark = pytest.mark.graph
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-FILES = ["buildings.gpkg", *MODELS, "classified/strip_01.laz", *RASTERS, "report.html", "run.json"]
+FILES = ["buildings.gpkg", *MODELS, "classified/strip_01.laz", *RASTERS, "report.html", "run.json", TILES3D]
 #: Cuts the house's survey into nine tiles.
 SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
 

@@ -12,6 +12,7 @@ from support import cloud_files
 
 from lidar_buildings.cli import main
 
+TILES3D = "tiles3d"
 PROGRESS = re.compile(r"\d+ of \d+ tiles? done")
 
 
@@ -53,8 +54,9 @@ class Command:
 
 
 def files_in(folder: Path) -> list[str]:
-    """Every file in a folder and those below it, hidden ones too."""
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    """Every file in a folder and those below it, hidden ones too; of 3D Tiles the folder."""
+    found = [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
+    return sorted({TILES3D if name.startswith(f"{TILES3D}/") else name for name in found})
 
 
 def bad_clouds(folder: Path, good: Path) -> dict[str, tuple[Path, str]]:

@@ -206,7 +206,7 @@ class OutputFolder:
                 share=share,
             )
             raster_files = beside.submit(self._write_rasters, fragments)
-            buildings, statuses, unmade = self._write_buildings(fragments, pieces)
+            buildings, statuses, remarks = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         files = [*filter(None, clouds.outputs), *clouds.copc, *buildings]
         new = [line for source, line in clouds.problems.items() if source not in told_of]
@@ -221,8 +221,9 @@ class OutputFolder:
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
-            problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *unmade, *problems])),
+            problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
             footprints=self._footprints.summary(sum(statuses.values())),
+            remarks=tuple(remarks),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
         named = [
@@ -255,7 +256,7 @@ class OutputFolder:
     def _write_buildings(
         self, fragments: list[Path], pieces: set[int]
     ) -> tuple[list[str], dict[str, int], list[str]]:
-        """Write outlines and models as far as the run went; return file names, counts by status, problems."""
+        """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.io.results.building_blocks import write_in_blocks
         from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
         from lidar_buildings.io.results.model_heading import model_heading
@@ -265,7 +266,7 @@ class OutputFolder:
         formats = self._files.formats
         if self.until in _WITHOUT_MODELS:
             formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
-        heading, problems = model_heading(self.inputs, self.frame, replace(self._files, formats=formats))
+        heading, remarks = model_heading(self.inputs, self.frame, replace(self._files, formats=formats))
         with SurveyBuildings(
             self._partial / _LINES, self.frame, without=pieces, footprint_id=names
         ) as buildings:
@@ -275,7 +276,7 @@ class OutputFolder:
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
-            return *write(self.path, buildings, formats, heading, terrain), problems
+            return *write(self.path, buildings, formats, heading, terrain), remarks
 
     def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
         """Write the rasters; a survey too wide for them is a problem."""

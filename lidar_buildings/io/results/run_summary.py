@@ -55,6 +55,8 @@ class RunSummary:
     footprints : dict
         What became of the footprints that were given: how many were read, used, repaired, left out for which
         reason, and outside the data. Empty where outlines were traced.
+    remarks : tuple of str
+        One line per format that this survey cannot have; nothing is wrong with the others.
     """
 
     files: tuple[str, ...]
@@ -67,6 +69,7 @@ class RunSummary:
     rasters: dict[str, dict[str, Any]]
     problems: tuple[str, ...]
     footprints: dict[str, Any] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     @property
     def set_aside(self) -> dict[str, int]:

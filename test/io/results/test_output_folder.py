@@ -370,7 +370,7 @@ def test_without_a_reference_system_there_are_no_3d_tiles_and_one_line_says_so(t
     with TileSource([cloud]) as source:
         summary = run(tmp_path / "out", source, list(source))
     assert "tiles3d" not in summary.files
-    (line,) = summary.problems
+    (line,) = summary.remarks
     assert line.startswith("no 3D Tiles were made: the inputs name no reference system: ")
 
 
