@@ -55,8 +55,9 @@ function wallDistance(all, [x, y, z]) {
 function measureBuilding(scene, row, level, residuals) {
   const triangles = roofTriangles(scene, row, level), upright = walls(scene, row, level), faces = new Map();
   for (const one of triangles) {
-    const face = faces.get(one.face) ?? { number: one.face, slope: Math.acos(one.z) * 180 / Math.PI, area: 0, n: 0, sum: 0 };
+    const face = faces.get(one.face) ?? { number: one.face, plan: 0, area: 0, n: 0, sum: 0 };
     face.area += one.area;
+    face.plan += one.area * one.z;
     faces.set(one.face, face);
   }
   const [first, last] = scene.ranges.get(row + 1) ?? [0, 0];
@@ -72,6 +73,7 @@ function measureBuilding(scene, row, level, residuals) {
     face.n += 1;
     face.sum += far ** 2;
   }
-  const found = [...faces.values()].map((one) => ({ ...one, rmse: one.n ? Math.sqrt(one.sum / one.n) : null }));
+  const slope = (one) => Math.acos(Math.min(one.plan / one.area, 1)) * 180 / Math.PI;
+  const found = [...faces.values()].map((one) => ({ ...one, slope: slope(one), rmse: one.n ? Math.sqrt(one.sum / one.n) : null }));
   return { faces: found.sort((a, b) => b.area - a.area), n: last - first };
 }
