@@ -79,6 +79,11 @@ def test_a_place_without_anything_high_says_so(capsys, result):
     assert "The highest point is 0.00 m above the ground, below min_height." in text
 
 
+def test_a_place_whose_tile_failed_says_so(capsys, tmp_path):
+    folder = with_points(written_models(tmp_path / "out", DUTCH), DUTCH, height=np.nan)
+    assert "They are in no finished tile" in explained(capsys, folder, source(15.0, 3.5))
+
+
 def test_a_place_within_an_outline_means_its_building(capsys, result):
     assert explained(capsys, result, source(5.0, 4.0)) == explained(capsys, result, 5)
 

@@ -30,11 +30,12 @@ def written_models(folder, frame, formats=("gpkg", "cityjson"), **more):
     return folder
 
 
-def with_points(folder, frame, seed=0):
+def with_points(folder, frame, seed=0, height=0.0):
     """
     Add a cloud to a result: the gable house's roof, a dormer without plane on it, a shed and a tree beside.
 
-    The shed of 2 by 3 m is class 5 as the tree is; only the roof and the dormer are of the house.
+    The shed of 2 by 3 m is class 5 as the tree is; only the roof and the dormer are of the house. `height` is
+    added to the heights above ground: NaN is that of points in no finished tile.
     """
     random = np.random.default_rng(seed)
     slope = (RIDGE - EAVE) / 4.0
@@ -60,7 +61,7 @@ def with_points(folder, frame, seed=0):
     cloud.xyz = frame.to_source(points)
     cloud.classification = _column(parts, 1, np.uint8)
     for name, values in (
-        ("HeightAboveGround", (points[:, 2] - GROUND).astype(np.float32)),
+        ("HeightAboveGround", (points[:, 2] - GROUND + height).astype(np.float32)),
         ("Facade", np.zeros(len(points), dtype=np.uint8)),
         ("BuildingId", _column(parts, 2, np.uint32)),
         ("PlaneId", _column(parts, 3, np.uint16)),

@@ -48,11 +48,15 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
     yield Finding(f"{len(site.points):,} points around: {site.per_class()}.")
     if not len(site.points):
         return
-    least = limits.value("roof_selection.min_height")
-    is_high = site.height >= least
+    if np.isnan(site.height).all():
+        yield Finding(
+            "They are in no finished tile: run.json says which failed, --retry-failed does it again."
+        )
+        return
+    is_high = site.height >= limits.value("roof_selection.min_height")
     if not is_high.any():
         yield Finding(
-            f"The highest point is {site.height.max():.2f} m above the ground, below min_height.",
+            f"The highest point is {np.nanmax(site.height):.2f} m above the ground, below min_height.",
             ("roof_selection.min_height", "ground_filter.seed_cell"),
         )
         return
