@@ -17,7 +17,7 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
-from lidar_buildings.report.result_folder import Result
+from lidar_buildings.report.result_folder import GPKG, Result
 
 #: Attribute → what its histogram is called.
 HISTOGRAMS = {
@@ -63,6 +63,8 @@ def notes(result: Result) -> list[str]:
         lines.append(f"The run ended with {run['until']}, as it was told: there is nothing of later stages.")
     elif not result.buildings:
         lines.append("No building was found.")
+    if result.buildings and not result.has(GPKG):
+        lines.append("There is no buildings.gpkg, so there are no outlines, and none on the map.")
     if not run.get("rasters"):
         lines.append("There are no rasters, so the terrain is not shown.")
     return lines

@@ -168,6 +168,7 @@ def test_without_layers_the_buildings_are_those_of_the_city_model(tmp_path):
     assert len(page.data["facts"]["names"]) == len(model_survey.BUILDINGS)
     assert len(page.data["solids"])
     assert len(page.data["rings"]) == 0
+    assert "There is no buildings.gpkg, so there are no outlines" in page.words
 
 
 def test_the_worst_come_first_with_their_reason(tmp_path):

@@ -1,7 +1,7 @@
 // The map of hillshade and outlines, the histograms, and the pictures of the worst.
 
-/** Slopes are shaded as if they were so many times as steep. */
-const RELIEF = 2.5;
+/** The terrain's usual slope is shaded as if it were this one [m/m]. */
+const SHADED_SLOPE = 0.3;
 
 function shade(relief, facts, context, place) {
   const [rows, columns] = relief.shape, image = context.createImageData(columns, rows);
@@ -9,14 +9,24 @@ function shade(relief, facts, context, place) {
     const steps = relief.array[Math.min(Math.max(r, 0), rows - 1) * columns + Math.min(Math.max(c, 0), columns - 1)];
     return steps === facts.unknown ? null : facts.middle + steps * facts.step;
   };
+  const slopes = (r, c, middle) => [
+    ((at(r, c + 1) ?? middle) - (at(r, c - 1) ?? middle)) / (2 * facts.cell[0]),
+    ((at(r - 1, c) ?? middle) - (at(r + 1, c) ?? middle)) / (2 * facts.cell[1]),
+  ];
+  const known = [];
+  for (let k = 0; k < rows * columns; k += 7) {
+    const [r, c] = [Math.floor(k / columns), k % columns], middle = at(r, c);
+    if (middle != null) known.push(Math.hypot(...slopes(r, c, middle)));
+  }
+  const usual = known.sort((a, b) => a - b)[Math.floor(known.length * 0.7)] || 1, relief_of = Math.min(SHADED_SLOPE / usual, 4);
   for (let r = 0; r < rows; r++)
     for (let c = 0; c < columns; c++) {
       const pixel = 4 * (r * columns + c), middle = at(r, c);
       if (middle == null) continue;
-      const east = ((at(r, c + 1) ?? middle) - (at(r, c - 1) ?? middle)) / (2 * facts.cell[0]);
-      const north = ((at(r - 1, c) ?? middle) - (at(r + 1, c) ?? middle)) / (2 * facts.cell[1]);
-      const light = (RELIEF * (east - north) + 1.0) / Math.hypot(RELIEF * east, RELIEF * north, 1.0) / Math.SQRT2;
-      const grey = 255 * Math.min(Math.max(0.28 + 0.85 * light, 0), 1);
+      const [east, north] = slopes(r, c, middle).map((one) => one * relief_of);
+      // from the north-west, 45 degrees high
+      const light = Math.max((east - north) / Math.SQRT2 + 1, 0) / Math.hypot(east, north, 1) / Math.SQRT2;
+      const grey = 255 * (0.3 + 0.68 * light);
       image.data.set([grey, grey, grey * 0.97, 255], pixel);
     }
   const raster = document.createElement("canvas");

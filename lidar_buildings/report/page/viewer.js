@@ -235,7 +235,7 @@ class Viewer {
     [large.width, large.height] = [canvas.width, canvas.height] = [520, 340];
     const mine = this.scene.pointVertices("residual", this.residuals, this.scene.ranges.get(row + 1) ?? [0, 0]);
     this.drawing.upload("mine", "points", mine, { size: this.drawing.layers.points.size, lift: 2e-5 });
-    this.drawing.draw(camera, 0);
+    this.drawing.draw(camera, row + 1);
     canvas.getContext("2d").drawImage(large, 0, 0);
     [large.width, large.height] = size;
   }
