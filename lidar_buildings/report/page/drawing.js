@@ -82,12 +82,13 @@ class Drawing {
     }
   }
 
-  /** Draw all layers that are shown; of points every so many-th. */
+  /** Draw all layers that are shown; in haste of points every so many-th, and a coarser terrain. */
   draw(camera, selected, every = 1) {
     const gl = this.gl;
     this.begin(camera, BACKGROUND);
     gl.uniform1ui(this.uniform.selected, selected);
-    for (const layer of Object.values(this.layers)) if (layer.is_shown) this.drawLayer(layer, every);
+    const others = every > 1 ? "still" : "hasty";
+    for (const layer of Object.values(this.layers)) if (layer.is_shown && layer.when !== others) this.drawLayer(layer, every);
   }
 
   begin(camera, colour) {
@@ -140,7 +141,7 @@ class Drawing {
     gl.scissor(x - 1, height - y - 2, 3, 3);
     this.begin(camera, [0, 0, 0]);
     gl.uniform1i(this.uniform.is_pick, 1);
-    for (const layer of Object.values(this.layers)) if (layer.is_shown && layer.kind !== "lines") this.drawLayer(layer, 1);
+    for (const layer of Object.values(this.layers)) if (layer.is_shown && layer.kind !== "lines" && layer.when !== "hasty") this.drawLayer(layer, 1);
     gl.readPixels(x, height - y - 1, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
     gl.disable(gl.SCISSOR_TEST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);

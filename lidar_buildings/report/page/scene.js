@@ -162,17 +162,19 @@ class Scene {
     return far == null || Number.isNaN(far) ? NONE : SIGNED(0.5 + far / (2 * FAR));
   }
 
-  terrainVertices() {
+  /** The terrain of every so many-th row and column. */
+  terrainVertices(step) {
     const relief = this.data.terrain, facts = this.facts.terrain;
     if (!relief) return new Vertices(0);
-    const [rows, columns] = relief.shape, vertices = new Vertices(rows * columns), cells = [];
-    const colour = rgb("#cfd2bd"), isKnown = (at) => relief.array[at] !== facts.unknown;
+    const [height, width] = relief.shape, [rows, columns] = relief.shape.map((size) => Math.ceil(size / step));
+    const vertices = new Vertices(rows * columns), cells = [], colour = rgb("#cfd2bd");
+    const stepsAt = (row, column) => relief.array[Math.min(row * step, height - 1) * width + Math.min(column * step, width - 1)];
+    const isKnown = (at) => stepsAt(Math.floor(at / columns), at % columns) !== facts.unknown;
     for (let r = 0; r < rows; r++)
       for (let c = 0; c < columns; c++) {
-        const at = r * columns + c;
-        const place = [facts.west + (c + 0.5) * facts.cell[0], facts.north - (r + 0.5) * facts.cell[1], facts.middle + relief.array[at] * facts.step];
+        const at = r * columns + c, [b, d, e] = [at + 1, at + columns, at + columns + 1];
+        const place = [facts.west + (c * step + 0.5) * facts.cell[0], facts.north - (r * step + 0.5) * facts.cell[1], facts.middle + stepsAt(r, c) * facts.step];
         vertices.set(at, ...this.near(place), colour);
-        const [b, d, e] = [at + 1, at + columns, at + columns + 1];
         if (r + 1 < rows && c + 1 < columns && [at, b, d, e].every(isKnown)) cells.push(at, d, b, b, d, e);
       }
     vertices.rows = new Uint32Array(cells);

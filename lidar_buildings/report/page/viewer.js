@@ -39,7 +39,8 @@ class Viewer {
 
   uploadAll() {
     const { drawing, scene } = this;
-    drawing.upload("terrain", "surface", scene.terrainVertices());
+    drawing.upload("terrain", "surface", scene.terrainVertices(1), { when: "still" });
+    drawing.upload("coarse", "surface", scene.terrainVertices(4), { when: "hasty" });
     this.uploadModels();
     this.uploadPoints();
     drawing.upload("outlines", "lines", scene.ringVertices(OUTLINE), { lift: 4e-5 });
@@ -70,6 +71,7 @@ class Viewer {
   show() {
     for (const name of ["models", "edges", "points", "terrain", "outlines", "traced"])
       this.drawing.layers[name].is_shown = byId(`show-${name}`).checked;
+    this.drawing.layers.coarse.is_shown = byId("show-terrain").checked;
     this.drawing.layers.edges.is_shown &&= byId("show-models").checked;
     this.fillLegend();
     this.redraw();
