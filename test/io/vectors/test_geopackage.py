@@ -130,7 +130,7 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path, monkeypatch):
     def no_space(*_arguments):
         raise full
 
-    monkeypatch.setattr(geopackage, "_check_complete", no_space)
+    monkeypatch.setattr(geopackage, "check_complete", no_space)
     with pytest.raises(OutputError, match="No space left"):
         write_geopackage(path, [layer(), layer("traced")], "EPSG:28992")
     assert path.read_bytes() == before
@@ -138,12 +138,12 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path, monkeypatch):
 
 
 def test_a_file_with_too_few_polygons_is_not_handed_out(tmp_path, monkeypatch):
-    write = geopackage._write_layer
+    write = geopackage.write_layer
 
     def lossy(path, content, crs, append):
         write(path, layer(content.name, content.geometries[:1], content.rows[:1]), crs, append)
 
-    monkeypatch.setattr(geopackage, "_write_layer", lossy)
+    monkeypatch.setattr(geopackage, "write_layer", lossy)
     with pytest.raises(OutputError, match="1 of 2"):
         write_geopackage(tmp_path / "buildings.gpkg", [layer()], "")
     assert not list(tmp_path.iterdir())
