@@ -140,8 +140,8 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path, monkeypatch):
 def test_a_file_with_too_few_polygons_is_not_handed_out(tmp_path, monkeypatch):
     write = geopackage.write_layer
 
-    def lossy(path, content, crs, append):
-        write(path, layer(content.name, content.geometries[:1], content.rows[:1]), crs, append)
+    def lossy(path, content, crs, **options):
+        write(path, layer(content.name, content.geometries[:1], content.rows[:1]), crs, **options)
 
     monkeypatch.setattr(geopackage, "write_layer", lossy)
     with pytest.raises(OutputError, match="1 of 2"):
