@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from socket import gethostname
 
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
@@ -15,7 +16,8 @@ from launch import LaunchDescription
 from lidar_buildings.commands.settings import PRESETS, preset_file
 from lidar_buildings.core.model.parameters import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.replication import replicas_of, share_parameters
+from lidar_buildings.nodes.machines import nodes_of
+from lidar_buildings.nodes.replication import replica_name, replicas_of, share_parameters
 from lidar_buildings.nodes.run_settings import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 
@@ -116,6 +118,14 @@ ARGUMENTS = (
         default_value="",
         description="Nodes of which several share the tiles, such as roof_selector:2,model_builder:2.",
     ),
+    DeclareLaunchArgument(
+        "machines",
+        default_value="",
+        description="YAML file 'machine: [node, node]': only the nodes of this machine are started here.",
+    ),
+    DeclareLaunchArgument(
+        "machine", default_value=gethostname(), description="Which machine of that file this one is."
+    ),
     DeclareLaunchArgument("namespace", default_value="", description="Namespace of all nodes and topics."),
     DeclareLaunchArgument(
         "respawn", default_value="false", description="Whether to restart nodes that died."
@@ -154,15 +164,19 @@ def start_nodes(context) -> list:
     replicas = replicas_of(value("replicas"))
     if replicas and not value("max_tiles_in_flight"):  # so many that mostly each has one
         own[source]["max_tiles_in_flight"] = min(4 * max(replicas.values()), MOST_IN_FLIGHT)
-    nodes = {
-        name: [
-            _node(name, own.get(name, {}), value, (number, replicas.get(name, 1)))
-            for number in range(replicas.get(name, 1))
-        ]
+    shares = {
+        replica_name(name, number, replicas.get(name, 1)): (name, (number, replicas.get(name, 1)))
         for name in names
+        for number in range(replicas.get(name, 1))
     }
-    writer = nodes.get("model_writer", [None])[0]
-    return [*(one for of in nodes.values() for one in of), *_end_with(writer), _rviz(value("namespace"))]
+    machines = value("machines")
+    here = nodes_of(value("machine"), machines, list(shares)) if machines else set(shares)
+    nodes = {
+        full: _node(name, own.get(name, {}), value, share)
+        for full, (name, share) in shares.items()
+        if full in here
+    }
+    return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
 
 
 def _footprints(path: str) -> dict[str, dict]:
@@ -186,7 +200,7 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
     return Node(
         package=PACKAGE,
         executable=name,
-        name=f"{name}_{number}" if n_replicas > 1 else name,
+        name=replica_name(name, number, n_replicas),
         namespace=value("namespace"),
         parameters=[*_parameter_files(value), own],
         remappings=[(one, value(one)) for one in FEED_TOPICS if name == "scan_assembler" and value(one)],

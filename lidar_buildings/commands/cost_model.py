@@ -71,7 +71,7 @@ class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
     PROCESSES = _WayFigures(1.6, 0.0, 1.0, 110e6, 90e6, 1.0)
-    GRAPH = _WayFigures(1.8, 0.0, 1.15, 200e6, 90e6, 1.75)
+    GRAPH = _WayFigures(1.8, 0.0, 1.13, 200e6, 90e6, 1.75)
     #: Workers load compiled loops each for itself, where the others are forked with them.
     CLUSTER = _WayFigures(2.0, 1.5, 1.0, 200e6, 180e6, 1.0)
 
@@ -122,8 +122,8 @@ def expected_cost(
     work = _POINT * plan.n_points + _SEEN_POINT * plan.tile_points.sum() + _SQUARE_METRE * plan.area
     work *= slowness * of_way.factor * share
     start = slowness * of_way.start
-    processor = start + slowness * of_way.worker_start * n_workers + work
     n_busy = min(n_workers, plan.n_tiles) if way is Way.CLUSTER else n_workers
+    processor = start + slowness * of_way.worker_start * n_busy + work
     wall = start + slowness * of_way.worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
     of_points = of_way.memory_factor * _POINT_MEMORY * plan.tile_points
     heaviest = np.sort(of_points + _METRE_MEMORY * plan.tile_areas)[::-1]

@@ -43,6 +43,11 @@ def replicas_of(text: str) -> dict[str, int]:
     return found
 
 
+def replica_name(node: str, number: int, n_replicas: int) -> str:
+    """Return what a replica is called, its kind's name where there is one alone."""
+    return f"{node}_{number}" if n_replicas > 1 else node
+
+
 def share_parameters(
     number: int, n_replicas: int, params_files: Iterable[str | Path], node: str
 ) -> dict[str, Any]:
