@@ -122,9 +122,7 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
     assert "No space left on device" in spoken.err[0]
     final = [path for path in files_in(out) if not path.startswith(".partial/")]
     assert not set(final) & set(FULL[name])
-    same = [
-        path for path in final if path not in (TILES3D, "report.html")
-    ]  # it tells seconds
+    same = [path for path in final if path not in (TILES3D, "report.html")]  # it tells seconds
     assert all((out / path).read_bytes() == (result / path).read_bytes() for path in same), "none is a part"
     assert not [path for path in files_in(out) if ".part." in path]
     again = command("run", survey, "--output", out)
