@@ -29,7 +29,7 @@ demo: setup compiled
 	@echo "Against the truth:"
 	@$(BIN)/python -m lidar_buildings.cli score ground,buildings,edges,outlines,planes,models \
 		demo/result demo/survey --merge-touching
-	@echo "Results: demo/result (buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
+	@echo "Results: demo/result (open report.html first; buildings.gpkg, city_model.{city.jsonl,obj,dxf}, classified/, run.json)"
 	@echo "Survey and truth: demo/survey (*.laz, truth.gpkg, truth.city.jsonl)"
 
 # One more worker than cores on a small machine: tests of the graph wait more than they compute.
