@@ -51,7 +51,7 @@ class Glb:
             column = [values[a:b].decode() for a, b in pairwise(ends)]
         else:
             column = np.frombuffer(
-                values, {"INT64": "<i8", "FLOAT64": "<f8"}[known["componentType"]]
+                values, {"UINT32": "<u4", "FLOAT64": "<f8"}[known["componentType"]]
             ).tolist()
         return [None if value == known["noData"] else value for value in column]
 

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-#: Stands for numbers that are not known.
-NO_DATA = -9999
-#: Type of an attribute → what the schema says of it, and how its numbers are stored.
+#: Type of an attribute → what the schema says of it, and how its numbers are stored. No 64-bit integers:
+#: CesiumJS does not know their `noData`.
 _NUMBERS: dict[type, tuple[dict[str, Any], str]] = {
-    int: ({"type": "SCALAR", "componentType": "INT64", "noData": NO_DATA}, "<i8"),
-    float: ({"type": "SCALAR", "componentType": "FLOAT64", "noData": float(NO_DATA)}, "<f8"),
+    int: ({"type": "SCALAR", "componentType": "UINT32", "noData": 2**32 - 1}, "<u4"),
+    float: ({"type": "SCALAR", "componentType": "FLOAT64", "noData": -9999.0}, "<f8"),
 }
 _TEXT = {"type": "STRING", "noData": ""}
 
@@ -39,7 +38,7 @@ def property_table(
     add: Callable[[bytes], int],
 ) -> dict[str, Any]:
     """
-    Return a table; what a row lacks and None are `NO_DATA` or empty texts, and a column of these is left out.
+    Return a table; what a row lacks and None are `noData` or empty texts, and a column of these is left out.
 
     Parameters
     ----------
@@ -60,8 +59,9 @@ def property_table(
             if any(texts):  # a view has at least one byte, and is as long as its texts
                 properties[field] = _texts(texts, add)
         else:
-            known = [NO_DATA if value is None else value for value in values]
-            properties[field] = {"values": add(np.array(known, dtype=_NUMBERS[kind][1]).tobytes())}
+            known, dtype = _NUMBERS[kind]
+            numbers = [known["noData"] if value is None else value for value in values]
+            properties[field] = {"values": add(np.array(numbers, dtype=dtype).tobytes())}
     return {"class": name, "count": len(rows), "properties": properties}
 
 

@@ -89,12 +89,12 @@ def test_each_building_is_there_once_with_its_attributes(dutch):
     rows = {}
     for file, _ in contents_of(folder):
         ids = file.attribute("_FEATURE_ID_0").ravel().astype(int)
-        names = ("readable_id", "building_id", "lod", "reason", "volume")
+        names = ("readable_id", "building_id", "lod", "reason", "volume", "n_points")
         columns = [file.column(name) for name in names]
         assert sorted(set(ids)) == list(range(len(columns[0])))
         rows |= {row[0]: row[1:] for row in zip(*columns, strict=True)}
     expected = {
-        b.readable_id: (b.building_id, b.attributes["lod"], None, b.attributes.get("volume"))
+        b.readable_id: (b.building_id, b.attributes["lod"], None, b.attributes.get("volume"), None)
         for b in buildings
         if b.solid
     }
