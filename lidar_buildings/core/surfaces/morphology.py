@@ -53,14 +53,14 @@ def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
     n_rows, n_columns = surface.shape
     radius = len(half) - 1
     lowest = np.full(surface.shape, np.inf)
-    over = np.full((level.max() + 1, n_columns + 2 * radius), np.inf)
+    over = np.full((level[0] + 1, n_columns + 2 * radius), np.inf)
     for row in range(n_rows):
         over[0, radius : radius + n_columns] = surface[row]
         for k in range(1, len(over)):
-            _double(over[k - 1], over[k], 2 ** (k - 1))
+            _double(over[k - 1], over[k], 1 << (k - 1))
         for d in range(max(-radius, -row), min(radius, n_rows - 1 - row) + 1):
             h, k = half[abs(d)], level[abs(d)]
-            left, right = radius - h, radius + h + 1 - 2**k
+            left, right = radius - h, radius + h + 1 - (1 << k)
             _fold(over[k, left : left + n_columns], over[k, right : right + n_columns], lowest[row + d])
     return lowest
 

@@ -38,7 +38,7 @@ NAMES = [
 
 
 #: Those of the formats that are written unless others are chosen.
-FILES = {name: FORMAT_FILES[name] for name in OutputConfig().formats}
+FILES = {name: FORMAT_FILES[name] for name in OutputConfig().formats if name in FORMAT_FILES}
 
 
 def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), title="", **options):

@@ -61,8 +61,9 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
     over their distance, or by `min_rise` at all [m].
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
-    place[rows] = np.arange(len(rows))
-    part = np.arange(len(rows))
+    part = np.empty(len(rows), dtype=np.int64)
+    for r in range(len(rows)):
+        place[rows[r]] = part[r] = r
     for r in range(len(rows)):
         for j in links[r]:
             if j < 0 or place[j] < 0:
