@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,19 +33,25 @@ def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
     Leave out files that hold the points of one before them, and say so.
 
     They are told by their headers: as many points, and of each return, in the same bounds to the last digit.
-    Points in another order, as of the same file as COPC, are the same.
+    Points in another order, as of the same file as COPC, are the same; files of one size have to be the same
+    byte for byte, as one of them may be damaged.
     """
-    seen: set[tuple[object, ...]] = set()
+    seen: dict[tuple[object, ...], Cloud] = {}
     kept: list[Cloud] = []
     copies: list[Cloud] = []
     for cloud in clouds:
         returns = tuple(cloud.header.number_of_points_by_return)
         points = (cloud.point_count, *cloud.mins, *cloud.maxs, *returns, cloud.crs.name)
-        (copies if cloud.point_count and points in seen else kept).append(cloud)
-        seen.add(points)
+        first = seen.setdefault(points, cloud)
+        is_copy = cloud.point_count and first is not cloud and _may_be_copies(first.path, cloud.path)
+        (copies if is_copy else kept).append(cloud)
     if copies:
         warn_once(f"{_named(copies)} with the same points as other inputs: left out")
     return kept
+
+
+def _may_be_copies(one: Path, other: Path) -> bool:
+    return one.stat().st_size != other.stat().st_size or filecmp.cmp(one, other, shallow=False)
 
 
 def agreed_system(clouds: Sequence[_Placed]) -> _Placed:
