@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.scans.motion import place_points
@@ -21,7 +20,6 @@ from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
-from lidar_buildings.core.stages.roof_selection.surroundings import share_around
 from lidar_buildings.core.stages.terrain import RasterConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
@@ -92,8 +90,6 @@ def _rare() -> None:
     everywhere = np.ones(len(roof), dtype=bool)
     find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
     plane_votes(roof, 0.1)
-    columns = by_column(roof, 1.0)
-    share_around(columns, *np.ones((2, len(roof)), dtype=bool), 1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
     times = np.arange(2)
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])

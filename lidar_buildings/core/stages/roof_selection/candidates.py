@@ -34,13 +34,11 @@ class Candidates:
     Attributes
     ----------
     columns : Columns
-        Points from half of `min_height` on; the other arrays are in their order.
-    height : ndarray of shape (n_points,)
-        Above ground [m].
+        Points from `min_height` on; the other arrays are in their order.
     is_last, is_only : ndarray of bool, shape (n_points,)
         Whether the pulse ended there, and whether that is all that came back of it.
     ground : ndarray of shape (n_ground, 3)
-        Ground and what is lower than the candidates [m].
+        Ground and what is lower than half of `min_height` [m].
     radius : float
         Smallest radius of a neighbourhood, and longest step within a surface [m].
     cell : float
@@ -48,7 +46,6 @@ class Candidates:
     """
 
     columns: Columns
-    height: NDArray[np.float64]
     is_last: NDArray[np.bool_]
     is_only: NDArray[np.bool_]
     ground: NDArray[np.float64]
@@ -77,15 +74,11 @@ class Candidates:
         """Return the area of the cells that the points of each label occupy [m²]; −1 is none."""
         return plan_areas(label[self._cells.rows], n_labels, self._cells.first, self.cell)
 
-    def of_buildings(
-        self, roof: NDArray[np.bool_], min_area: float, is_wide: NDArray[np.bool_] | None = None
-    ) -> NDArray[np.bool_]:
-        """Tell which roof points are of buildings in plan with so much area [m²], and with a wide place."""
+    def of_buildings(self, roof: NDArray[np.bool_], min_area: float) -> NDArray[np.bool_]:
+        """Tell which roof points are of buildings in plan with so much area [m²]."""
         rows = np.flatnonzero(roof)
         label, n = self.parts(rows, self.radius, in_plan=True)
         is_kept = self.areas(label, n) >= min_area
-        if is_wide is not None:
-            is_kept &= np.bincount(label[rows], is_wide[rows], n) > 0
         kept = np.zeros(len(roof), dtype=bool)
         kept[rows] = is_kept[label[rows]]
         return kept

@@ -42,8 +42,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Parameters
     ----------
     candidates : Candidates
-        Of which returns have no say in the published rules, nor heights beyond the limit; cells have a size
-        of their own.
+        Of which returns have no say in the published rules; cells have a size of their own.
     config : RoofSelectionConfig
         `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, and `max_plane_distance` for the
         edges.
@@ -53,14 +52,12 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     ndarray of bool, shape (n_points,)
         Roofs of buildings.
     """
-    high = candidates.columns.select(candidates.height >= config.min_height)
+    high = candidates.columns
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
     kind, normals = _judged(high.points, side, config)
     is_planar = kind == PLANAR
     continued = near_tangent_plane(high, normals[is_planar], is_planar, side / 2.0, config.max_plane_distance)
-    roof = np.zeros(len(candidates.points), dtype=bool)
-    roof[high.rows] = continued & (kind != RUGGED)
-    return candidates.of_buildings(roof, config.min_building_area)
+    return candidates.of_buildings(continued & (kind != RUGGED), config.min_building_area)
 
 
 def _judged(

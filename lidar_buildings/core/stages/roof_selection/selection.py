@@ -48,13 +48,13 @@ METHODS = {
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
     "all": lambda candidates, config: candidates.of_buildings(
-        candidates.height >= config.min_height, config.min_building_area
+        np.ones(len(candidates.points), dtype=bool), config.min_building_area
     ),
 }
 #: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
 COMPLETIONS = {"smooth_patches": find_wet_roofs}
-#: Lower parts tell what object a point is part of: candidates begin at this share of `min_height`.
-CONTEXT = 0.5
+#: What is lower than this share of `min_height` may be what a bridge goes on as.
+LOW_SHARE = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
 AREA_CELL = 2.0
 #: Heights up to which points count as ground where they have no classes [m].
@@ -152,7 +152,7 @@ def select_roofs(
     is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
     is_open = _is_of(OPEN)[classes]
     spacing = given_or_measured(points, point_spacing)
-    is_low = (height < CONTEXT * config.min_height) & ~_is_of(NOISE)[classes]
+    is_low = (height < LOW_SHARE * config.min_height) & ~_is_of(NOISE)[classes]
     rows = np.flatnonzero(is_open)
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
@@ -251,10 +251,9 @@ def _roofs(
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
     """Return which points are roof by the method chosen."""
-    is_raised = height >= CONTEXT * config.min_height
+    is_raised = height >= config.min_height
     raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
-    own = (height[is_raised], is_last[is_raised], is_only[is_raised])
-    candidates = Candidates(raised, *own, low, radius, AREA_CELL * spacing)
+    candidates = Candidates(raised, is_last[is_raised], is_only[is_raised], low, radius, AREA_CELL * spacing)
     found = np.zeros(len(height), dtype=bool)
     found[is_raised] = METHODS[config.method](candidates, config)
     return found

@@ -32,7 +32,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Parameters
     ----------
     candidates : Candidates
-        Of which those below `min_height` are left aside.
+        Everything that rises above ground.
     config : RoofSelectionConfig
         `roof_returns`, `max_roughness`, `max_plane_distance`.
 
@@ -46,9 +46,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
         "last": candidates.is_last,
         "all": np.ones(len(candidates.points), dtype=bool),
     }
-    counted = candidates.columns.select(
-        counts[config.roof_returns] & (candidates.height >= config.min_height)
-    )
+    counted = candidates.columns.select(counts[config.roof_returns])
     radius = candidates.radius
     normals, is_plane = _planes(counted, radius, config)
     found = np.zeros(len(candidates.points), dtype=bool)

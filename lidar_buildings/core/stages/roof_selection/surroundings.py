@@ -134,20 +134,6 @@ def surroundings(
     return found
 
 
-def share_around(
-    columns: Columns, chosen: NDArray[np.bool_], flag: NDArray[np.bool_], radius: float
-) -> NDArray[np.float64]:
-    """Return the share of flagged points within a radius of each chosen point."""
-    asking, share = columns.select(chosen), np.zeros(int(chosen.sum()))
-    own, runs = (columns.points, columns.first), columns.around(radius)
-    for_row_blocks(
-        lambda begin, end: _share(asking.points, asking.first, *own, runs, flag, radius, share, begin, end),
-        len(columns.numbers),
-        BLOCK,
-    )
-    return share
-
-
 @kernel
 def _join(  # type: ignore[no-untyped-def]
     points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin, end
@@ -183,18 +169,3 @@ def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sec
         while seen:
             n_sectors[k] += seen & 1
             seen >>= 1
-
-
-@kernel
-def _share(asking, asking_first, points, first, runs, flag, radius, share, begin, end):  # type: ignore[no-untyped-def]
-    for k in range(begin, end):
-        for i in range(asking_first[k], asking_first[k + 1]):
-            x, y, z = asking[i]
-            found, flagged = 0, 0
-            for row in range(runs.shape[1]):
-                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
-                    dx, dy, dz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
-                    near = dx * dx + dy * dy + dz * dz <= radius * radius
-                    found += near
-                    flagged += near & flag[j]
-            share[i] = flagged / found

@@ -59,6 +59,13 @@ def test_the_order_of_points_and_how_far_others_are_do_not_matter():
     assert (~straight).sum() == len(box((4, 10), (12, 13.5), 5.0))
 
 
+def test_what_stands_alone_goes_unless_it_is_as_wide_as_a_building_somewhere():
+    lorry, shed, far = box((0, 14), (0, 2.4), 4.0), box((40, 46), (0, 4), 3.0), HOUSE + np.array([0, 80, 0])
+    points = np.vstack([lorry, shed, far])
+    np.testing.assert_array_equal(wide(points), np.arange(len(points)) >= len(lorry))
+    assert wide(points, RoofSelectionConfig(min_building_width=0.0)).all()
+
+
 def test_widths_below_two_cells_are_not_looked_at():
     narrow = RoofSelectionConfig(min_roof_width=0.5)
     assert kept(box((4, 10), (12, 13.5), 5.0), config=narrow) == (1.0, 1.0)

@@ -5,9 +5,6 @@ import pytest
 from scipy import ndimage
 
 from lidar_buildings.core.neighbours.columns import by_column
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
-    half_widths,
-)
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough as of_columns
 from lidar_buildings.core.surfaces.morphology import square_distances
 
@@ -18,13 +15,6 @@ def wide_enough(points, cell, width):
     """Return which points are wide enough, in their order."""
     columns, found = by_column(points, cell), np.empty(len(points), dtype=bool)
     found[columns.rows] = of_columns(columns, width)[columns.column]
-    return found
-
-
-def half_widths_of(points, width):
-    """Return the half widths at the points, in their order."""
-    columns, found = by_column(points, SPACING), np.empty(len(points))
-    found[columns.rows] = half_widths(columns, width)[columns.column]
     return found
 
 
@@ -55,14 +45,6 @@ def test_a_courtyard_is_an_edge_and_a_missing_point_is_none():
     assert wide_enough(house, SPACING, 2.5).all()
 
 
-def test_half_widths_are_those_of_the_rectangle():
-    points = rectangle(5.0, 20.0)
-    found = half_widths_of(points, 6.0)
-    expected = np.minimum(points[:, 0], 5.0 - points[:, 0])
-    middle = abs(points[:, 1] - 10.0) < 5.0
-    assert found[middle] == pytest.approx(expected[middle], abs=SPACING / 2)
-
-
 def test_far_parts_and_other_rows_change_nothing():
     house = rectangle(2.75, 9.0, x=120.0, y=-40.0)
     far = rectangle(6.0, 6.0, x=90_000.0, y=70_000.0)
@@ -77,8 +59,7 @@ def test_blocks_do_not_show_where_a_roof_lies_across_them():
     inside, across = rectangle(2.75, 30.0, x=20.0), rectangle(2.75, 30.0, x=127.0, y=113.0)
     for points in (inside, across):
         assert wide_enough(points, SPACING, 2.5).all()
-    widths = [half_widths_of(points, 6.0) for points in (inside, across)]
-    assert widths[0].max() == widths[1].max()
+        assert not wide_enough(points, SPACING, 3.5).any()
 
 
 def test_where_cells_are_too_large_to_tell_all_pass():
@@ -88,7 +69,6 @@ def test_where_cells_are_too_large_to_tell_all_pass():
 @pytest.mark.parametrize("n", [0, 1, 2])
 def test_few_points_are_narrow(n):
     assert not wide_enough(rectangle(0.5, 0.5)[:n], SPACING, 2.5).any()
-    assert half_widths_of(rectangle(0.5, 0.5)[:n], 2.5).shape == (n,)
 
 
 @pytest.mark.parametrize("value", [0, 1])

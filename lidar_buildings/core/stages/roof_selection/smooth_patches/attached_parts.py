@@ -1,4 +1,4 @@
-"""What is attached to a building at another level, and too narrow: balconies, awnings, lorries at a dock."""
+"""What is too narrow on its level: balconies and awnings, and vehicles, alone or at a dock."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Roofs that no step of half a storey connects are of different levels [m].
 LEVEL_STEP = 1.2
-#: How much higher than a part may be what it stands on: a lower roof makes a dormer or a parapet wide [m].
-TOLERANCE = 0.5
-#: Largest part that may be a vehicle: four lorries side by side [m²].
-MAX_VEHICLES = 150.0
+#: Largest part that may be a vehicle or a hedge [m²]: larger ones as narrow are longer than 100 m.
+MAX_NARROW_AREA = 300.0
+#: Columns across the narrowest building: fewer are too coarse to tell.
+MIN_BUILDING_CELLS = 2.0
 #: Share of a part's rim beside other roofs, up to which it only touches them: a lorry's end, not a lean-to's
 #: side; and how far from the rim they may be [m].
 MAX_CONTACT = 0.2
@@ -43,18 +43,19 @@ def wide_levels(
     area : ndarray of shape (n_parts,)
         In plan [m²].
     config : RoofSelectionConfig
-        `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that only touch
-        other roofs go if they are nowhere as wide as `min_building_width`.
+        `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that stand alone
+        or only touch other roofs go if they are nowhere as wide as `min_building_width`.
     """
     kept = np.ones(len(part), dtype=bool)
     size = columns.size
-    if config.min_roof_width < MIN_CELLS * size:
-        return kept
-    chosen = np.flatnonzero((area < max(MAX_VEHICLES, config.max_part_area))[part])
+    # Of what is too coarse to be measured nothing is too narrow.
+    max_opened = config.max_part_area if config.min_roof_width >= MIN_CELLS * size else 0.0
+    min_width = config.min_building_width if config.min_building_width >= MIN_BUILDING_CELLS * size else 0.0
+    chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
     begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
     half = 0.5 * config.min_roof_width / size
-    reach = math.ceil(max(half, 0.5 * config.min_building_width / size + 0.5))
+    reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
     for rows in np.split(chosen, begins[1:]) if len(chosen) else ():
         cells = columns.places[columns.column[rows]]
         low = cells.min(axis=0) - (2 * reach + 4)
@@ -62,16 +63,16 @@ def wide_levels(
         shape = (y.max() + 2 * reach + 5, x.max() + 2 * reach + 5)
         own, below, others = np.zeros(shape, np.int32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
         np.add.at(own, (y, x), 1)
-        top = columns.points[rows, 2].max() + TOLERANCE
+        top = columns.points[rows, 2].max()
         line, held = _columns_within(columns, low, shape)
         place = (line, columns.places[held, 1] - low[1])
         below[place] = columns.points[columns.first[held], 2] <= top
         others[place] = columns.first[held + 1] - columns.first[held] > own[place]
         depth = square_distances(closed(below), 0, reach)
-        if area[part[rows[0]]] < config.max_part_area:
+        if area[part[rows[0]]] < max_opened:
             kept[rows] = opened(depth, half)[y, x]
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
-        if width < config.min_building_width and kept[rows].any():
+        if width < min_width and kept[rows].any():
             kept[rows] &= _contact(own, others, size) > MAX_CONTACT
     return kept
 

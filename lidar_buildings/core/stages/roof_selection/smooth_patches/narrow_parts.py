@@ -1,13 +1,8 @@
-"""
-What is too narrow to be a building: hedges, balconies, walls; and vehicles, which are narrow as a whole.
-
-Widths are measured in the plan of the columns that hold points, small gaps closed.
-"""
+"""What is too narrow to be a roof, in the plan of the columns that hold points: hedges, walls."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,54 +17,26 @@ MIN_CELLS = 5.0
 BLOCK = 512
 
 
-def half_widths(columns: Columns, max_width: float) -> NDArray[np.float64]:
+def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
     """
-    Return how far the middle of each column lies from the edge of what its points belong to, in plan.
+    Tell which columns lie within a disc, of this diameter, that lies within the plan of the points.
+
+    An opening: the plan is cut back by half the width and grown again by as much, and by half a column. What
+    lies farther away than the width and some columns does not matter.
 
     Parameters
     ----------
     columns : Columns
         Of points of roofs; no narrower than a spacing, else a roof is full of gaps [m].
-    max_width : float
-        Where something is wider, half of this or more is returned [m].
-
-    Returns
-    -------
-    ndarray of shape (n_columns,)
-        To within half a column [m]. What lies farther away than the width and some columns does not matter.
-    """
-    size = columns.size
-    reach = math.ceil(0.5 * max_width / size + 0.5)
-    return _measured(columns, reach, lambda depth: np.sqrt(depth) * size) - 0.5 * size
-
-
-def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
-    """
-    Tell which columns lie within a disc, of this diameter, that lies within the plan of the points.
-
-    An opening: the plan is cut back by half the width and grown again by as much, and by half a column.
-
-    Parameters
-    ----------
-    columns : Columns
-        As for `half_widths`.
     min_width : float
         Diameter of the disc [m]; one below `MIN_CELLS` columns says nothing, and all pass.
     """
     half = 0.5 * min_width / columns.size
     if half < 0.5 * MIN_CELLS:
         return np.ones(len(columns.numbers), dtype=bool)
-    return _measured(columns, math.ceil(half), lambda depth: opened(depth, half)) > 0
-
-
-def _measured(
-    columns: Columns, reach: int, measure: Callable[[NDArray[np.int32]], NDArray[np.generic]]
-) -> NDArray[np.float64]:
-    """Return what `measure` makes of the squared depth at each column, block by block with a margin."""
-    values = np.zeros(len(columns.numbers))
-    holds = np.flatnonzero(np.diff(columns.first))
+    is_wide, holds = np.zeros(len(columns.numbers), dtype=bool), np.flatnonzero(np.diff(columns.first))
     line, place = np.ascontiguousarray(columns.places[holds].T)
-    margin = 2 * reach + 4
+    margin = 2 * math.ceil(half) + 4
     band = line // BLOCK
     for north in band[np.flatnonzero(np.diff(band, prepend=-1))] * BLOCK:
         begin, end = np.searchsorted(line, (north - margin, north + BLOCK + margin))
@@ -79,10 +46,10 @@ def _measured(
             south, west = y.min() - 2, x.min() - 2
             plan = np.zeros((y.max() + 3 - south, x.max() + 3 - west), dtype=np.uint8)
             plan[y - south, x - west] = 1
-            measured = measure(square_distances(closed(plan), 0, reach))[y - south, x - west]
+            found = opened(square_distances(closed(plan), 0, math.ceil(half)), half)[y - south, x - west]
             own = (y >= north) & (y < north + BLOCK) & (x >= east) & (x < east + BLOCK)
-            values[holds[begin:end][near][own]] = measured[own]
-    return values
+            is_wide[holds[begin:end][near][own]] = found[own]
+    return is_wide
 
 
 def opened(depth: NDArray[np.int32], half: float) -> NDArray[np.bool_]:

@@ -8,28 +8,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
-from lidar_buildings.core.stages.roof_selection.smooth_patches.foliage import (
-    MIN_PATCH_AREA,
-    Patches,
-    is_foliage,
-)
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import mean_votes, plane_votes
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
-from lidar_buildings.core.surfaces.surface_patches import connected_columns, smooth_patches
+from lidar_buildings.core.surfaces.surface_patches import smooth_patches
 
 #: Radii among which the one of least entropy is taken, as multiples of the smallest one.
 RADIUS_STEPS = np.array([1.0, 1.35, 1.8])
 #: A plane through fewer points says nothing of its roughness.
 MIN_PLANE_POINTS = 6
-#: Largest mean roughness of small, middling and large patches that start a roof, in parts of `max_roughness`:
-#: flat spots of foliage are small, so the smaller a patch the smoother it has to be.
-PATCH_ROUGHNESS = np.array([0.4, 0.55, 0.85])
-#: Where middling and large patches begin, in multiples of `MIN_PATCH_AREA`.
-PATCH_SIZES = np.array([2.0, 10.0])
+#: Smallest smooth patch that starts a roof: flat spots of crowns are smaller [m²].
+MIN_PATCH_AREA = 2.0
+#: Where large patches begin [m²]: no flat spot of foliage is as large.
+LARGE_PATCH_AREA = 40.0
+#: Largest mean roughness of large and of other patches that start a roof, in parts of `max_roughness`.
+PATCH_ROUGHNESS = (0.85, 0.55)
+#: Largest share of split pulses at the points of other patches: foliage has more.
+MAX_SPLIT = 0.5
 #: Noise of a point in plan as a multiple of that in height, which makes steep roofs rougher than level ones.
 HORIZONTAL_NOISE = 1.5
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
@@ -55,7 +54,7 @@ class RoofSurface:
     is_deck : ndarray of bool, shape (n_points,)
         Point of a patch that is a deck.
     votes : ndarray of shape (n_points,) or None
-        Mean votes around each point from `min_height` on; None where neighbourhoods are no wider than faces.
+        Mean votes around each point; None where neighbourhoods are no wider than faces.
     """
 
     is_surface: NDArray[np.bool_]
@@ -67,19 +66,18 @@ class RoofSurface:
 
 def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
     """
-    Find smooth patches among the last returns, and accept those that are large, or touch a large one.
+    Find smooth patches among the last returns, and accept those that are smooth for their size.
 
     Parameters
     ----------
     candidates : Candidates
-        Smooth are last returns from `min_height` on; the others tell what foliage is, and the ground what
-        decks are.
+        Smooth are last returns; the ground tells what decks are.
     config : RoofSelectionConfig
         The stage's parameters.
     """
     columns, radius = candidates.columns, candidates.radius
     n = len(columns.points)
-    rows = np.flatnonzero(candidates.is_last & (candidates.height >= config.min_height))
+    rows = np.flatnonzero(candidates.is_last)
     features = eigen_features(
         columns.points.take(rows, axis=0), list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS
     )
@@ -98,12 +96,11 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         votes, voted = plane_votes(columns.points.take(rows, axis=0), config.max_roughness)
         is_voted = ~level & (votes >= MIN_VOTES)
         normals = np.where(is_voted[:, None], voted, normals)
-        roughness[is_voted] = PATCH_ROUGHNESS[0] * config.max_roughness
+        roughness[is_voted] = 0.0
         level |= is_voted
-        own, high = np.zeros(n, dtype=np.int64), np.flatnonzero(candidates.height >= config.min_height)
+        own = np.zeros(n, dtype=np.int64)
         own[rows] = votes
-        around = np.zeros(n)
-        around[high] = mean_votes(columns.points.take(high, axis=0), own[high])
+        around = mean_votes(columns.points, own)
     is_surface[rows[level]] = True
     points, normals, roughness = columns.select(is_surface), normals[level], roughness[level]
     reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
@@ -115,11 +112,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         max_angle_deg=MAX_ANGLE_DEG,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
-    patch = np.full(n, -1, dtype=np.int64)
-    patch[points.rows] = label
-    patches = Patches(points, label, candidates.areas(patch, label.max(initial=-1) + 1))
-    del patch
-    accepted, is_deck_point = _accepted(candidates, patches, roughness, config)
+    accepted, is_deck_point = _accepted(candidates, points, label, roughness / config.max_roughness)
     is_surface[points.rows[~accepted]] = False
     on_deck = np.zeros(n, dtype=bool)
     on_deck[points.rows[is_deck_point]] = True
@@ -127,24 +120,19 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
 
 
 def _accepted(
-    candidates: Candidates, patches: Patches, roughness: NDArray[np.float64], config: RoofSelectionConfig
+    candidates: Candidates, smooth: Columns, label: NDArray[np.int64], roughness: NDArray[np.float64]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which smooth points are of patches that start a roof or touch one in plan, and which of decks."""
-    relative = patches.mean(roughness) / config.max_roughness
-    limit = PATCH_ROUGHNESS[np.digitize(patches.area, PATCH_SIZES * MIN_PATCH_AREA)]
-    starts = relative <= limit
-    accepted = (patches.area >= MIN_PATCH_AREA) & (starts | (relative <= PATCH_ROUGHNESS[1]))
-    small_area = PATCH_SIZES[1] * MIN_PATCH_AREA
-    accepted &= ~is_foliage(candidates, patches, small_area)
-    points, label = patches.columns, patches.label
+    """Tell which smooth points are of patches that start a roof, and which of decks."""
+    patch = np.full(len(candidates.points), -1, dtype=np.int64)
+    patch[smooth.rows] = label
+    area, n_points = candidates.areas(patch, label.max(initial=-1) + 1), np.bincount(label)
+    is_large = area >= LARGE_PATCH_AREA
+    is_smooth = np.bincount(label, roughness) <= n_points * np.where(is_large, *PATCH_ROUGHNESS)
+    is_opaque = np.bincount(label, ~candidates.is_only[smooth.rows]) <= MAX_SPLIT * n_points
+    accepted = (area >= MIN_PATCH_AREA) & is_smooth & (is_large | is_opaque)
     asked = accepted[label]
-    decks = is_deck(points.points[asked], label[asked], len(accepted), candidates.ground, candidates.cell)
-    accepted &= ~decks
-    touching = points.select(accepted[label])
-    part = connected_columns(touching, candidates.radius, in_plan=True)
-    is_roof = np.zeros(len(label), dtype=bool)
-    is_roof[touching.rows] = (np.bincount(part, starts[label[touching.rows]]) > 0)[part]
-    return is_roof, decks[label]
+    decks = is_deck(smooth.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
+    return (accepted & ~decks)[label], decks[label]
 
 
 def _link_lengths(

@@ -9,7 +9,7 @@ from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import half_widths, wide_enough
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
 from lidar_buildings.core.surfaces.surface_patches import plan_areas
@@ -43,7 +43,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Parameters
     ----------
     candidates : Candidates
-        Of which those below `min_height` are never roof, but tell what the others are part of.
+        Everything that rises above ground.
     config : RoofSelectionConfig
         The stage's parameters.
 
@@ -54,17 +54,15 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     """
     columns, radius = candidates.columns, candidates.radius
     surface = find_roof_surface(candidates, config)
-    can_be_roof = ~surface.is_wall & (candidates.height >= config.min_height)
-    roof = can_be_roof & near_tangent_plane(
+    roof = ~surface.is_wall & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
     if surface.votes is not None:
         roof = (roof & (surface.votes >= MIN_VOTES)) | (surface.votes >= SURE_VOTES)
-        roof &= can_be_roof & ~surface.is_deck
-    del surface
+        roof &= ~surface.is_wall & ~surface.is_deck
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & can_be_roof
+    roof |= stands & ~surface.is_wall
     return _without_narrow(candidates, roof, config)
 
 
@@ -93,29 +91,12 @@ def _small_parts(
 def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
-    """Take narrow parts out of the roofs, and then what is smaller or narrower than a building."""
+    """Take out of the roofs what is too narrow, in plan and on its level, and what is too small."""
     plan = by_column(candidates.points[roof], max(MIN_PLAN_CELL, 0.5 * candidates.cell))
-    rows = np.flatnonzero(roof)[plan.rows]
-    for kept in (_wide_enough, _on_wide_levels):
-        is_kept = kept(candidates, plan, rows, config)
-        plan, rows = plan.select(is_kept), rows[is_kept]
-    found, is_wide = np.zeros((2, len(roof)), dtype=bool)
-    found[rows] = is_wide[rows] = True
-    if config.min_building_width >= 2.0 * plan.size:
-        width = 2.0 * half_widths(plan, config.min_building_width)[plan.column]
-        is_wide[rows] = width >= config.min_building_width
-    return candidates.of_buildings(found, config.min_building_area, is_wide)
-
-
-def _wide_enough(
-    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
-) -> NDArray[np.bool_]:
-    return wide_enough(plan, config.min_roof_width)[plan.column]
-
-
-def _on_wide_levels(
-    candidates: Candidates, plan: Columns, rows: NDArray[np.intp], config: RoofSelectionConfig
-) -> NDArray[np.bool_]:
+    is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
+    rows, plan = np.flatnonzero(roof)[plan.rows[is_wide]], plan.select(is_wide)
     label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
-    part = label[rows]
-    return wide_levels(plan, part, plan_areas(part, n, plan.first, plan.size), config)
+    part, found = label[rows], np.zeros(len(roof), dtype=bool)
+    area = plan_areas(part, n, plan.first, plan.size)
+    found[rows] = wide_levels(plan, part, area, config)
+    return candidates.of_buildings(found, config.min_building_area)
