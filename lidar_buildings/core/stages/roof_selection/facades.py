@@ -12,8 +12,6 @@ from lidar_buildings.core.stages.roof_selection.surroundings import Surroundings
 REACH_SPACINGS = 0.7
 #: How far in plan to look for the top of the wall [m].
 TOP_REACH = 1.0
-#: How far a façade has to lie below that [m].
-MIN_DROP = 0.3
 #: How far in plan to look for roof around a light well or a dormer's cheek [m], and the sectors of eight that
 #: have to show some: one at a straight edge sees it in five.
 WELL_REACH = 2.0
@@ -56,7 +54,7 @@ def find_facades(
     column, z = columns.column, columns.points[:, 2]
     reach = max(reach, REACH_SPACINGS * spacing)
     can_be = ~is_roof & (height >= MIN_HEIGHT)
-    hangs = can_be & (z <= around.highest[column] - MIN_DROP)
+    hangs = can_be & (z <= around.highest[column])
     both = columns.select(is_roof | hangs)
     hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], reach)
     is_inside = can_be & is_last & ~hangs

@@ -37,8 +37,8 @@ def column(x, z_from=0.0, z_to=8.0, y=5.0):
 def test_a_wall_under_the_edge_is_facade_from_its_foot_to_the_eave():
     wall = column(9.9)
     found = facades(roof(0.0, 10.0), wall)
-    assert found[(wall[:, 2] > 0.9) & (wall[:, 2] < 7.6)].all()
-    assert not found[(wall[:, 2] < 0.7) | (wall[:, 2] > 7.8)].any()
+    assert found[(wall[:, 2] > 0.9) & (wall[:, 2] < 8.0)].all()
+    assert not found[(wall[:, 2] < 0.7) | (wall[:, 2] > 8.0)].any()
 
 
 def test_what_stands_away_from_the_roof_in_plan_is_none():
