@@ -15,13 +15,13 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.slope_pairs import 
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
-from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
 from lidar_buildings.core.stages.regularisation.regularising import _problem
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roads import of_road_grey
+from lidar_buildings.core.surfaces.ring_division.division import Division
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 

@@ -194,9 +194,9 @@ def _finer_levels(
 def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
     """Divide the outline into faces with planes that the points bear out."""
     planes, plane_id = _distinct_planes(roof)
-    segments = [one.segment[:, :2] for one in roof.topology.intersections]
-    segments += [one.segment for one in roof.topology.steps]
-    lines = np.array(segments).reshape(-1, 2, 2)
+    steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
+    ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
+    lines = steps, ridges
     faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
     return within_limits(faces, roof.points, roof.spacing)
 

@@ -21,13 +21,16 @@ from lidar_buildings.core.stages.building_model.line_tiles import (
 
 #: Units of the output grid per metre.
 _SCALE = round(1.0 / GRID)
+#: Segments go on so far behind what they pass: walls and segments that near are at one place [m].
+_PAST = 0.01
 
 
-def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
+def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -> FloatArray:
     """
-    Extend segments at both ends to the nearest other segment or wall.
+    Extend segments at both ends to the nearest other segment or wall, steps past it to the one behind.
 
-    Whether a cut is used is decided later; a segment that ends too early would not cut at all.
+    Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps
+    lie a little beside one another, each has to run on beside the other to be the one that is chosen.
 
     Parameters
     ----------
@@ -35,6 +38,8 @@ def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
         Ends in plan [m].
     walls : ndarray of shape (n_walls, 2, 2)
         Edges of the outline [m].
+    n_steps : int
+        So many of the segments, the first, are steps.
 
     Returns
     -------
@@ -45,7 +50,7 @@ def extend_segments(segments: FloatArray, walls: FloatArray) -> FloatArray:
     obstacles = np.concatenate([segments, walls]).reshape(-1, 4)
     extended = np.empty((len(segments), 4))
     tiles, start, items = in_tiles(obstacles)
-    _extend(obstacles, tiles, start, items, extended)
+    _extend(obstacles, tiles, start, items, n_steps, extended)
     return extended.reshape(-1, 2, 2)
 
 
@@ -133,27 +138,33 @@ def _node(lines, n_walls):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _extend(obstacles, tiles, start, items, extended):  # type: ignore[no-untyped-def]
+def _extend(obstacles, tiles, start, items, n_steps, extended):  # type: ignore[no-untyped-def]
     """Write the extended segments, the first of the obstacles; none is an obstacle to itself."""
     for i in range(len(extended)):
         for end in range(2):
             x, y = obstacles[i, 2 * end], obstacles[i, 2 * end + 1]
             dx, dy = x - obstacles[i, 2 - 2 * end], y - obstacles[i, 3 - 2 * end]
             length = np.hypot(dx, dy)
-            reach = 0.0
             if length > 0.0:
-                reach = _reach(x, y, dx / length, dy / length, i, obstacles, tiles, start, items)
-                x, y = x + reach * dx / length, y + reach * dy / length
+                dx, dy = dx / length, dy / length
+                reach, is_wall = _reach(x, y, dx, dy, i, len(extended), obstacles, tiles, start, items)
+                x, y = x + reach * dx, y + reach * dy
+                if i < n_steps and not is_wall:
+                    x, y = x + _PAST * dx, y + _PAST * dy
+                    reach, _ = _reach(x, y, dx, dy, i, len(extended), obstacles, tiles, start, items)
+                    x, y = x + reach * dx, y + reach * dy
             extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 
 @inner_kernel
-def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[no-untyped-def]
-    """Return how far a ray runs to the nearest obstacle [m]; 0 where none is met."""
+def _reach(x, y, dx, dy, own, n_segments, obstacles, tiles, start, items):  # type: ignore[no-untyped-def]
+    """
+    Return how far a ray runs to the nearest obstacle [m], and whether there is a wall; 0 where none is met.
+    """
     side, n_columns, n_rows = tiles[2], int(tiles[3]), int(tiles[4])
     far = side * (n_columns + n_rows)
     ray = np.array([x - SLACK * dx, y - SLACK * dy, x + far * dx, y + far * dy])
-    nearest = np.inf
+    nearest, wall = np.inf, np.inf
     east, north = 1 if dx >= 0.0 else -1, 1 if dy >= 0.0 else -1
     first, last = columns_touched(ray, tiles)
     column = first if east > 0 else last
@@ -177,16 +188,18 @@ def _reach(x, y, dx, dy, own, obstacles, tiles, start, items):  # type: ignore[n
                 if u < -slack or u > 1.0 + slack or t < -SLACK:
                     continue
                 nearest = min(nearest, max(t, 0.0))
+                if j >= n_segments:
+                    wall = min(wall, max(t, 0.0))
             # What lies in tiles beyond is farther off.
             edge = tiles[1] + (row + (north > 0)) * side
-            if nearest * abs(dy) < (edge - y) * north - MARGIN:
+            if (nearest + _PAST) * abs(dy) < (edge - y) * north - MARGIN:
                 break
             row += north
         edge = tiles[0] + (column + (east > 0)) * side
-        if nearest * abs(dx) < (edge - x) * east - MARGIN:
+        if (nearest + _PAST) * abs(dx) < (edge - x) * east - MARGIN:
             break
         column += east
-    return nearest if nearest < np.inf else 0.0
+    return (nearest, wall <= nearest + _PAST) if nearest < np.inf else (0.0, True)
 
 
 @inner_kernel

@@ -28,8 +28,8 @@ from lidar_buildings.core.stages.building_model.simplification import simplified
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].
 _BORDER_COST = 0.15
-#: Cost of a corner of a face [m³].
-_CORNER_COST = 0.1
+#: Cost of a corner [m³].
+_CORNER_COST = 0.15
 #: Walls of a re-entrant corner run on into the roof where they turn by more than this [rad].
 _REENTRANT = 0.35
 
@@ -39,7 +39,7 @@ def partition_outline(
     points: FloatArray,
     plane_id: NDArray[np.uint16],
     planes: FloatArray,
-    segments: FloatArray,
+    lines: tuple[FloatArray, FloatArray],
     spacing: float,
     config: BuildingModelConfig,
 ) -> list[RoofFacePatch]:
@@ -60,15 +60,16 @@ def partition_outline(
         Number of each point's plane, 0 = none.
     planes : ndarray of shape (n_planes, 3)
         z = a·x + b·y + c of plane k in row k − 1; at least one.
-    segments : ndarray of shape (n_segments, 2, 2)
-        Candidate borders in plan [m].
+    lines : tuple of ndarray of shape (n_lines, 2, 2)
+        Candidate borders in plan, first steps and then lines in which planes meet [m].
     spacing : float
         Point spacing [m].
     config : BuildingModelConfig
     """
     samples = make_samples(points, plane_id, outline, spacing)
     inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
-    roof = _Roof(outline, points, samples, inward, Limits.of(points, spacing), planes, spacing, config)
+    segments = np.concatenate([*lines, inward])
+    roof = _Roof(outline, points, samples, len(lines[0]), Limits.of(points, spacing), planes, spacing, config)
     found = _label(roof, segments)
     missed = find_missed_parts(points, plane_id, found.above(roof), outline, spacing, config.min_face_area)
     if len(missed.sides):
@@ -85,7 +86,7 @@ class _Roof:
     outline: Outline
     points: FloatArray
     samples: Samples
-    inward: FloatArray
+    n_steps: int
     limits: Limits
     planes: FloatArray
     spacing: float
@@ -108,15 +109,15 @@ class _Labelled:
 
 
 def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
-    """Cut the outline along segments and the walls of its re-entrant corners; give every cell a plane."""
+    """Cut the outline along segments, steps first; give every cell a plane."""
     outline, planes, config = roof.outline, roof.planes, roof.config
-    lines = np.concatenate([segments, roof.inward])
-    lines = extend_segments(lines, walls_of(outline)) if len(planes) > 1 else lines[:0]
+    lines = extend_segments(segments, walls_of(outline), roof.n_steps) if len(planes) > 1 else segments[:0]
     cells = cut_into_cells(outline, lines)
     cell = cells_of_points(cells, roof.samples.points)
     costs = plane_costs(roof.samples, cell, cells, planes, roof.limits)
     labels = np.argmin(costs, axis=1)
-    labels = simplified(cells, labels, costs, _BORDER_COST * roof.spacing, _CORNER_COST, config.min_face_area)
+    prices = _BORDER_COST * roof.spacing, _CORNER_COST
+    labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
     return _Labelled(cells, labels, cell[: len(roof.points)])
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.joints import (
     PARALLEL,
     extent_of,
@@ -17,9 +16,10 @@ from lidar_buildings.core.stages.regularisation.joints import (
     turn_at,
     turning_point,
 )
-from lidar_buildings.core.stages.regularisation.moments import running_sums
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import N_SHAPE, RADIUS, fit_wall, foot_on
+from lidar_buildings.core.surfaces.ring_division.division import Division
+from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
 
 class Fit(NamedTuple):

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.regularisation.config import OWN_DIRECTION_COST, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import shared_directions, wall_scatters
-from lidar_buildings.core.stages.regularisation.division import Division, divide_ring
-from lidar_buildings.core.stages.regularisation.moments import running_sums
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.surfaces.ring_division.division import Division, divide_ring
+from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
 #: What a further pair of directions must save in squared offsets over noise²: a term of the information
 #: criterion (Schwarz, 1978).

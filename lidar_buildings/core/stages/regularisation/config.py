@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits
-from lidar_buildings.core.stages.regularisation.division import Costs
+from lidar_buildings.core.surfaces.ring_division.division import Costs
 
 #: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
 _MAX_DEPTH, _MAX_LENGTH = 1.0, 12.0

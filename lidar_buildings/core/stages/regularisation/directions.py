@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.division import ARC, Division
-from lidar_buildings.core.stages.regularisation.moments import least_scatter, normal_angle, scatter_of
+from lidar_buildings.core.surfaces.ring_division.division import ARC, Division
+from lidar_buildings.core.surfaces.ring_division.moments import least_scatter, normal_angle, scatter_of
 
 _RIGHT_ANGLE = np.pi / 2
 #: Rounds in which walls may leave a group because they do not fit it.

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.division import Division
-from lidar_buildings.core.stages.regularisation.moments import running_sums, scatter_of
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
+from lidar_buildings.core.surfaces.ring_division.division import Division
+from lidar_buildings.core.surfaces.ring_division.moments import running_sums, scatter_of
 
 
 def adjusted_directions(

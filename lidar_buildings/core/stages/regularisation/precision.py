@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.regularisation.assembly import WalledRing
-from lidar_buildings.core.stages.regularisation.division import ARC, FREE
 from lidar_buildings.core.stages.regularisation.result import OutlineWall
 from lidar_buildings.core.stages.regularisation.walls import CENTRE_X, CENTRE_Y, RADIUS
+from lidar_buildings.core.surfaces.ring_division.division import ARC, FREE
 
 
 def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, assemble
 from lidar_buildings.core.stages.regularisation.building_walls import both_ways, divide_building
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.division import Division
 from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
 from lidar_buildings.core.stages.regularisation.precision import (
@@ -31,6 +30,7 @@ from lidar_buildings.core.stages.regularisation.samples import (
     working_spacing,
 )
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
+from lidar_buildings.core.surfaces.ring_division.division import Division
 
 #: Fewest ring points that walls are fitted to: a rectangle has as many unknowns.
 _MIN_RING_POINTS = 5

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.stages.regularisation.division import FREE, Division
-from lidar_buildings.core.stages.regularisation.moments import normal_angle, running_sums, scatter_of
+from lidar_buildings.core.surfaces.ring_division.division import FREE, Division
+from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
 
 
 def divide_at_turns(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.stages.regularisation.division import ARC, FREE
-from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, normal_angle, scatter_of
+from lidar_buildings.core.surfaces.ring_division.division import ARC, FREE
+from lidar_buildings.core.surfaces.ring_division.moments import algebraic_circle, normal_angle, scatter_of
 
 #: What is known of a wall's shape: a line x cos θ + y sin θ = ρ has a radius of 0; an arc's is positive where
 #: the ring goes round it counter-clockwise, and negative where clockwise.

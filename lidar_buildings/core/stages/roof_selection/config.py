@@ -99,8 +99,8 @@ class RoofSelectionConfig(StageConfig):
     )
     min_building_width: float = parameter(
         3.0,
-        "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, hedges "
-        "and small garages. Not used where it is less than two spacings.",
+        "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, "
+        "hedges and small garages. Not used where it is less than two spacings.",
         unit="m",
         minimum=0.0,
         maximum=50.0,

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
+from lidar_buildings.core.stages.roof_topology.step_chains import step_chains
 from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines, closed_up
-from lidar_buildings.core.stages.roof_topology.straight_runs import closing, run_segments, straight_runs
+from lidar_buildings.core.stages.roof_topology.straight_runs import straight_runs
 from lidar_buildings.core.surfaces.roof_planes.directions import (
     main_directions,
     outline_directions,
@@ -18,12 +19,7 @@ from lidar_buildings.core.surfaces.roof_planes.directions import (
 )
 
 #: Shorter pieces of a line between one pair of planes are left out [spacings].
-_LEAST_PIECE = 1.0
-#: Angles tried for what runs in none of the main directions [deg], and the shortest run there [spacings].
-_OTHER_ANGLES_DEG = np.arange(0.0, 180.0, 7.5)
-_LEAST_OTHER = 4.0
-#: The shortest run that goes from line to line [spacings].
-_LEAST_CLOSING = 0.8
+_LEAST_PIECE = 2.0
 #: Points keep so far from a border in the mean; upper ones that keep farther than that hide a strip of the
 #: lower roof [spacings].
 _USUAL_GAP, _OPEN_GAP = 0.5, 1.25
@@ -36,7 +32,6 @@ def find_step_lines(
     gradients: FloatArray,
     area: FloatArray,
     rings: tuple[FloatArray, ...],
-    stops: FloatArray,
     centre: FloatArray,
     spacing: float,
 ) -> StepLines:
@@ -56,8 +51,6 @@ def find_step_lines(
         How large each plane is in plan [m²].
     rings : tuple of ndarray of shape (n, 2)
         The outline's [m].
-    stops : ndarray of shape (n, 2, 2)
-        Ends of the outline's walls and of the pieces of intersection lines, about the centre [m].
     centre : ndarray of shape (2 or more,)
         [m].
     spacing : float
@@ -68,46 +61,27 @@ def find_step_lines(
         nothing = np.zeros(0)
         planes = np.zeros((0, 2), dtype=np.int32)
         return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
-    xy, upright = borders.xy[rows], borders.upright[rows]
-    angles = _candidate_angles(gradients, area, rings)
-    runs, run = _all_runs(xy, upright, borders.cell, angles, stops, spacing)
-    taken = np.flatnonzero(run >= 0)
-    rows, run, xy = rows[taken], run[taken], xy[taken]
+    xy = borders.xy[rows]
+    first, second = borders.first[rows], borders.second[rows]
+    tops, others = (_elevations(gradients[planes - 1], xy) for planes in (first, second))
+    upper = np.where(tops >= others, first, second)
+    chains = step_chains(xy, borders.upright[rows], upper, np.maximum(tops, others), borders.cell)
+    runs, run = straight_runs(xy, chains, _candidate_angles(gradients, area, rings), borders.cell, spacing)
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
-    higher = _first_is_higher(borders, rows, run, gradients)
+    higher = _first_is_higher(first, tops - others, run)
     beside = _upper_points(borders, rows, points, centre, angle, offset, higher)
     weight = np.bincount(run, minlength=len(runs))
     mean = np.bincount(run, beside, len(runs)) / np.maximum(weight, 1)
     hidden = np.abs(mean) > _OPEN_GAP * spacing
     shift = np.where(hidden, mean - np.copysign(_USUAL_GAP * spacing, mean), 0.0)
-    first, second = borders.first[rows], borders.second[rows]
     planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
     return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length)
 
 
-def _all_runs(
-    xy: FloatArray, upright: BoolArray, cell: float, angles: FloatArray, stops: FloatArray, spacing: float
-) -> tuple[FloatArray, IntArray]:
-    """
-    Return straight runs and which of them each side lies on, -1 = none.
-
-    First long ones in the main directions, then long ones in any; and last short ones in the main directions
-    that run from line to line, such as the side walls of dormers.
-    """
-    free = np.ones(len(xy), dtype=np.bool_)
-    runs, run = straight_runs(xy, upright, cell, angles, spacing, free)
-    others, other_run = straight_runs(
-        xy, upright, cell, np.radians(_OTHER_ANGLES_DEG), spacing, free, _LEAST_OTHER
-    )
-    run = np.where(other_run >= 0, other_run + len(runs), run)
-    runs = np.concatenate([runs, others])
-    short, short_run = straight_runs(xy, upright, cell, angles, spacing, free, _LEAST_CLOSING)
-    stops = np.concatenate([stops, run_segments(runs)])
-    number = np.where(closing(short, stops, spacing), len(runs) + np.arange(len(short)), -1)
-    run = np.where(short_run >= 0, np.append(number, -1)[short_run], run)
-    return np.concatenate([runs, short]), run
+def _elevations(gradients: FloatArray, xy: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("ki,ki->k", gradients[:, :2], xy) + gradients[:, 2])
 
 
 def _candidate_angles(gradients: FloatArray, area: FloatArray, rings: tuple[FloatArray, ...]) -> FloatArray:
@@ -118,12 +92,9 @@ def _candidate_angles(gradients: FloatArray, area: FloatArray, rings: tuple[Floa
     return np.concatenate([main, main + math.pi / 2])
 
 
-def _first_is_higher(borders: Borders, rows: IntArray, run: IntArray, gradients: FloatArray) -> BoolArray:
+def _first_is_higher(first: NDArray[np.int32], rise: FloatArray, run: IntArray) -> BoolArray:
     """Whether, of the planes of each side, the first is the higher one along the run, on average."""
-    difference = gradients[borders.first[rows] - 1] - gradients[borders.second[rows] - 1]
-    rise = np.einsum("ki,ki->k", difference[:, :2], borders.xy[rows]) + difference[:, 2]
-    n = len(gradients) + 1
-    _, group = np.unique((run * n + borders.first[rows]) * n + borders.second[rows], return_inverse=True)
+    _, group = np.unique(run << 32 | first, return_inverse=True)
     return np.asarray(np.bincount(group, rise)[group] >= 0)
 
 

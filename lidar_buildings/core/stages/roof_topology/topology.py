@@ -13,7 +13,6 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_topology.borders import find_borders
 from lidar_buildings.core.stages.roof_topology.common_vertices import find_common_vertices, piece_ends
-from lidar_buildings.core.stages.roof_topology.obstacles import walls_about
 from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
 from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
 from lidar_buildings.core.stages.roof_topology.result import (
@@ -93,9 +92,8 @@ def _topology(
     gradients = adjustment.coefficients
     area = adjustment.free.counts * spacing**2
     ends = piece_ends(pieces, gradients)
-    stops = np.concatenate([walls_about(rings, centre), ends])
     scale = max(spacing, _LEAST_DETAIL)
-    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, stops, centre, scale)
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, centre, scale)
     lines = snapped(lines, rings, centre, scale)
     lines = extended(lines, ends, rings, centre, scale)
     intersections = finished(

@@ -98,6 +98,12 @@ def test_a_segment_runs_on_to_the_next_one_at_both_ends():
     assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
 
+def test_a_step_runs_past_the_next_segment_but_not_past_a_wall():
+    segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[7.0, 2.0], [7.0, 8.0]], [[8.0, 2.0], [8.0, 8.0]]])
+    extended = extend_segments(segments, walls_of(Outline(SQUARE)), 1)
+    assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
+
+
 def test_a_segment_without_length_stays_where_it_is():
     segments = np.array([[[4.0, 5.0], [4.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
     extended = extend_segments(segments, walls_of(Outline(SQUARE)))
@@ -149,7 +155,8 @@ def test_a_face_stays_that_is_large_and_worth_its_corners(misfit, min_area, stay
     costs = (labels[:, None] != np.arange(3)) * misfit * 10.0
     costs[labels == 1] /= 10.0
     # Two corners of each of two faces along either long side; away goes one of these sides.
-    found = simplified(cells, labels, costs, 0.01, 0.1, min_area)
+    levels = np.column_stack([np.zeros((3, 2)), np.arange(3)])
+    found = simplified(cells, labels, costs, levels, (0.01, 0.1), min_area)
     assert (set(found) == {0, 1, 2}) == stays
     assert {0, 2} <= set(found)
 
@@ -163,9 +170,9 @@ def test_a_tooth_of_a_seam_goes_to_the_plane_beyond():
     tooth = (abs(middles - [5.5, 4.5]) < 0.1).all(axis=1)
     costs = (truth[:, None] != np.arange(2)) * cells.areas[:, None]
     costs[tooth] = [[0.0, 0.1]]
-    labels = np.where(tooth, 0, truth)
-    assert np.array_equal(simplified(cells, labels, costs, 0.01, 0.1, 0.0), truth)
-    assert np.array_equal(simplified(cells, labels, costs, 0.0, 0.01, 0.0), labels)
+    labels, levels = np.where(tooth, 0, truth), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert np.array_equal(simplified(cells, labels, costs, levels, (0.01, 0.1), 0.0), truth)
+    assert np.array_equal(simplified(cells, labels, costs, levels, (0.0, 0.01), 0.0), labels)
 
 
 def patch(x0, x1, plane, rows=()):

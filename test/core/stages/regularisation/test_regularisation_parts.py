@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 from lidar_buildings.core.stages.regularisation.directions import WallScatter, shared_directions
-from lidar_buildings.core.stages.regularisation.division import ARC, FREE, Costs, divide_ring
 from lidar_buildings.core.stages.regularisation.joints import find_joint
-from lidar_buildings.core.stages.regularisation.moments import algebraic_circle, running_sums
 from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
@@ -26,6 +24,8 @@ from lidar_buildings.core.stages.regularisation.walls import (
     nearest_meeting,
     offset_of,
 )
+from lidar_buildings.core.surfaces.ring_division.division import ARC, FREE, Costs, divide_ring
+from lidar_buildings.core.surfaces.ring_division.moments import algebraic_circle, running_sums
 
 LIMITS = ConcavityLimits(1.0, 12.0, 3.0, 3.0)
 

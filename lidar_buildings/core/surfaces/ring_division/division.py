@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.stages.regularisation.moments import (
+from lidar_buildings.core.surfaces.ring_division.moments import (
     algebraic_circle,
     least_scatter,
     running_sums,
@@ -117,7 +117,7 @@ def divide_ring(
     sense = 1.0 if x @ np.roll(y, -1) >= y @ np.roll(x, -1) else -1.0
     shift = 0 if start is None else start % n
     for _ in range(2 if start is None else 1):
-        first, kind, cost = _divide(sums, n, shift, sense, np.cos(angles), np.sin(angles), *costs)
+        first, kind, cost = divide_chain(sums, n, shift, sense, np.cos(angles), np.sin(angles), *costs)
         first, kind = first[::-1].copy(), kind[::-1].copy()
         corners = first + shift
         # The corner farthest, along the ring, from where this division began.
@@ -127,7 +127,7 @@ def divide_ring(
 
 
 @kernel
-def _divide(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
+def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 

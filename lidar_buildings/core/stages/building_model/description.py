@@ -1,0 +1,103 @@
+"""How long the description of a partition is: misfit, borders, and corners as people draw them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lidar_buildings.core.kernels import inner_kernel
+
+#: Edges that turn by less run straight on: sine of the angle.
+_STRAIGHT = 0.02
+#: Corners of faces at one place are one corner if their elevations differ by less [m].
+_ONE_CORNER = 0.02
+
+
+@inner_kernel
+def grouped(owners, n):  # type: ignore[no-untyped-def]
+    """Return where each owner's places begin, and the rows of `owners` by owner; -1 owns none."""
+    first, rows = np.zeros(n + 1, np.int64), np.empty(owners.size, np.int64)
+    for e in range(len(owners)):
+        for side in range(2):
+            if owners[e, side] >= 0:
+                first[owners[e, side]] += 1
+    for k in range(n):
+        first[k + 1] += first[k]
+    for e in range(len(owners) - 1, -1, -1):
+        for side in range(2):
+            if owners[e, side] >= 0:
+                first[owners[e, side]] -= 1
+                rows[first[owners[e, side]]] = e
+    return first, rows
+
+
+@inner_kernel
+def _turn(e, v, borders, turns):  # type: ignore[no-untyped-def]
+    """Direction in which an edge leaves a vertex [rad]."""
+    return turns[e] if borders[e, 0] == v else turns[e] - math.copysign(math.pi, turns[e])
+
+
+@inner_kernel
+def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
+    """Put the edges round each vertex in place by rising direction."""
+    for v in range(len(first) - 1):
+        for k in range(first[v] + 1, first[v + 1]):
+            e, at = rows[k], k
+            while at > first[v] and _turn(rows[at - 1], v, borders, turns) > _turn(e, v, borders, turns):
+                rows[at] = rows[at - 1]
+                at -= 1
+            rows[at] = e
+
+
+@inner_kernel
+def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return what some cells, their edges and their vertices cost [m³], or a part that is `most` already."""
+    first, rows, begin, around, _, sides, _, prices, _, _, _ = graph
+    total = 0.0
+    for c in members:
+        total += costs[c, labels[c]]
+        for k in range(begin[c], begin[c + 1]):
+            one, other = sides[around[k], 0], sides[around[k], 1]
+            if one >= 0 and other >= 0 and labels[one] != labels[other]:
+                total += prices[around[k]]
+        if total >= most:
+            return total
+    for v in vertices:
+        start, before, n = -1, -1, 0
+        for k in range(first[v], first[v + 1]):
+            e = rows[k]
+            if plane_beside(e, 0, sides, labels) == plane_beside(e, 1, sides, labels):
+                continue
+            if start < 0:
+                start = e
+            else:
+                n = _corners(v, before, e, n, labels, graph)
+            before = e
+        if before != start:
+            n = _corners(v, before, start, n, labels, graph)
+        total += corner_cost * n
+    return total
+
+
+@inner_kernel
+def plane_beside(e, side, sides, labels):  # type: ignore[no-untyped-def]
+    """Plane on one side of an edge, -1 beside the outline."""
+    return labels[sides[e, side]] if sides[e, side] >= 0 else -1
+
+
+@inner_kernel
+def _corners(v, one, other, n, labels, graph):  # type: ignore[no-untyped-def]
+    """Return the number of corners at a vertex, with that of the face between two edges if it turns there."""
+    _, _, _, _, borders, sides, courses, _, spots, planes, heights = graph
+    # To the left of an edge that leaves the vertex lies what follows by rising direction.
+    inside = sides[one, 0] if borders[one, 0] == v else sides[one, 1]
+    is_straight = abs(courses[one, 0] * courses[other, 1] - courses[one, 1] * courses[other, 0]) < _STRAIGHT
+    if inside < 0 or is_straight:
+        return n
+    p = labels[inside]
+    heights[n] = planes[p, 0] * spots[v, 0] + planes[p, 1] * spots[v, 1] + planes[p, 2]
+    for k in range(n):
+        if abs(heights[k] - heights[n]) < _ONE_CORNER:
+            return n
+    return n + 1

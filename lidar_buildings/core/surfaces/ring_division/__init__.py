@@ -1,0 +1,1 @@
+"""Where rings and open chains of points turn: their division into straight walls and arcs."""
