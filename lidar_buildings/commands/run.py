@@ -11,7 +11,6 @@ import time
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
-from lidar_buildings.commands.plan import compare_with_plan
 from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
@@ -60,7 +59,11 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
         outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
     wall = time.perf_counter() - started
-    planned = compare_with_plan(request, options, outcome, wall) if request.use is Use.NONE else ""
+    planned = ""
+    if request.use is Use.NONE:
+        from lidar_buildings.commands.plan import compare_with_plan  # not before the pool has begun
+
+        planned = compare_with_plan(request, options, outcome, wall)
     if options.json:
         print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))
     elif not options.quiet:

@@ -106,7 +106,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
     untold = ("record", "rate", "topic", "odometry", "start", "duration", "update", "namespace", "output")
-    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, scheduler="")
+    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, quiet=False, scheduler="")
     parser.set_defaults(**dict.fromkeys(("footprints", "footprints_layer", "footprint_id", *untold)))
 
 

@@ -85,8 +85,8 @@ def _simplify(  # type: ignore[no-untyped-def]
     looked, changed = np.zeros((2, n_cells), np.int64), np.zeros(n_cells, np.int64)
     longer, stale = np.empty(n_cells), np.zeros(n_cells, np.int64)
     taken, member = np.empty(_MOST_TOGETHER, np.int64), np.empty(1, np.int64)
-    work = (members, vertices, vertex_mark, cell_mark, stale, taken, member)
     tried, mark = np.zeros(costs.shape[1], np.int64), np.zeros(1, np.int64)
+    work = (members, vertices, vertex_mark, cell_mark, stale, taken, member, tried)
     for most in (1, _MOST_TOGETHER):
         looked[0] = -1
         for _ in range(_MAX_ROUNDS):
@@ -131,12 +131,15 @@ def _simplify(  # type: ignore[no-untyped-def]
 def _spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
-    fringe, vertices, vertex_mark, seen, stale, taken, member = work
+    fringe, vertices, vertex_mark, seen, stale, taken, member, tried = work
     own, bound = labels[start], _MOST_LONGER * corner_cost if most > 1 else 0.0
+    visit = mark[0]
+    tried[own] = visit
     for at in range(begin[start], begin[start + 1]):
         label = plane_beside(around[at], 0 if sides[around[at], 0] != start else 1, sides, labels)
-        if label < 0 or label == own:
+        if label < 0 or tried[label] == visit:
             continue
+        tried[label] = visit
         mark[0] += 1
         begun, n, m, total = mark[0], 0, 1, 0.0
         fringe[0], seen[start], stale[start] = start, begun, begun
