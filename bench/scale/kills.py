@@ -18,7 +18,7 @@ from pathlib import Path
 from bench.scale.cluster import Cluster
 
 #: Files that tell of the run itself.
-_OF_THE_RUN = {"run.json"}
+_OF_THE_RUN = {"run.json", "report.html"}
 
 
 def main() -> int:

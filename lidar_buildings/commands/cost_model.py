@@ -3,8 +3,9 @@ What a run will take, from the points, the area and the tiles of its survey.
 
 All figures of the model stand here. They were fitted to runs on two cores with all defaults: the virtual
 village whole and in 36 tiles, Delft once and four times, Montpellier, fusa, Toronto, Amsterdam and two sparse
-surveys of 0.75 and 1 km² (0.3 to 28 points a square metre). It is within 20 % of each in processor time and
-memory: what it does not know is how much of a survey is roofs. `bench.scale.plans` compares it with runs.
+surveys of 0.75 and 1 km² (0.3 to 28 points a square metre), then moved to what the village and Delft take
+with a report. What it does not know is how much of a survey is roofs: `bench.scale.plans` compares it with
+runs.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan
 
 #: Processor time to read a point, do it once, and write it [s].
-_POINT = 2.88e-6
+_POINT = 3.55e-6
 #: Processor time of a point in a tile or its buffer [s]: buffers are seen again and again.
-_SEEN_POINT = 1.30e-6
+_SEEN_POINT = 1.55e-6
 #: Processor time of a square metre: rasters, terrain, and houses, however many points they have [s].
 _SQUARE_METRE = 15.1e-6
 #: Part of a core that several workers lose to each other, and to what one of them does alone.
@@ -70,10 +71,10 @@ class _WayFigures(NamedTuple):
 class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
-    PROCESSES = _WayFigures(1.6, 0.0, 1.0, 110e6, 90e6, 1.0)
-    GRAPH = _WayFigures(1.8, 0.0, 1.13, 200e6, 90e6, 1.75)
+    PROCESSES = _WayFigures(1.2, 0.0, 1.0, 320e6, 90e6, 1.0)
+    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75)
     #: Workers load compiled loops each for itself, where the others are forked with them.
-    CLUSTER = _WayFigures(2.0, 1.5, 1.0, 200e6, 180e6, 1.0)
+    CLUSTER = _WayFigures(2.0, 1.2, 1.0, 320e6, 180e6, 1.0)
 
 
 @dataclass(frozen=True)
