@@ -90,8 +90,8 @@ class RoofSelectionConfig(StageConfig):
     )
     min_roof_width: float = parameter(
         2.5,
-        "Narrowest part of up to max_part_area that is a roof on its level, with smooth_patches; raising it "
-        "drops balconies, awnings and carports. Not used where it is less than five spacings.",
+        "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
+        "hedges. Not used where it is less than five spacings.",
         unit="m",
         minimum=0.0,
         maximum=20.0,

@@ -1,89 +1,74 @@
-"""What is too narrow for its level is told from dormers and wings."""
+"""What is too narrow to be a building is told by an opening in plan."""
 
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from lidar_buildings.core.neighbours.columns import by_column
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
-    LEVEL_STEP,
-    of_buildings,
-    wide_enough,
-)
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough as of_columns
 from lidar_buildings.core.surfaces.morphology import square_distances
-from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
-CELL = 0.4
+SPACING = 0.25
 
 
-def wide(points, building=3.0, part_of_roof=2.5):
-    """Return which points are of buildings and wide enough, in their order; parts of 12 m² are opened."""
-    columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
-    part = connected_columns(columns, LEVEL_STEP)
-    area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
-    kept = of_buildings(columns, part, area, building)
-    found[columns.rows] = kept & wide_enough(columns, part, area < 12.0, part_of_roof)
+def wide_enough(points, cell, width):
+    """Return which points are wide enough, in their order."""
+    columns, found = by_column(points, cell), np.empty(len(points), dtype=bool)
+    found[columns.rows] = of_columns(columns, width)[columns.column]
     return found
 
 
-def box(x, y, z, step=0.3):
-    """A level sheet over x from, to and y from, to."""
-    a, b = np.meshgrid(np.arange(*x, step), np.arange(*y, step))
-    return np.column_stack([a.ravel(), b.ravel(), np.full(a.size, z)])
+def rectangle(width, length, x=0.0, y=0.0):
+    across, along = np.meshgrid(np.arange(x, x + width, SPACING), np.arange(y, y + length, SPACING))
+    return np.column_stack([across.ravel(), along.ravel(), np.full(across.size, 3.0)]) + SPACING / 2
 
 
-HOUSE = box((0, 20), (0, 12), 9.0)
+@pytest.mark.parametrize(("width", "passes"), [(1.5, False), (2.0, False), (3.0, True), (8.0, True)])
+def test_what_is_narrower_than_asked_for_goes(width, passes):
+    found = wide_enough(rectangle(width, 10.0), SPACING, 2.5)
+    assert found.all() if passes else not found.any()
 
 
-def kept(part, **widths):
-    """Return how much of a part and of the house beside it stays."""
-    points = np.vstack([HOUSE, part])
-    found = wide(points, **widths)
-    return found[len(HOUSE) :].mean(), found[: len(HOUSE)].mean()
+def test_a_narrow_arm_goes_and_what_it_sticks_out_of_stays_whole():
+    house, arm = rectangle(8.0, 8.0), rectangle(1.0, 6.0, x=3.0, y=8.0)
+    found = wide_enough(np.vstack([house, arm]), SPACING, 2.5)
+    assert found[: len(house)].all()
+    far = arm[:, 1] > 8.0 + 2.5 / 2 + 2 * SPACING
+    assert not found[len(house) :][far].any()
 
 
-@pytest.mark.parametrize(
-    ("part", "share"),
-    [
-        (box((4, 10), (12, 13.5), 5.0), 0.0),
-        (box((4, 10), (12, 16), 5.0), 1.0),
-        (box((4, 5), (4, 5), 11.0), 1.0),
-        (box((2, 12), (4, 4.6), 10.5), 1.0),
-        (box((20.4, 34), (4, 6.3), 4.0), 0.0),
-        (box((20.4, 34), (4, 8.5), 4.0), 1.0),
-        (box((2, 16), (12, 14.3), 4.0), 1.0),
-    ],
-    ids=["balcony", "annex", "chimney", "duct", "lorry at a dock", "wing", "lean-to"],
-)
-def test_what_is_narrow_on_its_level_goes_unless_it_stands_on_a_roof_or_leans_on_one(part, share):
-    assert kept(part) == (share, 1.0)
+def test_a_courtyard_is_an_edge_and_a_missing_point_is_none():
+    ring = rectangle(12.0, 12.0)
+    ring = ring[~((abs(ring[:, :2] - 6.0) < 4.5).all(axis=1))]
+    assert not wide_enough(ring, SPACING, 2.5).any()
+    house = np.delete(rectangle(4.0, 4.0), 100, axis=0)
+    assert wide_enough(house, SPACING, 2.5).all()
 
 
-def test_what_stands_alone_goes_unless_it_is_as_wide_as_a_building_somewhere():
-    lorry, shed, far = box((0, 14), (0, 2.4), 4.0), box((40, 46), (0, 4), 3.0), HOUSE + np.array([0, 80, 0])
-    points = np.vstack([lorry, shed, far])
-    np.testing.assert_array_equal(wide(points), np.arange(len(points)) >= len(lorry))
-    assert wide(points, building=0.0).all()
+def test_far_parts_and_other_rows_change_nothing():
+    house = rectangle(2.75, 9.0, x=120.0, y=-40.0)
+    far = rectangle(6.0, 6.0, x=90_000.0, y=70_000.0)
+    order = np.random.default_rng(0).permutation(len(house) + len(far))
+    together = wide_enough(np.vstack([house, far])[order], SPACING, 2.5)
+    alone = np.concatenate([wide_enough(house, SPACING, 2.5), wide_enough(far, SPACING, 2.5)])
+    assert (together == alone[order]).all()
 
 
-def test_a_missing_point_makes_nothing_narrow():
-    garage = box((0, 4.8), (0, 4.8), 3.0)
-    assert wide(np.delete(garage, len(garage) // 2, axis=0)).all()
+def test_blocks_do_not_show_where_a_roof_lies_across_them():
+    # 512 cells of 0.25 m make a block of 128 m.
+    inside, across = rectangle(2.75, 30.0, x=20.0), rectangle(2.75, 30.0, x=127.0, y=113.0)
+    for points in (inside, across):
+        assert wide_enough(points, SPACING, 2.5).all()
+        assert not wide_enough(points, SPACING, 3.5).any()
 
 
-def test_the_order_of_points_and_how_far_others_are_do_not_matter():
-    points = np.vstack([HOUSE, box((4, 10), (12, 13.5), 5.0), HOUSE + np.array([5000, 0, 0])])
-    shuffle = np.random.default_rng(1).permutation(len(points))
-    straight = wide(points)
-    np.testing.assert_array_equal(wide(points[shuffle]), straight[shuffle])
-    assert (~straight).sum() == len(box((4, 10), (12, 13.5), 5.0))
+def test_where_cells_are_too_large_to_tell_all_pass():
+    assert wide_enough(rectangle(0.5, 10.0), 2.0, 2.5).all()
 
 
-def test_widths_of_too_few_cells_are_not_looked_at():
-    balcony = box((4, 10), (12, 13.5), 5.0)
-    assert kept(balcony, part_of_roof=4.9 * CELL) == (1.0, 1.0)
-    assert kept(box((20.4, 34), (4, 4.5), 4.0), building=1.9 * CELL, part_of_roof=0.0) == (1.0, 1.0)
-    assert len(wide(np.zeros((0, 3)))) == 0
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_few_points_are_narrow(n):
+    assert not wide_enough(rectangle(0.5, 0.5)[:n], SPACING, 2.5).any()
 
 
 @pytest.mark.parametrize("value", [0, 1])

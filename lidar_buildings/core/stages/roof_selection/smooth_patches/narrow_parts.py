@@ -1,10 +1,8 @@
-"""What is too narrow on its level: vehicles, alone or at a dock, hedges, balconies and awnings."""
+"""What is too narrow to be a roof, in the plan of the columns that hold points: hedges, walls."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,129 +11,45 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.surfaces.morphology import square_distances
 
-#: Roofs that no step of half a storey connects are of different levels [m].
-LEVEL_STEP = 1.2
-#: Largest part that may be a vehicle or a hedge [m²]: larger ones as narrow are longer than 100 m.
-MAX_NARROW_AREA = 300.0
-#: Cells across the narrowest building, and across the narrowest part of a roof: fewer are too coarse to tell.
-MIN_BUILDING_CELLS, MIN_PART_CELLS = 2.0, 5.0
-#: Share of a part's rim beside other roofs, up to which it only touches them: a lorry's end, not a lean-to's
-#: side; and how far from the rim they may be [m].
-MAX_CONTACT = 0.2
-CONTACT_REACH = 1.0
+#: Cells across the narrowest part: a disc of fewer is too coarse to tell what is as wide.
+MIN_CELLS = 5.0
+#: Cells along the side of the blocks in which the plan is handled, so that far points cost no memory.
+BLOCK = 512
 
 
-class _Window(NamedTuple):
+def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
     """
-    A part: its points' rows, their places in a window around it, and three plans of that.
+    Tell which columns lie within a disc, of this diameter, that lies within the plan of the points.
 
-    The plans show roofs no higher than the part's top, the part itself, and others.
-    """
-
-    rows: NDArray[np.intp]
-    place: tuple[NDArray[np.int32], NDArray[np.int32]]
-    below: NDArray[np.uint8]
-    own: NDArray[np.uint8]
-    others: NDArray[np.uint8]
-
-
-def of_buildings(
-    columns: Columns, part: NDArray[np.int64], area: NDArray[np.float64], min_width: float
-) -> NDArray[np.bool_]:
-    """
-    Tell which points are of parts somewhere as wide as a building, or leaning on others.
+    An opening: the plan is cut back by half the width and grown again by as much, and by half a column. What
+    lies farther away than the width and some columns does not matter.
 
     Parameters
     ----------
     columns : Columns
-        Points of roofs; no narrower than a spacing, else a roof is full of gaps [m].
-    part : ndarray of int64, shape (n_points,)
-        What steps of less than a level connect.
-    area : ndarray of shape (n_parts,)
-        In plan [m²].
+        Of points of roofs; no narrower than a spacing, else a roof is full of gaps [m].
     min_width : float
-        Of buildings [m]; one below `MIN_BUILDING_CELLS` columns says nothing, and all pass.
+        Diameter of the disc [m]; one below `MIN_CELLS` columns says nothing, and all pass.
     """
-    kept = np.ones(len(part), dtype=bool)
-    if min_width < MIN_BUILDING_CELLS * columns.size:
-        return kept
-    reach = math.ceil(0.5 * min_width / columns.size + 0.5)
-    for one in _windows(columns, part, area < MAX_NARROW_AREA, reach):
-        deepest = math.sqrt(square_distances(closed(one.below), 0, reach)[one.place].max())
-        if (2.0 * deepest - 1.0) * columns.size < min_width:
-            kept[one.rows] = _contact(one.own, one.others, columns.size) > MAX_CONTACT
-    return kept
-
-
-def wide_enough(
-    columns: Columns, part: NDArray[np.int64], is_judged: NDArray[np.bool_], min_width: float
-) -> NDArray[np.bool_]:
-    """
-    Tell which points a disc covers that lies within their part and what is no higher than its top.
-
-    An opening: a dormer stands on the roof around it, a balcony on nothing.
-
-    Parameters
-    ----------
-    columns, part
-        As for `of_buildings`.
-    is_judged : ndarray of bool, shape (n_parts,)
-        For which parts to ask; all points of others pass.
-    min_width : float
-        Diameter of the disc [m]; one below `MIN_PART_CELLS` columns says nothing, and all pass.
-    """
-    kept = np.ones(len(part), dtype=bool)
     half = 0.5 * min_width / columns.size
-    if half < 0.5 * MIN_PART_CELLS:
-        return kept
-    reach = math.ceil(half)
-    for one in _windows(columns, part, is_judged, reach):
-        kept[one.rows] = opened(square_distances(closed(one.below), 0, reach), half)[one.place]
-    return kept
-
-
-def _windows(
-    columns: Columns, part: NDArray[np.int64], is_judged: NDArray[np.bool_], reach: int
-) -> Iterator[_Window]:
-    """Go through the parts that are judged."""
-    chosen = np.flatnonzero(is_judged[part])
-    chosen = chosen[np.argsort(part[chosen], kind="stable")]
-    begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
-    for rows in np.split(chosen, begins[1:]) if len(chosen) else ():
-        cells = columns.places[columns.column[rows]]
-        low = cells.min(axis=0) - (2 * reach + 4)
-        y, x = (cells - low).T
-        shape = (y.max() + 2 * reach + 5, x.max() + 2 * reach + 5)
-        count, (below, others) = np.zeros(shape, np.int32), np.zeros((2, *shape), np.uint8)
-        np.add.at(count, (y, x), 1)
-        line, held = _columns_within(columns, low, shape)
-        place = (line, columns.places[held, 1] - low[1])
-        below[place] = columns.points[columns.first[held], 2] <= columns.points[rows, 2].max()
-        others[place] = columns.first[held + 1] - columns.first[held] > count[place]
-        yield _Window(rows, (y, x), below, (count > 0).astype(np.uint8), others)
-
-
-def _contact(own: NDArray[np.uint8], others: NDArray[np.uint8], size: float) -> float:
-    """Return which share of a part's rim lies beside other roofs."""
-    plan = closed(own)
-    inner = plan[:-2, 1:-1] & plan[2:, 1:-1] & plan[1:-1, :-2] & plan[1:-1, 2:]
-    rim = plan[1:-1, 1:-1] > inner
-    reach = CONTACT_REACH / size
-    return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
-
-
-def _columns_within(
-    columns: Columns, low: NDArray[np.integer], shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the columns with points in a window of places, line by line, and their lines in it."""
-    start = (np.arange(shape[0]) + int(low[0])) * columns.row_length
-    west, east = max(int(low[1]), 0), min(int(low[1]) + shape[1], columns.row_length)
-    begin, end = np.searchsorted(columns.numbers, (start + west, start + east))
-    n = end - begin
-    line = np.repeat(np.arange(shape[0]), n)
-    within = np.arange(len(line)) + np.repeat(begin - (np.cumsum(n) - n), n)
-    is_held = columns.first[within + 1] > columns.first[within]
-    return line[is_held], within[is_held]
+    if half < 0.5 * MIN_CELLS:
+        return np.ones(len(columns.numbers), dtype=bool)
+    is_wide, holds = np.zeros(len(columns.numbers), dtype=bool), np.flatnonzero(np.diff(columns.first))
+    line, place = np.ascontiguousarray(columns.places[holds].T)
+    margin = 2 * math.ceil(half) + 4
+    band = line // BLOCK
+    for north in band[np.flatnonzero(np.diff(band, prepend=-1))] * BLOCK:
+        begin, end = np.searchsorted(line, (north - margin, north + BLOCK + margin))
+        for east in np.unique(place[begin:end] // BLOCK) * BLOCK:
+            near = (place[begin:end] >= east - margin) & (place[begin:end] < east + BLOCK + margin)
+            y, x = line[begin:end][near], place[begin:end][near]
+            south, west = y.min() - 2, x.min() - 2
+            plan = np.zeros((y.max() + 3 - south, x.max() + 3 - west), dtype=np.uint8)
+            plan[y - south, x - west] = 1
+            found = opened(square_distances(closed(plan), 0, math.ceil(half)), half)[y - south, x - west]
+            own = (y >= north) & (y < north + BLOCK) & (x >= east) & (x < east + BLOCK)
+            is_wide[holds[begin:end][near][own]] = found[own]
+    return is_wide
 
 
 def opened(depth: NDArray[np.int32], half: float) -> NDArray[np.bool_]:

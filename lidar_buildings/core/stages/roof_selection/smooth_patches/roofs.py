@@ -8,11 +8,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
-    LEVEL_STEP,
-    of_buildings,
-    wide_enough,
-)
+from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
 from lidar_buildings.core.surfaces.surface_patches import plan_areas
@@ -39,9 +36,9 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     """
     Tell which of the points above ground are roof.
 
-    Patches start roofs, which grow to their edges along tangent planes, whichever the return. Vehicles go
-    before roofs take in what stands on them, which would join them to a dock: last returns with roof all
-    around, and small parts. Parts too narrow for their level go, and buildings too small.
+    Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
+    what stands on them: last returns with roof all around, and small parts. What is too narrow goes, on its
+    level and as a whole, and what is too small.
 
     Parameters
     ----------
@@ -63,14 +60,10 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     if surface.votes is not None:
         roof = (roof & (surface.votes >= MIN_VOTES)) | (surface.votes >= SURE_VOTES)
         roof &= ~surface.is_wall & ~surface.is_deck
-    plan, rows, part, area = _levels(candidates, roof)
-    roof[rows] = of_buildings(plan, part, area, config.min_building_width)
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     roof |= stands & ~surface.is_wall
-    plan, rows, part, area = _levels(candidates, roof)
-    roof[rows] = wide_enough(plan, part, area < config.max_part_area, config.min_roof_width)
-    return candidates.of_buildings(roof, config.min_building_area)
+    return _without_narrow(candidates, roof, config)
 
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
@@ -95,12 +88,15 @@ def _small_parts(
     return kept
 
 
-def _levels(
-    candidates: Candidates, roof: NDArray[np.bool_]
-) -> tuple[Columns, NDArray[np.intp], NDArray[np.int64], NDArray[np.float64]]:
-    """Return the columns of the roofs' plan, the rows of their points, the part of each, the parts' areas."""
+def _without_narrow(
+    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    """Take out of the roofs what is too narrow, in plan and on its level, and what is too small."""
     plan = by_column(candidates.points[roof], max(MIN_PLAN_CELL, 0.5 * candidates.cell))
-    rows = np.flatnonzero(roof)[plan.rows]
+    is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
+    rows, plan = np.flatnonzero(roof)[plan.rows[is_wide]], plan.select(is_wide)
     label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
-    part = label[rows]
-    return plan, rows, part, plan_areas(part, n, plan.first, plan.size)
+    part, found = label[rows], np.zeros(len(roof), dtype=bool)
+    area = plan_areas(part, n, plan.first, plan.size)
+    found[rows] = wide_levels(plan, part, area, config)
+    return candidates.of_buildings(found, config.min_building_area)

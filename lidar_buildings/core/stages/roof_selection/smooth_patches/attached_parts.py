@@ -1,0 +1,100 @@
+"""What is too narrow on its level: balconies and awnings, and vehicles, alone or at a dock."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
+    MIN_CELLS,
+    closed,
+    opened,
+)
+from lidar_buildings.core.surfaces.morphology import square_distances
+
+#: Roofs that no step of half a storey connects are of different levels [m].
+LEVEL_STEP = 1.2
+#: Largest part that may be a vehicle or a hedge [m²]: larger ones as narrow are longer than 100 m.
+MAX_NARROW_AREA = 300.0
+#: Columns across the narrowest building: fewer are too coarse to tell.
+MIN_BUILDING_CELLS = 2.0
+#: Share of a part's rim beside other roofs, up to which it only touches them: a lorry's end, not a lean-to's
+#: side; and how far from the rim they may be [m].
+MAX_CONTACT = 0.2
+CONTACT_REACH = 1.0
+
+
+def wide_levels(
+    columns: Columns, part: NDArray[np.int64], area: NDArray[np.float64], config: RoofSelectionConfig
+) -> NDArray[np.bool_]:
+    """
+    Tell which roof points are of parts that are wide enough by themselves, or with what they stand on.
+
+    Parameters
+    ----------
+    columns : Columns
+        Points of roofs [m].
+    part : ndarray of int64, shape (n_points,)
+        What steps of less than a level connect.
+    area : ndarray of shape (n_parts,)
+        In plan [m²].
+    config : RoofSelectionConfig
+        `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that stand alone
+        or only touch other roofs go if they are nowhere as wide as `min_building_width`.
+    """
+    kept = np.ones(len(part), dtype=bool)
+    size = columns.size
+    # Of what is too coarse to be measured nothing is too narrow.
+    max_opened = config.max_part_area if config.min_roof_width >= MIN_CELLS * size else 0.0
+    min_width = config.min_building_width if config.min_building_width >= MIN_BUILDING_CELLS * size else 0.0
+    chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
+    chosen = chosen[np.argsort(part[chosen], kind="stable")]
+    begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
+    half = 0.5 * config.min_roof_width / size
+    reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
+    for rows in np.split(chosen, begins[1:]) if len(chosen) else ():
+        cells = columns.places[columns.column[rows]]
+        low = cells.min(axis=0) - (2 * reach + 4)
+        y, x = (cells - low).T
+        shape = (y.max() + 2 * reach + 5, x.max() + 2 * reach + 5)
+        own, below, others = np.zeros(shape, np.int32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        np.add.at(own, (y, x), 1)
+        top = columns.points[rows, 2].max()
+        line, held = _columns_within(columns, low, shape)
+        place = (line, columns.places[held, 1] - low[1])
+        below[place] = columns.points[columns.first[held], 2] <= top
+        others[place] = columns.first[held + 1] - columns.first[held] > own[place]
+        depth = square_distances(closed(below), 0, reach)
+        if area[part[rows[0]]] < max_opened:
+            kept[rows] = opened(depth, half)[y, x]
+        width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
+        if width < min_width and kept[rows].any():
+            kept[rows] &= _contact(own, others, size) > MAX_CONTACT
+    return kept
+
+
+def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> float:
+    """Return which share of a part's rim lies beside other roofs."""
+    plan = closed((own > 0).astype(np.uint8))
+    inner = plan[:-2, 1:-1] & plan[2:, 1:-1] & plan[1:-1, :-2] & plan[1:-1, 2:]
+    rim = plan[1:-1, 1:-1] > inner
+    reach = CONTACT_REACH / size
+    return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
+
+
+def _columns_within(
+    columns: Columns, low: NDArray[np.integer], shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the columns with points in a window of places, line by line, and their lines in it."""
+    start = (np.arange(shape[0]) + int(low[0])) * columns.row_length
+    west, east = max(int(low[1]), 0), min(int(low[1]) + shape[1], columns.row_length)
+    begin, end = np.searchsorted(columns.numbers, (start + west, start + east))
+    n = end - begin
+    line = np.repeat(np.arange(shape[0]), n)
+    within = np.arange(len(line)) + np.repeat(begin - (np.cumsum(n) - n), n)
+    is_held = columns.first[within + 1] > columns.first[within]
+    return line[is_held], within[is_held]
