@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import glob
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from lidar_buildings.core.model.errors import InputError
 
 #: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
 ENDINGS = (".las", ".laz")
+
+_Opened = TypeVar("_Opened")
 
 
 def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
@@ -95,3 +98,33 @@ def _clouds(paths: Iterable[Path]) -> list[Path]:
 def is_cloud_file(path: Path) -> bool:
     """Whether a path is a file that is called as clouds are."""
     return path.name.lower().endswith(ENDINGS) and path.is_file()
+
+
+def open_each(
+    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], open_one: Callable[[Path], _Opened]
+) -> tuple[list[_Opened], list[str]]:
+    """
+    Open files as `search_inputs` finds them; what cannot be read does not keep the others from it.
+
+    Returns
+    -------
+    opened : list
+        What `open_one` made of the readable files, in their order.
+    problems : list of str
+        One line for each other.
+
+    Raises
+    ------
+    InputError
+        If none can be read.
+    """
+    opened: list[_Opened] = []
+    paths, problems = search_inputs(inputs)
+    for path in paths:
+        try:
+            opened.append(open_one(path))
+        except InputError as error:
+            problems.append(str(error))
+    if not opened:
+        raise InputError("\n".join(problems))
+    return opened, problems

@@ -27,7 +27,7 @@ from lidar_buildings.io.clouds.agreement import (
     shared_origin,
     without_copies,
 )
-from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged, state_of
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
@@ -170,15 +170,7 @@ def open_inputs(
     InputError
         If none can be read.
     """
-    clouds: list[Cloud] = []
-    paths, problems = search_inputs(inputs)
-    for path in paths:
-        try:
-            clouds.append(open_cloud(path))
-        except InputError as error:
-            problems.append(str(error))
-    if not clouds:
-        raise InputError("\n".join(problems))
+    clouds, problems = open_each(inputs, open_cloud)
     return without_copies(clouds), problems
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT
-from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import reported
 from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
@@ -93,13 +93,4 @@ def read_extents(
     InputError
         If none can be read.
     """
-    found: list[CloudExtent] = []
-    paths, problems = search_inputs(inputs)
-    for path in paths:
-        try:
-            found.append(read_extent(path))
-        except InputError as error:
-            problems.append(str(error))
-    if not found:
-        raise InputError("\n".join(problems))
-    return found, problems
+    return open_each(inputs, read_extent)
