@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass, is_of_groups
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.clouds.las import Cloud, open_cloud, xyz_of
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import open_cloud, xyz_of
 
 #: Set in `classes` for points of walls.
 FACADE = 128

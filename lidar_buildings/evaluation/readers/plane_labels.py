@@ -16,7 +16,8 @@ from lidar_buildings.evaluation.readers.labelled_points import (
     check_same_points,
     matched_clouds,
 )
-from lidar_buildings.io.clouds.las import Cloud, open_cloud, xyz_of
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import open_cloud, xyz_of
 
 #: Pairs of dimensions, building and plane within it, in the order in which they are looked for.
 TRUTH = ("TrueBuilding", "TruePlane")

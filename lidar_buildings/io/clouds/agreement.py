@@ -5,20 +5,14 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.files.reference_systems import name_of
 from lidar_buildings.io.files.warn_once import warn_once
-
-if TYPE_CHECKING:
-    from lidar_buildings.io.clouds.las import Cloud
-    from lidar_buildings.io.clouds.las_extent import CloudExtent
-
-    _Placed = Cloud | CloudExtent
 
 #: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
 ORIGIN_STEP = 100.0
@@ -54,7 +48,7 @@ def _may_be_copies(one: Path, other: Path) -> bool:
     return one.stat().st_size != other.stat().st_size or filecmp.cmp(one, other, shallow=False)
 
 
-def agreed_system(clouds: Sequence[_Placed]) -> _Placed:
+def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
     """
     Return the cloud that tells the reference system of all.
 
@@ -73,7 +67,7 @@ def agreed_system(clouds: Sequence[_Placed]) -> _Placed:
     return first
 
 
-def shared_origin(clouds: Sequence[_Placed]) -> tuple[float, float]:
+def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:
     """
     Return x and y of the map's origin [m]: the lower corner of all clouds, of a wide survey its middle.
 
@@ -99,7 +93,7 @@ def shared_origin(clouds: Sequence[_Placed]) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def say_what_is_assumed(clouds: Sequence[Cloud], first: _Placed) -> None:
+def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:
     """Warn of clouds that take their reference system from another one, and of different vertical systems."""
     silent = [cloud for cloud in clouds if cloud.point_count and _is_silent(cloud, first)]
     if silent:
@@ -119,11 +113,11 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: _Placed) -> None:
         warn_once(f"{_named(silent)} without vertical reference system: heights taken to be in {name}")
 
 
-def _is_silent(cloud: _Placed, first: _Placed) -> bool:
+def _is_silent(cloud: CloudExtent, first: CloudExtent) -> bool:
     return bool(first.crs.name and not cloud.crs.name and np.allclose(first.units, cloud.units))
 
 
-def _is_like(cloud: _Placed, first: _Placed) -> bool:
+def _is_like(cloud: CloudExtent, first: CloudExtent) -> bool:
     return cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)
 
 
@@ -132,6 +126,6 @@ def _named(clouds: Sequence[Cloud]) -> str:
     return f"{clouds[0].path}{more}"
 
 
-def _system(cloud: _Placed) -> str:
+def _system(cloud: CloudExtent) -> str:
     name = cloud.crs.name.split(",")[0] if cloud.crs.name else "an unknown reference system"
     return f"{name} with units of {cloud.crs.horizontal_unit:.7g} m and {cloud.crs.vertical_unit:.7g} m"

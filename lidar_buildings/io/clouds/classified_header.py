@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import laspy
 import numpy as np
 
-from lidar_buildings.io.clouds.las import Cloud
+from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las_records import RawRecord
 
 _EXTRA_BYTES = (b"LASF_Spec", 4)

@@ -19,7 +19,7 @@ from lidar_buildings.io.clouds.classified_header import (
     output_format,
     with_length,
 )
-from lidar_buildings.io.clouds.las import Cloud
+from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.las import Cloud, xyz_of
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.octree import SAMPLE_BITS, Cube, Node, cells_of, nodes_of
 from lidar_buildings.io.files.atomic_files import atomic_file

@@ -7,8 +7,8 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import laspy
@@ -27,17 +27,16 @@ from lidar_buildings.io.clouds.agreement import (
     shared_origin,
     without_copies,
 )
+from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.find_inputs import open_each
-from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged, state_of
+from lidar_buildings.io.clouds.input_file import state_of
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
-from lidar_buildings.io.clouds.las_reader import open_reader, reported
-from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
+from lidar_buildings.io.clouds.las_reader import reported
+from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.warn_once import warn_once
 
-#: Points read at a time: about 60 MB with all that is made of them.
-CHUNK = 500_000
 #: Points that may lie this far outside their header's bounds before these are measured anew [m];
 #: wide margin: headers round to millimetres, wrong ones are kilometres off.
 _BOUNDS_TOLERANCE = 1.0
@@ -47,80 +46,6 @@ _PROBE = 100
 _MAX_SCALE, _MAX_OFFSET = 1e3, 1e12
 #: An index is a uint32.
 MOST_POINTS = 2**32 - 1
-
-
-@dataclass(frozen=True, eq=False)
-class Cloud:
-    """
-    A checked LAS, LAZ or COPC file; it is not kept open.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    header : laspy.LasHeader
-        As laspy parses it.
-    raw : RawHeader
-        Header and records byte for byte.
-    crs : SourceCrs
-        What it says of its coordinates.
-    mins, maxs : ndarray of shape (3,)
-        Bounds in source coordinates; NaN if the file holds no point.
-    state : tuple of int, optional
-        Size [bytes] and time of the last change [ns] when it was opened.
-    """
-
-    path: Path
-    header: laspy.LasHeader
-    raw: RawHeader
-    crs: SourceCrs
-    mins: NDArray[np.float64]
-    maxs: NDArray[np.float64]
-    state: tuple[int, int] | None = None
-
-    @property
-    def input_file(self) -> InputFile:
-        """What a run notes of it."""
-        return InputFile(self.path, self.point_count, self.state)
-
-    @property
-    def point_count(self) -> int:
-        """Number of points."""
-        return int(self.header.point_count)
-
-    @property
-    def units(self) -> NDArray[np.float64]:
-        """Metres per source unit, per axis."""
-        return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
-
-    def chunks(
-        self, size: int = CHUNK, first: int = 0, last: int | None = None
-    ) -> Iterator[laspy.ScaleAwarePointRecord]:
-        """
-        Read the points `first` to `last` in file order, `size` at a time.
-
-        Raises
-        ------
-        InputError
-            If they cannot be read to the last one, or the file is not the one that was opened.
-        """
-        end = self.point_count if last is None else last
-        check_unchanged(self.input_file)
-        with reported(self.path), open_reader(self.path) as (reader, guard):
-            done = first
-            if first:
-                with guard():
-                    reader.seek(first)
-            while done < end:
-                with guard():
-                    points = reader.read_points(min(size, end - done))
-                if len(points) == 0:
-                    raise InputError(
-                        f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
-                    )
-                done += len(points)
-                yield points
-        check_unchanged(self.input_file)
 
 
 def open_cloud(path: str | Path) -> Cloud:
@@ -144,12 +69,12 @@ def open_cloud(path: str | Path) -> Cloud:
             first = reader.read_points(_PROBE)
         _check_scaling(path, header)
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
-        cloud = Cloud(path, header, raw, crs, np.full(3, np.nan), np.full(3, np.nan))
+        cloud = Cloud(path, raw, crs, np.full(3, np.nan), np.full(3, np.nan), state, header)
         if not cloud.point_count:
             warn_once(f"{path}: holds no points: export it again unless that is meant")
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
-        return Cloud(path, header, raw, _metric(path, crs, mins, maxs), mins, maxs, state)
+        return replace(cloud, crs=_metric(path, crs, mins, maxs), mins=mins, maxs=maxs)
 
 
 def open_inputs(

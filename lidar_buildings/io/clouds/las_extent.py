@@ -5,58 +5,21 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT
+from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.find_inputs import open_each
-from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
+from lidar_buildings.io.clouds.input_file import state_of
+from lidar_buildings.io.clouds.las_crs import source_crs
 from lidar_buildings.io.clouds.las_reader import reported
-from lidar_buildings.io.clouds.las_records import RawHeader, read_raw_header
+from lidar_buildings.io.clouds.las_records import read_raw_header
 
 #: Where the header has greatest and least x, y and z, in turns (LAS 1.4, table 3).
 _BOUNDS, _BOUNDS_AT = struct.Struct("<6d"), 179
-
-
-@dataclass(frozen=True, eq=False)
-class CloudExtent:
-    """
-    A file by its header.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    size : int
-        Of the file [bytes].
-    raw : RawHeader
-        Header and records.
-    crs : SourceCrs
-        What it says of its coordinates.
-    mins, maxs : ndarray of shape (3,)
-        Bounds in source coordinates; NaN if the file holds no point.
-    """
-
-    path: Path
-    size: int
-    raw: RawHeader
-    crs: SourceCrs
-    mins: NDArray[np.float64]
-    maxs: NDArray[np.float64]
-
-    @property
-    def point_count(self) -> int:
-        """Number of points."""
-        return self.raw.point_count
-
-    @property
-    def units(self) -> NDArray[np.float64]:
-        """Metres per source unit, per axis."""
-        return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
 
 
 def read_extent(path: Path) -> CloudExtent:
@@ -79,7 +42,7 @@ def read_extent(path: Path) -> CloudExtent:
             raise InputError(
                 f"{path}: the bounds in its header cannot be: export it again (a run measures them anew)"
             )
-        return CloudExtent(path, path.stat().st_size, raw, crs, mins, maxs)
+        return CloudExtent(path, raw, crs, mins, maxs, state_of(path))
 
 
 def read_extents(

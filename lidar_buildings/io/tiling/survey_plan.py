@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.agreement import agreed_system, shared_origin
-from lidar_buildings.io.clouds.las_extent import CloudExtent
+from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tile_size import bounds_of, expected_points, tiles_for
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -75,7 +75,7 @@ def plan_survey(clouds: Sequence[CloudExtent], config: TilingConfig) -> SurveyPl
     return SurveyPlan(
         len(clouds),
         sum(counts),
-        sum(cloud.size for cloud in clouds),
+        sum(cloud.state[0] for cloud in clouds),
         system,
         (around.x_min, around.y_min, around.x_max, around.y_max),
         covered,

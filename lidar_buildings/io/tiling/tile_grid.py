@@ -11,8 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.io.clouds.las import Cloud
-from lidar_buildings.io.clouds.las_extent import CloudExtent
+from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_stamps import LATEST
 
@@ -47,7 +46,7 @@ class Rectangle:
         )
 
     @classmethod
-    def of_cloud(cls, cloud: Cloud | CloudExtent) -> Rectangle | None:
+    def of_cloud(cls, cloud: CloudExtent) -> Rectangle | None:
         """Return a cloud's bounds, None if it holds no point."""
         if not cloud.point_count:
             return None

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.io.clouds.las import Cloud, xyz_of
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Head, Pieces, Spool, order_key

@@ -15,7 +15,7 @@ from support import cloud_files
 from support.long_survey import peak_of_surveys
 
 from lidar_buildings.core.model.errors import InputError, OutputError, ParameterError
-from lidar_buildings.io.clouds.las import Cloud
+from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.tiling.spool import RECORD, Spool
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 

@@ -1,0 +1,107 @@
+"""The kinds of cloud: a file by its header, and one that was opened and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged
+from lidar_buildings.io.clouds.las_crs import SourceCrs
+from lidar_buildings.io.clouds.las_reader import open_reader, reported
+from lidar_buildings.io.clouds.las_records import RawHeader
+
+#: Points read at a time: about 60 MB with all that is made of them.
+CHUNK = 500_000
+
+
+@dataclass(frozen=True, eq=False)
+class CloudExtent:
+    """
+    A LAS, LAZ or COPC file by its header.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    raw : RawHeader
+        Header and records byte for byte.
+    crs : SourceCrs
+        What it says of its coordinates.
+    mins, maxs : ndarray of shape (3,)
+        Bounds in source coordinates; NaN if the file holds no point.
+    state : tuple of int
+        Size [bytes] and time of the last change [ns] when it was opened.
+    """
+
+    path: Path
+    raw: RawHeader
+    crs: SourceCrs
+    mins: NDArray[np.float64]
+    maxs: NDArray[np.float64]
+    state: tuple[int, int]
+
+    @property
+    def point_count(self) -> int:
+        """Number of points."""
+        return self.raw.point_count
+
+    @property
+    def units(self) -> NDArray[np.float64]:
+        """Metres per source unit, per axis."""
+        return np.array([self.crs.horizontal_unit, self.crs.horizontal_unit, self.crs.vertical_unit])
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud(CloudExtent):
+    """
+    A checked file, as laspy parses its `header`, too; it is not kept open.
+
+    Its bounds hold for its points, also where those in the header do not.
+    """
+
+    header: laspy.LasHeader
+
+    @property
+    def input_file(self) -> InputFile:
+        """What a run notes of it."""
+        return InputFile(self.path, self.point_count, self.state)
+
+    @property
+    def point_count(self) -> int:
+        """Number of points."""
+        return int(self.header.point_count)
+
+    def chunks(
+        self, size: int = CHUNK, first: int = 0, last: int | None = None
+    ) -> Iterator[laspy.ScaleAwarePointRecord]:
+        """
+        Read the points `first` to `last` in file order, `size` at a time.
+
+        Raises
+        ------
+        InputError
+            If they cannot be read to the last one, or the file is not the one that was opened.
+        """
+        end = self.point_count if last is None else last
+        check_unchanged(self.input_file)
+        with reported(self.path), open_reader(self.path) as (reader, guard):
+            done = first
+            if first:
+                with guard():
+                    reader.seek(first)
+            while done < end:
+                with guard():
+                    points = reader.read_points(min(size, end - done))
+                if len(points) == 0:
+                    raise InputError(
+                        f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
+                    )
+                done += len(points)
+                yield points
+        check_unchanged(self.input_file)
