@@ -13,10 +13,11 @@ from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.reference_systems import horizontal_part, name_of
+from lidar_buildings.io.results.run_folder import BLOCKS
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
-#: What a folder is searched for: the output of a run, the truth of a simulated survey.
-IN_FOLDER = ("buildings.gpkg", "truth.gpkg")
+#: What a folder is searched for: the output of a run, the truth of a simulated survey; else blocks of a run.
+IN_FOLDER, IN_BLOCKS = ("buildings.gpkg", "outlines.fgb", "truth.gpkg"), f"{BLOCKS}/*/outlines.fgb"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,31 +50,33 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     Parameters
     ----------
     path : Path
-        A file; or a folder with ``buildings.gpkg`` or ``truth.gpkg``.
+        A file; or a folder with ``buildings.gpkg``, ``outlines.fgb``, one of these in each of its blocks, or
+        ``truth.gpkg``.
 
     Raises
     ------
     InputError
         If there is no such file, no layer of polygons in it, or a coordinate is not finite.
     """
-    file = _file_of(path)
-    polygons, attributes, crs = read_polygons(file)
-    flat = shapely.force_2d(polygons)
+    parts, columns, systems = zip(*map(read_polygons, _files_of(path)), strict=True)
+    attributes = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    flat = shapely.force_2d(np.concatenate(parts))
     if not np.isfinite(shapely.bounds(flat)).all():
-        raise InputError(f"{file}: a coordinate of a polygon is not a finite number: export the file again")
-    name, unit = _system(crs)
+        raise InputError(f"{path}: a coordinate of a polygon is not a finite number: export the file again")
+    name, unit = _system(systems[0])
     return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name, attributes, unit)
 
 
-def _file_of(path: Path) -> Path:
+def _files_of(path: Path) -> list[Path]:
     if path.is_dir():
-        for name in IN_FOLDER:
-            if (path / name).is_file():
-                return path / name
-        raise InputError(f"{path}: holds no {' or '.join(IN_FOLDER)}: name a file with polygons")
+        named = [path / name for name in IN_FOLDER if (path / name).is_file()]
+        found = named[:1] or sorted(path.glob(IN_BLOCKS))
+        if not found:
+            raise InputError(f"{path}: holds no {' or '.join(IN_FOLDER)}: name a file with polygons")
+        return found
     if not path.is_file():
         raise InputError(f"{path}: no such file or folder: check the path")
-    return path
+    return [path]
 
 
 def _system(text: str) -> tuple[str, float]:

@@ -145,6 +145,15 @@ def test_outlines_of_a_run_against_the_truth_of_a_survey(tmp_path):
         assert figures["boundary_hausdorff"] == pytest.approx(1.0)
 
 
+def test_blocks_of_a_run_are_scored_as_one(tmp_path):
+    houses = [shapely.box(0, 0, 10, 10), shapely.box(40, 0, 50, 9)]
+    for number, house in enumerate(houses):
+        write_polygons(tmp_path / "out" / "blocks" / f"block-{number}" / "outlines.fgb", [house])
+    figures = run_score("outlines", tmp_path / "out", write_polygons(tmp_path / "map.gpkg", houses)).figures
+    assert figures["partner_per_reference"] == [0, 1]
+    assert figures["mean_iou"] == pytest.approx(1.0)
+
+
 def test_a_run_that_found_nothing_is_scored_too(tmp_path):
     result = write_polygons(tmp_path / "mine.gpkg", [])
     reference = write_polygons(tmp_path / "theirs.gpkg", [shapely.box(0, 0, 10, 10)])
@@ -260,7 +269,7 @@ def broken_inputs(folder):
         "ground of polygons": (["ground", polygons, cloud], "map.gpkg: is not a LAS or LAZ file"),
         "outlines of a cloud": (["outlines", cloud, polygons], "cloud.laz: cannot be read as a file"),
         "text file": (["outlines", text, polygons], "notes.txt: cannot be read as a file of polygons"),
-        "folder without results": (["outlines", empty, polygons], "holds no buildings.gpkg or truth.gpkg"),
+        "folder without results": (["outlines", empty, polygons], "holds no buildings.gpkg or outlines.fgb"),
         "folder without clouds": (["ground", empty, cloud], "holds no .las or .laz"),
         "layer of points": (["outlines", points, polygons], "has no layer of polygons"),
         "coordinate at infinity": (["outlines", polygons, endless], "is not a finite number"),
