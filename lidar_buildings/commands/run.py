@@ -19,7 +19,14 @@ from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
-from lidar_buildings.io.results.run_folder import PARTIAL, PLACED, Use, check_folder, discard_unfinished
+from lidar_buildings.io.results.run_folder import (
+    PARTIAL,
+    PLACED,
+    Use,
+    check_folder,
+    discard_unfinished,
+    holds_tiles,
+)
 from lidar_buildings.io.results.sole_use import sole_use
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
@@ -47,6 +54,7 @@ def run_command(options: argparse.Namespace) -> int:
 def _run(request: RunRequest, options: argparse.Namespace) -> int:
     if request.overwrite:
         discard_unfinished(request.output)
+    is_resumed = holds_tiles(request.output)
     started = time.perf_counter()
     compiling = start_compiling()
     request = with_placed_bags(request)
@@ -60,7 +68,7 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
     wall = time.perf_counter() - started
     planned = ""
-    if request.use is Use.NONE:
+    if request.use is Use.NONE and not is_resumed:  # what is planned is a whole run
         from lidar_buildings.commands.plan import compare_with_plan  # not before the pool has begun
 
         planned = compare_with_plan(request, options, outcome, wall)
@@ -83,7 +91,7 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
     from lidar_buildings.io.vectors.footprints import check_overlap, read_footprints
 
     clouds, _ = open_inputs(request.inputs)
-    frame = frame_of(clouds)
+    frame = frame_of(clouds, request.crs)
     found = read_footprints(request.footprints, frame)
     limits = [(*cloud.mins[:2], *cloud.maxs[:2]) for cloud in clouds if cloud.point_count]
     if limits:

@@ -94,7 +94,7 @@ def claim_folder(
         elif overwrite:
             if not _is_same(path, identity):
                 _clear(path)
-        elif _holds_run(path) and (not is_live or any((path / PARTIAL).glob("*.npz"))):
+        elif _holds_run(path) and (not is_live or holds_tiles(path)):
             _check_same(path, identity)
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
@@ -149,6 +149,11 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 def _holds_run(path: Path) -> bool:
     """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
     return any(one.name not in _NOT_OF_RUN for one in (path / PARTIAL).glob("*"))
+
+
+def holds_tiles(path: Path) -> bool:
+    """Whether tiles of a run are there."""
+    return any((path / PARTIAL).glob("*.npz"))
 
 
 def _check_same(path: Path, identity: dict[str, Any]) -> None:
@@ -249,7 +254,7 @@ def files_of_run(path: Path) -> list[str]:
 
 
 def remove_files(path: Path, names: Iterable[str]) -> None:
-    """Delete files and folders of an output folder; names that lead out of it are left alone."""
+    """Delete files of an output folder, and folders left empty; names that lead out of it are left alone."""
     for name in names:
         file = path / name
         if path.resolve() not in file.resolve().parents:
@@ -258,6 +263,9 @@ def remove_files(path: Path, names: Iterable[str]) -> None:
             shutil.rmtree(file, ignore_errors=True)
         else:
             file.unlink(missing_ok=True)
+        if file.parent != path:
+            with suppress(OSError):  # others are in it
+                file.parent.rmdir()
 
 
 def _clear(path: Path) -> None:
