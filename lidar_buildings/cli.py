@@ -123,6 +123,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         command=_live,
         input=(),
         tile_size=None,
+        crs=None,
         georeferenced=False,
         no_ros=False,
         quiet=False,

@@ -15,6 +15,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
+from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las_extent import read_extents
 from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
@@ -84,7 +85,7 @@ def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
     if bags := bags_among(request.inputs):
         raise InputError(f"{bags[0]}: is a bag, and only a run places its scans: plan clouds")
     clouds, problems = read_extents(request.inputs)
-    return plan_survey(clouds, request.tiling), problems
+    return plan_survey(clouds, request.tiling), [*problems, *filter(None, [excess_of(len(clouds))])]
 
 
 def _told(compared: dict[str, dict[str, float]], which: str) -> str:

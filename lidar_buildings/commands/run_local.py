@@ -71,7 +71,7 @@ def run_local(
         inputs = [*(str(one) for one in inputs_of_run(request.output) if one in now), *inputs]
         noted = recall_survey(request.output)
         known = KnownSurvey.from_json(noted) if noted else None
-    with TileSource(inputs, request.tiling, skip=skip, known=known, **shared) as source:
+    with TileSource(inputs, request.tiling, skip=skip, known=known, crs=request.crs, **shared) as source:
         folder = OutputFolder(
             request.output,
             source.inputs,

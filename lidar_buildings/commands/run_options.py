@@ -37,6 +37,9 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument(
+        "--crs", metavar="EPSG:N", help="reference system of inputs that name none (3D Tiles need one)"
+    )
+    parser.add_argument(
         "--footprints",
         type=Path,
         metavar="FILE",
@@ -106,7 +109,8 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
     untold = ("record", "rate", "topic", "odometry", "start", "duration", "update", "namespace", "output")
-    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, quiet=False, scheduler="")
+    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, quiet=False)
+    parser.set_defaults(scheduler="", crs="")
     parser.set_defaults(**dict.fromkeys(("footprints", "footprints_layer", "footprint_id", *untold)))
 
 

@@ -41,6 +41,8 @@ _OWN = {
     ("model_writer", "footprints"): "--footprints",
     ("model_writer", "footprints_layer"): "--footprints-layer",
     ("model_writer", "footprint_id"): "--footprint-id",
+    (_TILING, "crs"): "--crs",
+    ("model_writer", "crs"): "--crs",
     ("footprints", "file"): "--footprints",
     ("footprints", "layer"): "--footprints-layer",
     ("flow_control", "publish_tile_done"): "--output",
@@ -89,6 +91,8 @@ class RunRequest:
         What is wanted of a finished run in the output folder.
     is_quiet : bool
         Whether no progress is shown.
+    crs : str
+        Reference system of inputs that name none.
     """
 
     inputs: tuple[str, ...]
@@ -107,6 +111,7 @@ class RunRequest:
     preset: str = ""
     use: Use = Use.NONE
     is_quiet: bool = False
+    crs: str = ""
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -142,6 +147,8 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
+    for stage in (_TILING, "model_writer") if options.crs else ():
+        settings.setdefault(stage, {})["crs"] = options.crs
     if options.record is not None:
         settings.setdefault("recorder", {})["output"] = str(_new_bag(options))
     _check_namespace(options.namespace)
@@ -164,6 +171,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         preset=options.preset or "",
         use=Use.UPDATE if options.update else Use.RETRY if options.retry_failed else Use.NONE,
         is_quiet=options.quiet or options.json,
+        crs=options.crs or "",
     )
 
 

@@ -16,7 +16,7 @@ from lidar_buildings.core.stages.footprints import FootprintConfig
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
-from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig, TilingConfig
+from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
 
@@ -66,7 +66,7 @@ class SendingConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig):
+class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
     """What to play, and how fast."""
 
     stage: ClassVar[str] = "tile_player"
@@ -210,7 +210,7 @@ class MapFrameConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class ModelWriterConfig(MapFrameConfig, OutputConfig):
+class ModelWriterConfig(MapFrameConfig, OutputConfig, InputConfig):
     """What to write, and where."""
 
     stage: ClassVar[str] = OutputConfig.stage

@@ -74,7 +74,7 @@ class SurveyFolder:
             return
         clouds, self._problems = open_inputs(config.input)
         inputs = [cloud.input_file for cloud in clouds]
-        self._claim(inputs, frame_of(clouds), overwrite=config.overwrite)
+        self._claim(inputs, frame_of(clouds, config.crs), overwrite=config.overwrite)
 
     @property
     def path(self) -> Path:

@@ -29,7 +29,7 @@ class TilePlayer(TileSender):
         self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
         try:
             inputs = self._with_placed_bags(config)
-            self._source = TileSource(inputs, config, skip=() if config.loop else self._done)
+            self._source = TileSource(inputs, config, skip=() if config.loop else self._done, crs=config.crs)
         except Exception:
             self.destroy_node()
             raise

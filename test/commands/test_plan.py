@@ -12,6 +12,8 @@ from support.cli_runs import Command
 from bench.scale.headers import make_survey
 from lidar_buildings.commands import plan as plan_module
 from lidar_buildings.commands.cost_model import Way, expected_cost, measure_slowness
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds import agreement
 from lidar_buildings.io.clouds.las import open_inputs
 from lidar_buildings.io.clouds.las_extent import read_extents
 from lidar_buildings.io.tiling.survey_plan import plan_survey
@@ -82,6 +84,16 @@ def test_what_cannot_be_planned_is_said_and_the_rest_planned(command, headers, t
     assert [line.split(":")[1].strip() for line in spoken.err] == [str(bad), str(wild)]
     assert spoken.out[0].startswith("10,000 points in 1 file")
     assert "is a bag" in command.refused("plan", Path(__file__).parent / "drive.mcap")
+
+
+def test_a_plan_says_when_one_run_does_not_take_all_files(command, headers, monkeypatch):
+    monkeypatch.setattr(agreement, "MOST_FILES", 143)
+    spoken = command("plan", headers, "--no-ros")
+    assert spoken.status == 2
+    assert spoken.out[0].startswith("1,440,000 points in 144 files")
+    assert spoken.err == ["lidar-buildings: 144 input files: at most 143 in one run: run them in parts"]
+    with pytest.raises(InputError, match="144 input files"):
+        TileSource([*headers.glob("*.las")])
 
 
 def test_more_workers_take_less_time_and_more_memory(headers):

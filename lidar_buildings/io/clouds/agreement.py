@@ -7,19 +7,30 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pyproj
+from pyproj.exceptions import CRSError
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
-from lidar_buildings.io.clouds.las_crs import vertical_crs
-from lidar_buildings.io.files.reference_systems import name_of
+from lidar_buildings.io.clouds.las_crs import described, vertical_crs
+from lidar_buildings.io.files.reference_systems import is_same_unit, name_of
 from lidar_buildings.io.files.warn_once import warn_once
 
+#: Most files of a survey: a point's `source` is a uint16.
+MOST_FILES = 65_535
 #: The map's origin is rounded down to this, so that neighbouring surveys share it [m].
 ORIGIN_STEP = 100.0
 #: So far from the origin float32 has steps of a millimetre (2^-10 m) [m].
 REACH = 2.0**14
 #: The widest survey: its origin lies in its middle [m].
 MAX_EXTENT = 2.0 * (REACH - ORIGIN_STEP)
+
+
+def excess_of(n_files: int) -> str:
+    """Say that one run does not take so many files, nothing if it does."""
+    if n_files <= MOST_FILES:
+        return ""
+    return f"{n_files} input files: at most {MOST_FILES} in one run: run them in parts"
 
 
 def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
@@ -65,6 +76,29 @@ def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
                 "bring them to one system, or run them apart"
             )
     return first
+
+
+def given_system(crs: str, first: CloudExtent) -> str:
+    """
+    Return the name of a system that a user gives clouds which name none; `first` tells for all of them.
+
+    Raises
+    ------
+    ParameterError
+        If it is none in which their coordinates can be.
+    InputError
+        If they name another one.
+    """
+    try:
+        given = described(pyproj.CRS.from_user_input(crs))
+    except (CRSError, ValueError) as error:
+        raise ParameterError(f"crs = {crs!r}: is no reference system: give one as EPSG:28992") from error
+    if first.crs.name not in ("", given.name):
+        raise InputError(f"{first.path}: is in {_system(first)}: leave out the crs {crs}")
+    if not given.is_projected or not is_same_unit(given.horizontal_unit, first.crs.horizontal_unit):
+        unit = f"{first.crs.horizontal_unit:.7g} m"
+        raise ParameterError(f"crs = {crs!r}: must be projected, with the unit of the inputs, {unit}")
+    return given.name
 
 
 def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:

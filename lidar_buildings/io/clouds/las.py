@@ -23,6 +23,7 @@ from lidar_buildings.io.clouds.agreement import (
     MAX_EXTENT,
     REACH,
     agreed_system,
+    given_system,
     say_what_is_assumed,
     shared_origin,
     without_copies,
@@ -133,7 +134,7 @@ def read_tile(path: str | Path) -> PointTile:
     return tile.with_columns(**kept, **numbers, point_spacing=spacing)
 
 
-def frame_of(clouds: list[Cloud]) -> MapFrame:
+def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
     """
     Return the map frame that the clouds share.
 
@@ -145,7 +146,8 @@ def frame_of(clouds: list[Cloud]) -> MapFrame:
     first = agreed_system(clouds)
     x, y = shared_origin(clouds)
     say_what_is_assumed(clouds, first)
-    return MapFrame(first.crs.name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
+    name = given_system(crs, first) if crs else first.crs.name
+    return MapFrame(name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
 
 
 def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:

@@ -134,7 +134,7 @@ def _vertical_part(crs: Any) -> Any:
 
 @lru_cache(maxsize=_KEPT)
 def _from_wkt(data: bytes) -> SourceCrs:
-    return _described(_wkt_in(data))
+    return described(_wkt_in(data))
 
 
 @lru_cache(maxsize=_KEPT)
@@ -145,7 +145,7 @@ def _wkt_in(data: bytes) -> Any:
     return pyproj.CRS.from_wkt(text)
 
 
-def _described(crs: Any) -> SourceCrs:
+def described(crs: Any) -> SourceCrs:
     """Say what matters here of a reference system, compound and bound ones included."""
     horizontal, vertical = horizontal_part(crs), _vertical_part(crs)
     axes = horizontal.axis_info
@@ -178,7 +178,7 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
     """Read the projected or geographic system; units alone where it is user-defined."""
     stated = _UNITS.get(keys.get(_LINEAR_UNITS, 0))
     if keys.get(_PROJECTED_CRS) in _EPSG_CODES:
-        crs = _described(pyproj.CRS.from_epsg(keys[_PROJECTED_CRS]))
+        crs = described(pyproj.CRS.from_epsg(keys[_PROJECTED_CRS]))
         if stated is None or is_same_unit(stated, crs.horizontal_unit):
             return crs
         # seen in practice: a code in metres with coordinates in feet; then the code does not fit them
@@ -188,7 +188,7 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
         keys.get(_MODEL_TYPE, _GEOGRAPHIC_MODEL) == _GEOGRAPHIC_MODEL
         and keys.get(_GEODETIC_CRS) in _EPSG_CODES
     ):
-        return _described(pyproj.CRS.from_epsg(keys[_GEODETIC_CRS]))
+        return described(pyproj.CRS.from_epsg(keys[_GEODETIC_CRS]))
     unit = stated or 1.0
     return SourceCrs("", unit, unit)
 

@@ -14,6 +14,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.tiling.file_parts import Submit, read_files
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
@@ -26,9 +27,6 @@ from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]
-
-#: `source` is a uint16.
-_MOST_FILES = 65_535
 
 
 class TileSource:
@@ -54,6 +52,8 @@ class TileSource:
 
     known : KnownSurvey, optional
         What an earlier source of the same survey has learnt.
+    crs : str
+        Reference system of files that name none.
 
     Attributes
     ----------
@@ -81,16 +81,15 @@ class TileSource:
         skip: Container[int] = (),
         submit: Submit | None = None,
         known: KnownSurvey | None = None,
+        crs: str = "",
     ) -> None:
         self.config = config or TilingConfig()
         self._clouds, self.problems = open_inputs(paths)
-        if len(self._clouds) > _MOST_FILES:
-            raise InputError(
-                f"{len(self._clouds)} input files: at most {_MOST_FILES} in one run: run them in parts"
-            )
+        if why := excess_of(len(self._clouds)):
+            raise InputError(why)
         self.unreadable: set[int] = set()
         self.inputs = [cloud.input_file for cloud in self._clouds]
-        self.frame: MapFrame = frame_of(self._clouds)
+        self.frame: MapFrame = frame_of(self._clouds, crs)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = Rectangles(self._areas)

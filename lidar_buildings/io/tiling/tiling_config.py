@@ -14,6 +14,19 @@ _SMALLEST = 10.0
 
 
 @dataclass(frozen=True)
+class InputConfig(StageConfig):
+    """What inputs may leave unsaid."""
+
+    crs: str = parameter(
+        "",
+        "Reference system of inputs that name none, such as EPSG:28992, the same for `tile_player` and "
+        "`model_writer`; inputs that name another one are refused.",
+        read_only=True,
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
 class TilingConfig(StageConfig):
     """How clouds are cut into tiles."""
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support import cloud_files
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.io.clouds import las
 from lidar_buildings.io.clouds.find_inputs import find_inputs
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs, read_tile, xyz_of
@@ -290,6 +290,23 @@ def test_a_cloud_without_system_joins_one_that_has_it_and_says_so(tmp_path, capl
     assert "EPSG:28992" in horizontal
     assert "a.laz" in vertical
     assert "EPSG:5709" in vertical
+
+
+def test_clouds_that_name_no_system_are_given_one(tmp_path):
+    silent = [open_cloud(cloud_at(tmp_path / "silent.laz"))]
+    assert frame_of(silent).crs == ""
+    assert frame_of(silent, "EPSG:28992").crs == "EPSG:28992"
+    assert frame_of(silent, "EPSG:7415").crs == "EPSG:28992", "of a compound system the horizontal part"
+    for crs, why in {"EPSG:4326": "must be projected", "EPSG:2263": "the unit", "Oz": "is no refer"}.items():
+        with pytest.raises(ParameterError, match=why):
+            frame_of(silent, crs)
+
+
+def test_clouds_that_name_a_system_are_given_no_other_one(tmp_path):
+    cloud = cloud_files.with_wkt(cloud_files.random_cloud(), "EPSG:28992")
+    clouds = [open_cloud(cloud_files.saved(cloud, tmp_path / "dutch.laz"))]
+    assert frame_of(clouds, "EPSG:28992").crs == "EPSG:28992"
+    assert "dutch.laz: is in EPSG:28992" in the_line(frame_of, clouds, "EPSG:25832")
 
 
 @pytest.mark.parametrize("apart", [15_000.0, 31_000.0])
