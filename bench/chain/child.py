@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.common.clouds import ROOT
-from lidar_buildings.commands.process_tree import machine_cpu, tree_memory, tree_of
+from lidar_buildings.io.results.process_tree import tree_memory, tree_of
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
 PERIOD = 0.25
@@ -52,6 +52,14 @@ class Usage(NamedTuple):
     memory: int
     disk: int
     printed: str
+
+
+def machine_cpu() -> float:
+    """Return the processor time that all processes of the machine have had since it was started [s]."""
+    user, nice, system, _, _, *interrupts = map(
+        int, Path("/proc/stat").read_text().split("\n")[0].split()[1:8]
+    )
+    return (user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
 
 
 def run_child(

@@ -23,13 +23,13 @@ import numpy as np
 
 from bench.chain.decoding import decode
 from bench.common.areas import read_files
-from lidar_buildings.commands.process_tree import children_cpu
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
+from lidar_buildings.io.results.process_tree import cpu_of, tree_of
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
@@ -54,7 +54,7 @@ PLANES, MODELS = "plane fitting", "models"
 def processor_time() -> float:
     """Return what this process and all that it has started have used so far [s]."""
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + ended.ru_utime + ended.ru_stime + children_cpu(os.getpid())
+    return time.process_time() + ended.ru_utime + ended.ru_stime + cpu_of(tree_of(os.getpid())[1:])
 
 
 class Clock:

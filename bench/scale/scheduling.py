@@ -20,7 +20,7 @@ from concurrent.futures import wait
 from bench.chain.child import adopt_orphans
 from bench.scale.cluster import Cluster
 from bench.scale.stub_workers import stub
-from lidar_buildings.commands.process_tree import tree_cpu
+from lidar_buildings.io.results.process_tree import cpu_of, tree_of
 from lidar_buildings.pipeline.tile_cluster import TileCluster
 
 #: Workers that share a process would look at the stacks of all others each 10 ms.
@@ -46,11 +46,11 @@ def main() -> None:
                 while cluster.n_alive < options.workers:
                     time.sleep(0.1)
                 pids = {"scheduler": services.pids[0], "workers": workers.pid}
-                before = {name: tree_cpu(pid) for name, pid in pids.items()}
+                before = {name: cpu_of(tree_of(pid)) for name, pid in pids.items()}
                 own, began = time.process_time(), time.perf_counter()
                 _run(cluster, options.tasks, (options.seconds, bytes(options.bytes)))
                 wall = time.perf_counter() - began
-                spent = {name: tree_cpu(pid) - before[name] for name, pid in pids.items()}
+                spent = {name: cpu_of(tree_of(pid)) - before[name] for name, pid in pids.items()}
                 spent["command"] = time.process_time() - own
         finally:
             workers.kill()

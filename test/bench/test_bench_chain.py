@@ -22,9 +22,9 @@ from bench.chain.parts import n_compiled
 from bench.chain.repeated import repeat_bags
 from bench.chain.stages import Clock
 from lidar_buildings.commands import replay
-from lidar_buildings.commands.process_tree import children_cpu, tree_memory, tree_of
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
+from lidar_buildings.io.results.process_tree import cpu_of, tree_memory, tree_of
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_what_a_descendant_takes_is_seen(tmp_path):
         assert tree_memory(process.pid) > 80_000_000
         assert watch.memory > 80_000_000
         # a loop of three million takes longer than a tick of the kernel's clock
-        assert children_cpu(process.pid) > 0
+        assert cpu_of(tree_of(process.pid)[1:]) > 0
         process.communicate("end\n")
     assert process.returncode == 0
     assert tree_memory(process.pid) == 0

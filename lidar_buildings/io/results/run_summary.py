@@ -11,7 +11,7 @@ from typing import Any
 from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
 from lidar_buildings.io.results.output_config import FORMAT_FILES
-from lidar_buildings.io.results.peak_memory import peak_memory
+from lidar_buildings.io.results.process_tree import peak_memory
 
 #: What points are, in a reader's words, if there is no building; the rest is "other".
 _KINDS = {
