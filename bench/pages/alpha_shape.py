@@ -1,23 +1,13 @@
-"""
-Draw the picture of the page on alpha shapes, from synthetic roofs.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.alpha_shape doc/algorithms/alpha_shape.png
-"""
+"""Draw the picture of the page on alpha shapes, from synthetic roofs."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import shapely
 from matplotlib.collections import LineCollection
-from PIL import Image
 
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.surfaces.alpha_shape import AlphaShape, alpha_shape
 
 #: Spacing of the points, and the paper's radius for it [m].
@@ -45,11 +35,7 @@ def main(picture: Path) -> None:
         )
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(picture, metadata={"Software": None})
-    # A palette: half of the size.
-    Image.open(picture).convert("RGB").quantize(64, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
-        picture, optimize=True
-    )
+    save(figure, picture, 64)
 
 
 def scanned(roof: shapely.Geometry, seed: int, spacing: float = SPACING) -> np.ndarray:

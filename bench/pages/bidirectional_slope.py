@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on bidirectional_slope, from synthetic terrain.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.bidirectional_slope doc/algorithms/bidirectional_slope.png
-"""
+"""Draw the picture of the page on bidirectional_slope, from synthetic terrain."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
@@ -43,11 +33,7 @@ def main(picture: Path) -> None:
         )
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-    figure.savefig(picture, metadata={"Software": None})
-    # A palette: half of the size.
-    Image.open(picture).convert("RGB").quantize(
-        128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE
-    ).save(picture, optimize=True)
+    save(figure, picture, 128)
 
 
 def draw_votes(axes: plt.Axes) -> None:

@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on boundary tracing, from synthetic points.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.boundary_tracing doc/algorithms/boundary_tracing.png
-"""
+"""Draw the picture of the page on boundary tracing, from synthetic points."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 
@@ -36,9 +26,7 @@ def main(picture: Path) -> None:
     gappy = without(scattered(20, 16), (3, 7.6, 21, 8.7))
     draw(axes[1, 1], gappy, "a strip without returns")
     draw(axes[1, 2], rim_only(), "a wet roof with returns along its rim: filled")
-    figure.savefig(picture)
-    plt.close(figure)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=48).save(picture, optimize=True)
+    save(figure, picture, 48)
 
 
 def draw(axes, xy, title, pattern=None) -> None:

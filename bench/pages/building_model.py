@@ -1,23 +1,14 @@
-"""
-Draw the picture of the page on building models, from the virtual houses of the tests.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.building_model doc/algorithms/building_model.png
-"""
+"""Draw the picture of the page on building models, from the virtual houses of the tests."""
 
 import sys
 from pathlib import Path
 
 import mapbox_earcut
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from bench.pages.drawing import plt, save
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.solids.output_grid import gridded_outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
@@ -48,7 +39,7 @@ def main(picture: Path) -> None:
     for place, name in ((5, "dormer"), (6, "courtyard")):
         scene = scenes.GALLERY[name](rotation_deg=20.0)
         draw_house(figure.add_subplot(2, 3, place, projection="3d"), scene.roof_points(), scene, name)
-    figure.savefig(picture)
+    save(figure, picture)
 
 
 def draw_lines(axes, points, plane_id, outline):

@@ -1,21 +1,13 @@
 """
 Draw the picture of the page on edge labelling: features, the published band, and what thinning leaves of it.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.edge_labelling doc/algorithms/edge_labelling.png
 """
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
 
 #: Distance of points along and across the scan [m].
@@ -44,8 +36,7 @@ def main(picture: Path) -> None:
         panel.scatter(*points[~edge, :2].T, s=2, color="#b8bec6", linewidths=0)
         panel.scatter(*points[edge, :2].T, s=9, color="#c8331e", linewidths=0)
         panel.set_title(f"{title} ({100 * edge.mean():.0f} % of the points)", fontsize=10)
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=96).save(picture, optimize=True)
+    save(figure, picture, 96)
 
 
 def roofs() -> np.ndarray:

@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on eigenvalue features: what the choice of the radius does.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.eigenfeatures doc/algorithms/eigenfeatures.png
-"""
+"""Draw the picture of the page on eigenvalue features: what the choice of the radius does."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
@@ -52,8 +42,7 @@ def main(picture: Path) -> None:
         panel.set_title(title, fontsize=10)
         panel.set_aspect("equal")
         panel.set_axis_off()
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE).save(picture, optimize=True)
+    save(figure, picture)
 
 
 def roof_points() -> np.ndarray:

@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on the morphological filter: scenes of the tests on which it fails.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.morphological doc/algorithms/morphological.png
-"""
+"""Draw the picture of the page on the morphological filter: scenes of the tests on which it fails."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
 
@@ -38,20 +28,25 @@ HALF_STRIP = 1.5
 
 def main(picture: Path) -> None:
     """Draw every failure in plan and in profile."""
-    figure, axes = plt.subplots(2, len(FAILURES), figsize=(13.5, 7.4), dpi=75, layout="constrained")
-    for column, (name, (title, axis, share)) in zip(axes.T, FAILURES.items(), strict=True):
+    save(draw_scenes(FAILURES, GroundFilterConfig(method="morphological")), picture)
+
+
+def draw_scenes(scenes: dict[str, tuple[str, int, float]], config: GroundFilterConfig) -> plt.Figure:
+    """Draw scenes of the tests in plan and in profile, and how often a filter is wrong on them."""
+    size = 4.25 * len(scenes), 7.2
+    figure, axes = plt.subplots(2, len(scenes), figsize=size, dpi=75, layout="constrained")
+    for column, (name, (title, axis, share)) in zip(axes.T, scenes.items(), strict=True):
         points, truth = TERRAIN_SCENES[name]()
-        found = classify_ground(points, GroundFilterConfig(method="morphological")).classification == 2
+        found = classify_ground(points, config).classification == 2
         at = points[:, axis].min() + share * np.ptp(points[:, axis])
         in_strip = np.abs(points[:, axis] - at) < HALF_STRIP
         draw(column[0], points[:, 0], points[:, 1], found, truth)
         draw(column[1], points[in_strip, 1 - axis], points[in_strip, 2], found[in_strip], truth[in_strip])
         (column[0].axvline if axis == 0 else column[0].axhline)(at, color="black", linewidth=0.6)
-        column[0].set_title(f"{title}\ntotal error {100 * np.mean(found != truth):.1f} %", fontsize=10)
+        column[0].set_title(f"{title}\ntotal error {100 * np.mean(found != truth):.2f} %", fontsize=10)
         column[0].set_aspect("equal")
-    axes[1, 0].legend(markerscale=6, loc="upper left", fontsize=8)
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE).save(picture, optimize=True)
+    axes[1, 0].legend(markerscale=6, loc="center right", fontsize=8)
+    return figure
 
 
 def draw(axes: plt.Axes, across: np.ndarray, up: np.ndarray, found: np.ndarray, truth: np.ndarray) -> None:

@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on gross errors: what is found, and what is hard to tell.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.noise doc/algorithms/noise.png
-"""
+"""Draw the picture of the page on gross errors: what is found, and what is hard to tell."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.stages.ground_filter import classify_ground
 
 #: Class → colour and name.
@@ -50,8 +40,7 @@ def main(picture: Path) -> None:
             )
         panel.set_title(title, fontsize=10)
     axes[0, 0].legend(markerscale=3, loc="upper left", fontsize=8)
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE).save(picture, optimize=True)
+    save(figure, picture)
 
 
 def surface(density: float, seed: int) -> np.ndarray:

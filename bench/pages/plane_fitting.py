@@ -1,27 +1,17 @@
-"""
-Draw the picture of the page on plane fitting, from the simulation's roof shapes.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.plane_fitting doc/algorithms/plane_fitting.png
-"""
+"""Draw the picture of the page on plane fitting, from the simulation's roof shapes."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.stages.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
 from lidar_buildings.core.stages.plane_fitting.surroundings import survey_points
 from lidar_buildings.simulation import roof_shapes, special_roofs
 
 DENSITY, NOISE = 12.0, 0.03
-COLOURS = matplotlib.colormaps["tab20"]
+COLOURS = plt.get_cmap("tab20")
 
 
 def main(picture: Path) -> None:
@@ -41,9 +31,7 @@ def main(picture: Path) -> None:
         PlaneFittingConfig(),
         "failure: of slopes of 7 and 11 points one is lost",
     )
-    figure.savefig(picture)
-    plt.close(figure)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(picture, optimize=True)
+    save(figure, picture, 64)
 
 
 def sampled(building, density: float = DENSITY) -> np.ndarray:

@@ -1,22 +1,13 @@
-"""
-Draw the picture of the page on point classes, from the simulated village.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.point_classes doc/algorithms/point_classes.png
-"""
+"""Draw the picture of the page on point classes, from the simulated village."""
 
 import sys
 import tempfile
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+from matplotlib.colors import to_rgb
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
@@ -55,8 +46,7 @@ def main(picture: Path) -> None:
     draw_brightness(axes[0, 1], tile.points[is_ground], normalised[is_ground], "normalised intensity")
     draw_modes(axes[1, 0], result, normalised, is_ground, is_only)
     draw_classes(axes[1, 1], result)
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE).save(picture, optimize=True)
+    save(figure, picture)
 
 
 def village() -> PointTile:
@@ -110,7 +100,7 @@ def draw_classes(axes: plt.Axes, tile: PointTile) -> None:
     points, classes = tile.points[order], tile.classification[order]
     colours = np.full((256, 3), 1.0)
     for number, (name, colour) in CLASSES.items():
-        colours[number] = matplotlib.colors.to_rgb(colour)
+        colours[number] = to_rgb(colour)
         if (classes == number).any():
             axes.scatter([], [], color=colour, s=20, label=name)
     axes.scatter(points[:, 0], points[:, 1], c=colours[classes], s=0.8, lw=0)

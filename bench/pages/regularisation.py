@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on regularisation, from the virtual buildings of the tests.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.regularisation doc/algorithms/regularisation.png
-"""
+"""Draw the picture of the page on regularisation, from the virtual buildings of the tests."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from bench.scenes.outlines import outline_scene
 from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 from lidar_buildings.core.stages.regularisation import AS_PUBLISHED, RegularisationConfig, regularise_outline
@@ -43,9 +33,7 @@ def main(picture: Path) -> None:
     draw(axes[1, 1], yard, "a courtyard shares the directions of the outer ring")
     holey = outline_scene("rectangle_30_18", density=8.0, rotation_deg=225.0, drop_outs=0.2)
     draw(axes[1, 2], holey, "failure: a fifth of the points lost, a step that is none")
-    figure.savefig(picture)
-    plt.close(figure)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(picture, optimize=True)
+    save(figure, picture, 64)
 
 
 def draw_bearing_points(axes) -> None:

@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on roof selection: scenes of the tests, method by method.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.roof_selection doc/algorithms/roof_selection.png
-"""
+"""Draw the picture of the page on roof selection: scenes of the tests, method by method."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from bench.scenes.roofs import ROOF_SCENES, RoofScene
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 
@@ -54,8 +44,7 @@ def main(picture: Path) -> None:
             draw(place, scene, method, window)
             place.set_title(f"{name}, {method}", fontsize=9)
     axes[0, 0].legend(markerscale=6, loc="upper left", fontsize=7)
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(picture, optimize=True)
+    save(figure, picture, 64)
 
 
 def draw(axes: plt.Axes, scene: RoofScene, method: str, window: tuple[float, ...]) -> None:

@@ -1,22 +1,14 @@
 """
 Draw the picture of the page on roof topology, from the virtual roofs of the tests, and print its figures.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.roof_topology doc/algorithms/roof_topology.png
 """
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import shapely
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from bench.scenes.models import ModelScene, model_scene
 from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, VALLEY, RoofTopology, find_topology
 
@@ -60,9 +52,7 @@ def main(picture: Path) -> None:
     draw(axes[1, 0], "t_shape", "two valleys, a wing in the middle")
     draw(axes[1, 1], "dormer", "a dormer's step edges close with its valley")
     draw(axes[1, 2], "gable_dormer", "failure: at 2 points/m² a small dormer closes badly", density=2.0)
-    figure.savefig(picture)
-    plt.close(figure)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(picture, optimize=True)
+    save(figure, picture, 64)
     for density in (2.0, 8.0, 20.0):
         print_figures(density)
 

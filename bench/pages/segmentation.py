@@ -1,21 +1,11 @@
-"""
-Draw the picture of the page on segmentation, from synthetic roofs.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.segmentation doc/algorithms/segmentation.png
-"""
+"""Draw the picture of the page on segmentation, from synthetic roofs."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-from PIL import Image
-
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
 
@@ -32,11 +22,7 @@ def main(picture: Path) -> None:
     draw_steps(axes[0, 2], axes[1, 0])
     draw_necks(axes[1, 1])
     draw_slanting_step(axes[1, 2])
-    figure.savefig(picture, metadata={"Software": None})
-    # A palette: half of the size.
-    Image.open(picture).convert("RGB").quantize(64, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
-        picture, optimize=True
-    )
+    save(figure, picture, 64)
 
 
 def lattice(west: float, south: float, east: float, north: float, step: float = 0.5, seed: int = 0):

@@ -1,8 +1,6 @@
 """
 Draw the picture of the page on terrain, from the simulated village, and print how good its DTM is.
 
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
     lidar-buildings simulate --output survey
     lidar-buildings run survey --output result --until roof_selection
     python -m bench.pages.terrain result doc/algorithms/terrain.png
@@ -11,15 +9,11 @@ It needs matplotlib (``pip install matplotlib``) beside the package:
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import rasterio
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 from matplotlib.colors import LightSource
-from PIL import Image
 
+from bench.pages.drawing import plt, save
 from lidar_buildings.simulation.named_scenes import make_scene
 
 #: Direction and height of the light of the hillshades [deg].
@@ -43,8 +37,7 @@ def main(result: Path, picture: Path) -> None:
     axes[1, 1].set_title("dtm.tif less the true terrain")
     for one in axes.flat:
         one.set_axis_off()
-    figure.savefig(picture)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE).save(picture, optimize=True)
+    save(figure, picture)
     sys.stdout.write(in_words(error.compressed()) + "\n")
 
 

@@ -1,22 +1,13 @@
-"""
-Draw the picture of the page on solids and their validity, from synthetic roofs.
-
-It needs matplotlib (``pip install matplotlib``) beside the package:
-
-    python -m bench.pages.validity doc/algorithms/validity.png
-"""
+"""Draw the picture of the page on solids and their validity, from synthetic roofs."""
 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from PIL import Image
 
+from bench.pages.drawing import plt, save
 from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.core.solids.validity import check_solid
@@ -44,9 +35,7 @@ def main(picture: Path) -> None:
     )
     draw_plan(figure.add_subplot(235), checkers(), "the same in plan, near the vertex", (4.97, 5.03))
     draw_triangles(figure.add_subplot(236), town_house())
-    figure.savefig(picture)
-    plt.close(figure)
-    Image.open(picture).convert("P", palette=Image.Palette.ADAPTIVE, colors=64).save(picture, optimize=True)
+    save(figure, picture, 64)
 
 
 def rectangle(left, low, right, high):
@@ -96,7 +85,7 @@ def draw(axes, pieces, title, alpha=1.0, vertices=False) -> None:
     corners = solid.vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     shade = 0.72 + 0.28 * (normals @ LIGHT) / np.linalg.norm(normals, axis=1)
-    base = np.array([matplotlib.colors.to_rgb(COLOURS[solid.semantics[k]]) for k in face_of])
+    base = np.array([to_rgb(COLOURS[solid.semantics[k]]) for k in face_of])
     axes.add_collection3d(
         Poly3DCollection(corners, facecolors=np.clip(base * shade[:, None], 0, 1), alpha=alpha)
     )
