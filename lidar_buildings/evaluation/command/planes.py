@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.evaluation.command.options import ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.plane_labels import PlaneLabels, read_plane_labels
 from lidar_buildings.evaluation.scores.planes import PlaneScore, planes_of_colours, score_planes
+from lidar_buildings.evaluation.scores.statistics import mean
 
 #: Figures that are given for each cloud, too.
 PER_CLOUD = ("precision", "recall", "f1", "weighted_coverage")
@@ -59,5 +59,5 @@ def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 
 
 def _mean(scores: list[PlaneScore], name: str) -> float:
-    values = [getattr(score, name) for score in scores if not math.isnan(getattr(score, name))]
-    return float(np.mean(values)) if values else math.nan
+    values = np.array([getattr(score, name) for score in scores], dtype=np.float64)
+    return mean(values[np.isfinite(values)])

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.evaluation.scores.statistics import mean, ratio, root_mean_square
 
 
 @dataclass(frozen=True)
@@ -16,18 +15,7 @@ class AdjustmentScore:
     """
     Means over buildings with straight or curved walls; NaN if there are none.
 
-    Attributes
-    ----------
-    n_buildings, n_as_traced : int
-        Buildings that the means are of, and those left out because they kept their traced outline.
-    spacing : float
-        Mean point spacing [m].
-    max_offset : float
-        Mean of the buildings' largest offsets of a point from its wall [m].
-    sigma : float
-        Root of the buildings' mean variance [m].
-    max_offset_share, sigma_share : float
-        The two in point spacings.
+    `doc/scores.md` says what the figures are.
     """
 
     n_buildings: int
@@ -65,11 +53,7 @@ def score_adjustment(spacing: ArrayLike, sigma: ArrayLike, max_offset: ArrayLike
     fitted = known & (columns[1] > 0)
     count = int(fitted.sum())
     spacings, sigmas, offsets = (column[fitted] for column in columns)
-    means = (
-        (float(spacings.mean()), float(offsets.mean()), math.sqrt(float(np.mean(sigmas**2))))
-        if count
-        else (math.nan,) * 3
-    )
+    means = mean(spacings), mean(offsets), root_mean_square(sigmas)
     return AdjustmentScore(
         n_buildings=count,
         n_as_traced=int((known & ~fitted).sum()),

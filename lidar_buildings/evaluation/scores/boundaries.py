@@ -10,6 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.evaluation.scores.statistics import mean, percentile, root_mean_square
+
 #: Step between samples along a boundary: finer than any point spacing resolves [m].
 STEP = 0.1
 #: A sample so near to the edge of the area of interest lies on a cut, not on a boundary [m].
@@ -21,12 +23,7 @@ class BoundaryDistances:
     """
     How far boundaries lie apart, from each to the other, every metre of them with the same weight.
 
-    Attributes
-    ----------
-    mean, rms, percentile_95 : float
-        Of the distances of all samples, NaN if there are none [m].
-    hausdorff : float
-        The largest distance, vertices included [m].
+    `doc/scores.md` says what the figures are.
     """
 
     mean: float
@@ -62,13 +59,11 @@ def boundary_distances(
                 shapely.distance(_off_cut(shapely.points(shapely.get_coordinates(one)), cut), other)
             )
     distance, at_corner = np.concatenate(along), np.concatenate(corners)
-    if not len(distance):
-        return BoundaryDistances(math.nan, math.nan, math.nan, math.nan)
     return BoundaryDistances(
-        mean=float(distance.mean()),
-        rms=float(np.sqrt(np.mean(distance**2))),
-        percentile_95=float(np.percentile(distance, 95)),
-        hausdorff=float(max(distance.max(), at_corner.max(initial=0.0))),
+        mean=mean(distance),
+        rms=root_mean_square(distance),
+        percentile_95=percentile(distance, 95),
+        hausdorff=max(percentile(distance, 100), float(at_corner.max(initial=0.0))),
     )
 
 

@@ -25,14 +25,7 @@ class CornerScore:
     """
     Agreement of corners; a share of nothing is NaN.
 
-    Attributes
-    ----------
-    n_result, n_reference, n_matched : int
-        Corners of the result, of the reference, and pairs of them.
-    precision, recall : float
-        Matched / result and matched / reference.
-    mean_distance : float
-        Between the two corners of a pair [m].
+    `doc/scores.md` says what the figures are.
     """
 
     n_result: int

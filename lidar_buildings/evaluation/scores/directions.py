@@ -24,12 +24,7 @@ class DirectionScore:
     """
     Angles between walls that belong together, every metre of wall with the same weight.
 
-    Attributes
-    ----------
-    median_deg, percentile_95_deg : float
-        Of the angles, 0 to 90°; NaN if there are none [deg].
-    matched_share : float
-        Share of the result's walls, by length, that run along one of the reference.
+    `doc/scores.md` says what the figures are.
     """
 
     median_deg: float

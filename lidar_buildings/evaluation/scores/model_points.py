@@ -23,23 +23,14 @@ class ModelPointScore:
     """
     Vertical distances of points to roofs; a share or mean of nothing is NaN.
 
+    `doc/scores.md` says what the figures are.
+
     Attributes
     ----------
-    n_points : int
-        Points given.
-    uncovered : float
-        Share of them over which no building has a roof; the figures below are of the others.
-    median, bias, rmse : float
-        Median of the distances without their sign; mean with it (points above the roof count positive);
-        root of the mean square [m].
     within : tuple of float
         Shares of the points within 0.1, 0.2 and 0.5 m of the roof.
-    building_rmse_median, building_rmse_95 : float
-        Of the buildings' RMSE [m].
-    n_buildings : int
-        Buildings with ten points or more.
     rmse_per_building : ndarray of shape (n_given_buildings,)
-        NaN with fewer points [m].
+        NaN with fewer than ten points [m].
     """
 
     n_points: int

@@ -15,7 +15,7 @@ from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
-from lidar_buildings.evaluation.scores.statistics import ratio, root_mean_square
+from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import (
     RidgeScore,
@@ -35,12 +35,7 @@ class HeightDifferences:
     """
     Elevation of the result's roofs less that of the reference's, where both have one; NaN of nothing.
 
-    Attributes
-    ----------
-    covered : float
-        Share of the reference's roofs, by area, over which the result has one.
-    bias, rmse, percentile_95, largest : float
-        Of all spots; the last two without their sign [m].
+    `doc/scores.md` says what the figures are.
     """
 
     covered: float
@@ -55,16 +50,7 @@ class SolidCounts:
     """
     What the models of matched buildings consist of; NaN of nothing.
 
-    Attributes
-    ----------
-    vertices_result, vertices_reference : float
-        Mean number of vertices of a solid, as it is written.
-    corners_result, corners_reference : float
-        Mean number of corners of a solid: vertices at which its surface has one.
-    roof_faces_result, roof_faces_reference : float
-        Mean number of roof faces.
-    same_corners : float
-        Share of the buildings with as many corners as their reference.
+    `doc/scores.md` says what the figures are.
     """
 
     vertices_result: float
@@ -81,21 +67,16 @@ class ModelScore:
     """
     Agreement of building models.
 
+    `doc/scores.md` says what the figures are.
+
     Attributes
     ----------
-    n_result, n_reference, n_matched : int
-        Buildings that count, and pairs of them with an IoU of footprints ≥ 0.5.
-    heights : HeightDifferences
-        Over all of the reference, whatever building of the result lies there.
     rmse : ndarray of float, shape (n_given_reference,)
         The same per building of the reference, NaN where the result has no roof [m].
     volume_ratio : ndarray of float, shape (n_given_reference,)
         Volume of the partner / of the building, NaN without a partner.
     partner : ndarray of int, shape (n_given_reference,)
         Row of the partner in the result, −1 if there is none.
-    ridges : RidgeScore
-    wireframe : WireframeScore
-    counts : SolidCounts
     """
 
     n_result: int
@@ -192,14 +173,12 @@ def _differences(
 
 def _heights(differences: NDArray[np.float64]) -> HeightDifferences:
     found = differences[np.isfinite(differences)]
-    if not len(found):
-        return HeightDifferences(ratio(0, len(differences)), *(math.nan,) * 4)
     return HeightDifferences(
         covered=ratio(len(found), len(differences)),
-        bias=float(np.mean(found)),
+        bias=mean(found),
         rmse=root_mean_square(found),
-        percentile_95=float(np.percentile(np.abs(found), 95)),
-        largest=float(np.abs(found).max()),
+        percentile_95=percentile(np.abs(found), 95),
+        largest=percentile(np.abs(found), 100),
     )
 
 

@@ -35,30 +35,10 @@ class OutlineScore:
     """
     Agreement of outlines; a share or mean of nothing is NaN.
 
+    `doc/scores.md` says what the figures are.
+
     Attributes
     ----------
-    n_result, n_reference : int
-        Outlines that count.
-    n_found, n_missed, n_extra : int
-        Reference outlines with a partner of IoU ≥ 0.5, those without, and result outlines without.
-    completeness, correctness : float
-        Found / reference and found / result, as objects.
-    f1 : float
-        Their harmonic mean: 2 found / (result + reference).
-    mean_iou : float
-        Mean IoU over all reference outlines; one without any partner counts 0.
-    mean_iou_found : float
-        Mean IoU over the found ones.
-    area_completeness, area_correctness, area_iou : float
-        Of the unions of all outlines.
-    boundary : BoundaryDistances
-        Between the boundaries of the found ones and their partners.
-    boundary_of_unions : BoundaryDistances
-        Between the boundary of the union of all of the result and that of all of the reference.
-    vertices_result, vertices_reference, vertices_reference_simplified : float
-        Mean number of vertices of the found ones; maps are densified, hence the last.
-    n_vertices_result, n_vertices_reference, n_vertices_reference_simplified : int
-        Vertices of all outlines that count, as they are, not cut to the area of interest.
     partner : ndarray of int, shape (n_given_reference,)
         Row of the result outline that belongs to each given reference outline, −1 if none does.
     iou : ndarray of float, shape (n_given_reference,)
@@ -187,14 +167,10 @@ class CoverageScore:
     """
     Buildings of the reference under the result; a share of nothing is NaN.
 
+    `doc/scores.md` says what the figures are.
+
     Attributes
     ----------
-    n_buildings : int
-        Reference buildings that count, touching ones each for itself.
-    n_covered : int
-        Those of which at least half the area lies in the result.
-    covered_share : float
-        Covered / counted.
     covered : ndarray of float, shape (n_given_reference,)
         Share of each given building's area that lies in the result.
     """

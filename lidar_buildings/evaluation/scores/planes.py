@@ -28,22 +28,10 @@ class PlaneScore:
     """
     Agreement of two divisions of points into planes; a share of nothing is NaN.
 
+    `doc/scores.md` says what the figures are.
+
     Attributes
     ----------
-    n_points : int
-        Points that count.
-    n_result, n_reference : int
-        Planes.
-    n_found : int
-        Pairs of planes that are the same.
-    precision, recall, f1 : float
-        Of planes: found / in the result, found / in the reference, and the harmonic mean.
-    weighted_coverage : float
-        Mean over the reference's planes R, weighted by their points, of the largest intersection over union
-        that any plane of the result has: Σ |R| / Σ|R| · max IoU (Wang, Liu, Shen, Shen and Jia 2019, equation
-        for mWCov; the measure is that of Silberman, Sontag and Fergus 2014).
-    coverage : float
-        The same without weights.
     iou : ndarray of shape (n_reference,)
         That largest intersection over union of each of the reference's planes, by rising number.
     """

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from lidar_buildings.evaluation.scores.polygons import spots_along
-from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
 
 #: Lines whose directions differ by more are not the same [deg].
@@ -29,20 +29,7 @@ class WireframeScore:
     """
     Agreement of two wireframes; a share or mean of nothing is NaN.
 
-    Attributes
-    ----------
-    n_corners_result, n_corners_reference, n_corners_matched : int
-        Corners of either side, and pairs of them.
-    corner_precision, corner_recall, corner_f1 : float
-        Pairs / result, pairs / reference, and their harmonic mean.
-    corner_offset : float
-        Mean distance of a pair [m].
-    n_edges_result, n_edges_reference, n_edges_matched : int
-        Edges of either side, and those whose two ends are pairs and are joined in both.
-    edge_precision, edge_recall, edge_f1 : float
-        The same of edges.
-    edge_length_precision, edge_length_recall : float
-        Share of the edges' length that has an edge of about its direction within the tolerance.
+    `doc/scores.md` says what the figures are.
     """
 
     n_corners_result: int
@@ -91,7 +78,7 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
         corner_precision=ratio(len(mine), n_mine),
         corner_recall=ratio(len(mine), n_theirs),
         corner_f1=ratio(2 * len(mine), n_mine + n_theirs),
-        corner_offset=float(np.mean(distance)) if len(distance) else math.nan,
+        corner_offset=mean(distance),
         n_edges_result=len(result.edges),
         n_edges_reference=len(reference.edges),
         n_edges_matched=n_edges,
@@ -184,15 +171,7 @@ class RidgeScore:
     """
     Agreement of ridges; a share or mean of nothing is NaN.
 
-    Attributes
-    ----------
-    n_reference : int
-        Ridges of the reference.
-    recall : float
-        Share of them beside which the result has a ridge of about their direction.
-    bias, rmse, largest : float
-        Of the elevation of the result's ridge less that of the reference's, at the middle of the latter;
-        the last without its sign [m].
+    `doc/scores.md` says what the figures are.
     """
 
     n_reference: int
@@ -218,9 +197,9 @@ def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> R
     return RidgeScore(
         n_reference=len(ridges),
         recall=ratio(len(found), len(ridges)),
-        bias=float(np.mean(found)) if len(found) else math.nan,
-        rmse=float(np.sqrt(np.mean(found**2))) if len(found) else math.nan,
-        largest=float(np.abs(found).max()) if len(found) else math.nan,
+        bias=mean(found),
+        rmse=root_mean_square(found),
+        largest=percentile(np.abs(found), 100),
     )
 
 
