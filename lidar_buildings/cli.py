@@ -7,6 +7,8 @@ import gc
 import os
 import sys
 import traceback
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
@@ -65,7 +67,7 @@ def command_parser() -> argparse.ArgumentParser:
     run.set_defaults(command=_run)
     plan = commands.add_parser("plan", help="say what a run will take, from headers alone")
     add_plan_arguments(plan)
-    plan.set_defaults(command=_plan)
+    plan.set_defaults(command=_later("plan"))
     _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
     _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
     _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
@@ -78,6 +80,13 @@ def command_parser() -> argparse.ArgumentParser:
     for one in commands.choices.values():
         one.add_argument("--debug", action="store_true", help="show where an error comes from")
     return parser
+
+
+def _later(name: str) -> Callable[[argparse.Namespace], int]:
+    """Return what calls a command that is imported when it is called: --help answers at once."""
+    return lambda options: getattr(import_module(f"lidar_buildings.commands.{name}"), f"{name}_command")(
+        options
+    )
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -120,7 +129,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
     parser.set_defaults(
-        command=_live,
+        command=_later("live"),
         input=(),
         tile_size=None,
         crs=None,
@@ -136,30 +145,12 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _live(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.live import live_command
-
-    return live_command(options)
-
-
-def _plan(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.plan import plan_command
-
-    return plan_command(options)
-
-
 def _add_inspect(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs"
     )
     parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
-    parser.set_defaults(command=_inspect)
-
-
-def _inspect(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.inspect import inspect_command
-
-    return inspect_command(options)
+    parser.set_defaults(command=_later("inspect"))
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
@@ -213,13 +204,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
-    parser.set_defaults(command=_report)
-
-
-def _report(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.report import report_command
-
-    return report_command(options)
+    parser.set_defaults(command=_later("report"))
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:
@@ -232,13 +217,7 @@ def _add_explain(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--page", type=Path, metavar="FILE", help="write a page of it with the text, to look at"
     )
-    parser.set_defaults(command=_explain)
-
-
-def _explain(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.explain import explain_command
-
-    return explain_command(options)
+    parser.set_defaults(command=_later("explain"))
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:
@@ -247,24 +226,12 @@ def _add_top(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--wait", type=float, default=10.0, metavar="S", help="wait so long for a graph [s] (default: 10)"
     )
-    parser.set_defaults(command=_top)
-
-
-def _top(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.top import top_command
-
-    return top_command(options)
+    parser.set_defaults(command=_later("top"))
 
 
 def _add_warm_up(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="print nothing at the end")
-    parser.set_defaults(command=_warm_up)
-
-
-def _warm_up(options: argparse.Namespace) -> int:
-    from lidar_buildings.commands.warm_up import warm_up_command
-
-    return warm_up_command(options)
+    parser.set_defaults(command=_later("warm_up"))
 
 
 def _add_score(parser: argparse.ArgumentParser) -> None:

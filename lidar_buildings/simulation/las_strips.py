@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import laspy
@@ -10,6 +12,7 @@ import pyproj
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scanner import StripPoints
 
@@ -17,6 +20,8 @@ from lidar_buildings.simulation.scanner import StripPoints
 SCALE = 0.001
 #: Unit of the scan angle in point format 6 [deg].
 ANGLE_UNIT = 0.006
+#: What the writer raises when a file cannot be written.
+_FAILURES = (OSError, laspy.errors.LaspyException, RuntimeError)
 #: Extra dimension → its type, member of `StripPoints` and description (at most 32 bytes).
 TRUTH_DIMENSIONS = {
     "TrueClass": ("uint8", "true_class", "true ASPRS class"),
@@ -25,52 +30,44 @@ TRUTH_DIMENSIONS = {
 }
 
 
-class StripFile:
+@contextmanager
+def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], None]]:
     """
-    A strip's file that grows; `classification` is 1 throughout.
+    Give a function that writes points of a strip to a file; `classification` is 1 throughout.
 
     Parameters
     ----------
     path : Path
-        The file.
+        It appears when the block ends well.
     frame : MapFrame
-        Where the scene lies.
+        Of the points.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
     """
+    with atomic_file(path, _FAILURES) as part, open(part, "wb") as stream:
+        writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=False)
 
-    def __init__(self, path: Path, frame: MapFrame) -> None:
-        self._frame = frame
-        stream = open(path, "wb")  # noqa: SIM115
-        self._writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=True)
+        def add(strip: StripPoints) -> None:
+            record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=writer.header)
+            record.x, record.y, record.z = frame.to_source(strip.points).T
+            record.intensity = strip.intensity
+            record.return_number = strip.return_number
+            record.number_of_returns = strip.number_of_returns
+            record.scan_direction_flag = strip.scan_direction
+            record.edge_of_flight_line = strip.edge_of_flight_line
+            record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
+            record.scan_angle = np.round(strip.scan_angle / ANGLE_UNIT).astype(np.int16)
+            record.point_source_id = strip.point_source_id
+            record.gps_time = strip.gps_time
+            for name, (_, member, _) in TRUTH_DIMENSIONS.items():
+                record[name] = getattr(strip, member)
+            writer.write_points(record)
 
-    def add(self, strip: StripPoints) -> None:
-        """Write points."""
-        record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=self._writer.header)
-        record.x, record.y, record.z = self._frame.to_source(strip.points).T
-        record.intensity = strip.intensity
-        record.return_number = strip.return_number
-        record.number_of_returns = strip.number_of_returns
-        record.scan_direction_flag = strip.scan_direction
-        record.edge_of_flight_line = strip.edge_of_flight_line
-        record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
-        record.scan_angle = np.round(strip.scan_angle / ANGLE_UNIT).astype(np.int16)
-        record.point_source_id = strip.point_source_id
-        record.gps_time = strip.gps_time
-        for name, (_, member, _) in TRUTH_DIMENSIONS.items():
-            record[name] = getattr(strip, member)
-        self._writer.write_points(record)
-
-    def close(self) -> None:
-        """Complete the file."""
-        self._writer.close()
-
-
-def write_strip(path: Path, strip: StripPoints, frame: MapFrame) -> None:
-    """Write one strip."""
-    file = StripFile(path, frame)
-    try:
-        file.add(strip)
-    finally:
-        file.close()
+        yield add
+        writer.close()
 
 
 def _header(frame: MapFrame) -> laspy.LasHeader:

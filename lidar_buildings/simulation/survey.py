@@ -8,9 +8,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import laspy
 import numpy as np
-import pyogrio
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
@@ -19,15 +17,13 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.config import SimulationConfig
-from lidar_buildings.simulation.las_strips import write_strip
+from lidar_buildings.simulation.las_strips import strip_file
 from lidar_buildings.simulation.named_scenes import make_scene
 from lidar_buildings.simulation.scanner import DEFAULTS, joined, scan
 from lidar_buildings.simulation.scene import VirtualScene
 from lidar_buildings.simulation.truth_city_model import write_truth_city_model
 from lidar_buildings.simulation.truth_layers import write_truth_layers
 
-#: What the writers of clouds and layers raise when a file cannot be written.
-WRITE_ERRORS = (OSError, laspy.errors.LaspyException, pyogrio.errors.DataSourceError, RuntimeError)
 #: Names of the files of a survey.
 STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "truth.city.jsonl"
 
@@ -123,8 +119,8 @@ def simulate_survey(
     files, n_points = [], 0
     for strip in scan(virtual, seed, config):
         files.append(output / STRIP_NAME.format(len(files) + 1))
-        with atomic_file(files[-1], WRITE_ERRORS) as part:
-            write_strip(part, strip, virtual.frame)
+        with strip_file(files[-1], virtual.frame) as add:
+            add(strip)
         n_points += len(strip.points)
     truth_files = write_truth(output, virtual)
     remove_surplus(output, files)
@@ -135,8 +131,7 @@ def simulate_survey(
 def write_truth(output: Path, scene: VirtualScene) -> tuple[Path, Path]:
     """Write what is true of a scene into a folder; return the GeoPackage and the CityJSONSeq."""
     layers, model = output / LAYERS_NAME, output / CITY_MODEL_NAME
-    with atomic_file(layers, WRITE_ERRORS) as part:
-        write_truth_layers(part, scene)
+    write_truth_layers(layers, scene)
     with atomic_file(model) as part:
         write_truth_city_model(part, scene)
     return layers, model

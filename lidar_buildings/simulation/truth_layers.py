@@ -8,32 +8,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyogrio
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
 from lidar_buildings.simulation.building import Building
-from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
 
-#: Column → dtype of layer `outlines`.
-OUTLINE_COLUMNS: dict[str, Any] = {
-    "building_number": np.int32,
-    "block_number": np.int32,
-    "roof_type": object,
-    "ground_elevation": np.float64,
-    "roof_elevation_min": np.float64,
-    "roof_elevation_max": np.float64,
-    "height": np.float64,
-    "area": np.float64,
-    "n_planes": np.int32,
+#: Columns of layer `outlines`, and of layer `roof_faces`.
+OUTLINE_COLUMNS: dict[str, type] = {
+    "building_number": int,
+    "block_number": int,
+    "roof_type": str,
+    "ground_elevation": float,
+    "roof_elevation_min": float,
+    "roof_elevation_max": float,
+    "height": float,
+    "area": float,
+    "n_planes": int,
 }
-#: Column → dtype of layer `roof_faces`.
-FACE_COLUMNS: dict[str, Any] = {
-    "building_number": np.int32,
-    "plane_id": np.int32,
-    "slope_deg": np.float64,
-    "area": np.float64,
+FACE_COLUMNS: dict[str, type] = {
+    "building_number": int,
+    "plane_id": int,
+    "slope_deg": float,
+    "area": float,
 }
 
 
@@ -65,17 +63,11 @@ def _attributes(building: Building, block: int, zero: float) -> dict[str, Any]:
 
 def write_truth_layers(path: Path, scene: VirtualScene) -> None:
     """Write the roofprints with their attributes, and the roof faces in 3D."""
-    # The file's own date would make two equal runs differ.
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": f"{SURVEY_DATE.isoformat()}T00:00:00.000Z"})
-    try:
-        outlines = [_polygon(b.outline.rings, scene) for b in scene.buildings]
-        _write_layer(
-            path, scene, "outlines", "Polygon", outlines, building_attributes(scene), OUTLINE_COLUMNS
-        )
-        faces = [_polygon(face.rings_3d, scene) for b in scene.buildings for face in b.faces]
-        _write_layer(path, scene, "roof_faces", "Polygon Z", faces, _face_rows(scene), FACE_COLUMNS)
-    finally:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})
+    outlines = [_polygon(b.outline.rings, scene) for b in scene.buildings]
+    faces = [_polygon(face.rings_3d, scene) for b in scene.buildings for face in b.faces]
+    with GeoPackageWriter(path, scene.frame.crs) as file:
+        file.append(VectorLayer("outlines", outlines, OUTLINE_COLUMNS, building_attributes(scene)))
+        file.append(VectorLayer("roof_faces", faces, FACE_COLUMNS, _face_rows(scene), is_3d=True))
 
 
 def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:
@@ -95,24 +87,3 @@ def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:
 def _polygon(rings: tuple[NDArray[np.float64], ...], scene: VirtualScene) -> shapely.Polygon:
     moved = [ring + np.asarray(scene.frame.origin)[: ring.shape[1]] for ring in rings]
     return shapely.Polygon(moved[0], moved[1:])
-
-
-def _write_layer(
-    path: Path,
-    scene: VirtualScene,
-    layer: str,
-    geometry_type: str,
-    polygons: list[shapely.Polygon],
-    rows: list[dict[str, Any]],
-    columns: dict[str, Any],
-) -> None:
-    pyogrio.raw.write(
-        path,
-        np.array([shapely.to_wkb(polygon) for polygon in polygons], dtype=object),
-        [np.array([row[name] for row in rows], dtype=dtype) for name, dtype in columns.items()],
-        np.array(list(columns)),
-        layer=layer,
-        driver="GPKG",
-        geometry_type=geometry_type,
-        crs=scene.frame.crs,
-    )

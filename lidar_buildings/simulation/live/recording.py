@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from contextlib import ExitStack
 from pathlib import Path
 
 from lidar_buildings.io.bags.bag_writer import BagWriter
-from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.simulation.las_strips import StripFile
+from lidar_buildings.simulation.las_strips import strip_file
 from lidar_buildings.simulation.live.messages import LATCHED, TYPES, LiveMessages, Told
 from lidar_buildings.simulation.live.moving_survey import BodyPose, MovingSurvey, Scan
 from lidar_buildings.simulation.survey import (
     STRIP_NAME,
-    WRITE_ERRORS,
     make_folder,
     remove_surplus,
     write_truth,
@@ -102,15 +100,14 @@ class SurveyFiles:
         self.files: list[Path] = []
         self._output, self._scene = output, survey.scene
         self._leg = 0
-        self._file: StripFile | None = None
-        self._whole: AbstractContextManager[Path] | None = None
+        self._file = ExitStack()
         make_folder(output)
 
     def __enter__(self) -> SurveyFiles:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        self._close_leg()
+        self._file.close()  # of an interrupted survey with what there is
         if kind is None or issubclass(kind, KeyboardInterrupt):
             remove_surplus(self._output, self.files)
             self.files.extend(write_truth(self._output, self._scene))
@@ -121,21 +118,12 @@ class SurveyFiles:
             return
         leg = int(event.truth.point_source_id[0])
         if leg != self._leg:
-            self._close_leg()
+            self._file.close()
             self._leg = leg
             path = self._output / STRIP_NAME.format(leg)
-            self._whole = atomic_file(path, WRITE_ERRORS)
-            self._file = StripFile(self._whole.__enter__(), self._scene.frame)
+            self._write = self._file.enter_context(strip_file(path, self._scene.frame))
             self.files.append(path)
-        if self._file is not None:
-            self._file.add(event.truth)
-
-    def _close_leg(self) -> None:
-        """Complete the leg's file; of an interrupted survey with what there is."""
-        if self._file is not None and self._whole is not None:
-            self._file.close()
-            self._whole.__exit__(None, None, None)
-        self._file = self._whole = None
+        self._write(event.truth)
 
 
 def _absolute(topic: str) -> str:
