@@ -8,12 +8,11 @@ one sees large buildings, and what is missing of a square is smaller than its ge
 from __future__ import annotations
 
 import json
-import pickle
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from lidar_buildings import __version__
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_folder
+from lidar_buildings.io.files.waiting import Waiting
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, READABLE_ID
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.glb import CORNER, corners_of, glb, linear_colour
@@ -93,36 +93,16 @@ def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBu
         If a file cannot be written.
     """
     with atomic_folder(path) as folder, TemporaryFile(dir=folder) as spool:
-        meshes = _WaitingMeshes(spool)
-        yield meshes.add
-        contents = {node: _write(folder, node, meshes.of(node), earth) for node in meshes.nodes()}
+        meshes: Waiting[_Node, _Mesh] = Waiting(spool)
+
+        def add(one: SurveyBuilding | TerrainMesh) -> None:
+            mesh = _terrain(one) if isinstance(one, TerrainMesh) else _building(one)
+            if mesh is not None:
+                meshes.add(_square_of(mesh), mesh)
+
+        yield add
+        contents = {node: _write(folder, node, meshes.of(node), earth) for node in sorted(meshes.places)}
         (folder / TILESET).write_text(_json(_tileset(contents, earth)), encoding="utf-8")
-
-
-class _WaitingMeshes:
-    """Keeps meshes in a file, and of each in memory its place there and its square."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self._places: dict[_Node, list[int]] = {}
-
-    def add(self, one: SurveyBuilding | TerrainMesh) -> None:
-        """Add a building, unless it has no solid, or a piece of the terrain."""
-        mesh = _terrain(one) if isinstance(one, TerrainMesh) else _building(one)
-        if mesh is None:
-            return
-        self._places.setdefault(_square_of(mesh), []).append(self._file.tell())
-        pickle.dump(tuple(mesh), self._file, protocol=pickle.HIGHEST_PROTOCOL)
-
-    def nodes(self) -> list[_Node]:
-        """Return the squares that hold meshes, in order."""
-        return sorted(self._places)
-
-    def of(self, node: _Node) -> Iterator[_Mesh]:
-        """Yield the meshes of a square in the order in which they came."""
-        for place in self._places[node]:
-            self._file.seek(place)
-            yield _Mesh(*pickle.load(self._file))
 
 
 def _building(building: SurveyBuilding) -> _Mesh | None:

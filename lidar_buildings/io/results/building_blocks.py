@@ -8,10 +8,9 @@ Blocks are the squares of a quadtree. The index is a GeoJSON like a collection o
 from __future__ import annotations
 
 import json
-import pickle
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Collection, Iterable
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO
@@ -22,7 +21,8 @@ import shapely
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.files.atomic_files import atomic_folder
 from lidar_buildings.io.files.reference_systems import reprojected
-from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
+from lidar_buildings.io.files.waiting import Waiting
+from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.building_files import write_buildings
 from lidar_buildings.io.results.model_heading import ModelHeading
 from lidar_buildings.io.results.output_config import TILES
@@ -76,96 +76,57 @@ def write_in_blocks(
     total: Counter[str] = Counter()
     items = []
     with atomic_folder(folder / BLOCKS) as blocks, TemporaryFile(dir=blocks) as file:
-        meshes = _TerrainOfSquares(file, [square for square, _ in squares], terrain)
+        meshes = _waiting_terrain(file, [square for square, _ in squares], terrain)
         parts = buildings.parts(rows for _, rows in squares)
         for number, ((square, rows), part) in enumerate(zip(squares, parts, strict=True)):
-            measured = _Measured(part)
             block = blocks / _name(square, buildings.frame)
             block.mkdir()
-            files, statuses = write_buildings(block, measured.part, in_blocks, heading, meshes.of(number))
+            files, statuses = write_buildings(block, part, in_blocks, heading, meshes.of(number))
             total.update(statuses)
-            items.append(_item(block, files, {"buildings": len(rows), "statuses": statuses}, measured))
+            items.append(_item(block, files, {"buildings": len(rows), "statuses": statuses}, part))
         lines = ",\n".join(json.dumps(item, ensure_ascii=False) for item in items)
         index = f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
         (blocks / INDEX).write_text(index, encoding="utf-8")
         if TILES in formats:
-            tiles, _ = write_buildings(folder, buildings, [TILES], heading, meshes.all())
+            all_meshes = chain.from_iterable(map(meshes.of, range(len(squares))))
+            tiles, _ = write_buildings(folder, buildings, [TILES], heading, all_meshes)
     return [BLOCKS, *tiles], dict(sorted(total.items()))
 
 
-class _TerrainOfSquares:
-    """Keeps pieces of terrain in a file, and which square each is of: that around it, or nearest to it."""
-
-    def __init__(self, file: BinaryIO, squares: list[Square], terrain: Iterable[TerrainMesh]) -> None:
-        self._file = file
-        self._starts: list[list[int]] = [[] for _ in squares]
-        for mesh in terrain:
-            middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
-            nearest = min(range(len(squares)), key=lambda number: squares[number].distance(middle))
-            self._starts[nearest].append(file.tell())
-            pickle.dump(mesh, file, protocol=pickle.HIGHEST_PROTOCOL)
-
-    def of(self, number: int) -> Iterator[TerrainMesh]:
-        """Yield the pieces of a square."""
-        for start in self._starts[number]:
-            self._file.seek(start)
-            yield pickle.load(self._file)
-
-    def all(self) -> Iterator[TerrainMesh]:
-        """Yield the pieces of all squares."""
-        for number in range(len(self._starts)):
-            yield from self.of(number)
+def _waiting_terrain(
+    file: BinaryIO, squares: list[Square], terrain: Iterable[TerrainMesh]
+) -> Waiting[int, TerrainMesh]:
+    """Keep pieces of terrain in a file by the number of the square around each, or nearest to it."""
+    waiting: Waiting[int, TerrainMesh] = Waiting(file)
+    for mesh in terrain:
+        middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
+        waiting.add(min(range(len(squares)), key=lambda number: squares[number].distance(middle)), mesh)
+    return waiting
 
 
-class _Measured:
-    """A part of a survey, and where the buildings lie that were read of it."""
-
-    def __init__(self, part: SurveyPart) -> None:
-        self.part = replace(part, read=self._read)
-        self._whole = part
-        self._low, self._high = np.full(2, np.inf), np.full(2, -np.inf)
-
-    @property
-    def box(self) -> Any:
-        """The box around solids and outlines in source coordinates, None if there is nothing."""
-        corners = np.array([[*self._low, 0.0], [*self._high, 0.0]])
-        if not np.isfinite(corners).all():
-            return None
-        return shapely.box(*self.part.frame.to_source(corners)[:, :2].ravel())
-
-    @property
-    def crs(self) -> str:
-        """The part's horizontal reference system."""
-        return self.part.frame.crs
-
-    def _read(self) -> Iterator[SurveyBuilding]:
-        for building in self._whole:
-            outline = building.outline or building.traced
-            vertices = [outline.exterior] if outline is not None else []
-            if building.solid is not None:
-                vertices.append(building.solid.vertices[:, :2])
-            for xy in vertices:
-                self._low = np.minimum(self._low, xy.min(axis=0, initial=np.inf))
-                self._high = np.maximum(self._high, xy.max(axis=0, initial=-np.inf))
-            yield building
-
-
-def _item(block: Path, files: list[str], facts: dict[str, Any], measured: _Measured) -> dict[str, Any]:
+def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyPart) -> dict[str, Any]:
     """Return what the index says of a block: where it lies, on the earth too, counts, and files."""
     item: dict[str, Any] = {"type": "Feature", "stac_version": "1.0.0", "id": block.name, "geometry": None}
     properties: dict[str, Any] = {"datetime": None, **facts}
-    if measured.box is not None:
-        properties["proj:bbox"] = np.round(measured.box.bounds, 3).tolist()
-    if measured.box is not None and measured.crs:
-        properties["proj:code" if measured.crs.startswith("EPSG:") else "proj:wkt2"] = measured.crs
-        (around,) = reprojected(np.array([measured.box]), measured.crs, _DEGREES, str(block))
-        if np.isfinite(around.bounds).all():
-            item["geometry"] = json.loads(shapely.to_geojson(shapely.set_precision(around, 10.0**-_DECIMALS)))
-            item["bbox"] = np.round(around.bounds, _DECIMALS).tolist()
+    if part.bounds is not None:
+        box = shapely.box(*part.frame.to_source(np.insert(part.bounds, 2, 0.0, axis=1))[:, :2].ravel())
+        properties["proj:bbox"] = np.round(box.bounds, 3).tolist()
+        if crs := part.frame.crs:
+            properties["proj:code" if crs.startswith("EPSG:") else "proj:wkt2"] = crs
+            item |= _on_earth(box, crs, str(block))
     assets = {
         file: {"href": f"{block.name}/{file}", "file:size": (block / file).stat().st_size} for file in files
     }
     return item | {"properties": properties, "assets": assets, "links": []}
+
+
+def _on_earth(box: shapely.Polygon, crs: str, label: str) -> dict[str, Any]:
+    """Return where a block lies in longitude and latitude, as its item says it; nothing where that fails."""
+    (around,) = reprojected(np.array([box]), crs, _DEGREES, label)
+    if not np.isfinite(around.bounds).all():
+        return {}
+    geometry = json.loads(shapely.to_geojson(shapely.set_precision(around, 10.0**-_DECIMALS)))
+    return {"geometry": geometry, "bbox": np.round(around.bounds, _DECIMALS).tolist()}
 
 
 def _name(square: Square, frame: MapFrame) -> str:

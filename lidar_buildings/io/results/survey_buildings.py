@@ -67,12 +67,15 @@ class SurveyPart:
         Of the tiles.
     extent : ndarray of shape (2, 3) or None
         Of their solids, as of `SurveyBuildings`.
+    bounds : ndarray of shape (2, 2) or None
+        The same of outlines and solids in plan, None if there are neither.
     read : callable
         Yields them by id and name.
     """
 
     frame: MapFrame
     extent: NDArray[np.float64] | None
+    bounds: NDArray[np.float64] | None
     read: Callable[[], Iterator[SurveyBuilding]]
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
@@ -142,7 +145,8 @@ class SurveyBuildings:
         keys = sorted(self._entries)
         for own in rows:
             chosen = [keys[row] for row in own.tolist()]
-            yield SurveyPart(self.frame, self._extent(chosen), partial(self._read, chosen))
+            extent, bounds = self._extent(chosen), self._bounds(chosen)
+            yield SurveyPart(self.frame, extent, bounds, partial(self._read, chosen))
 
     def add(self, shapes: Shapes) -> None:
         """Add a tile's buildings; of one that came before nothing is taken."""
@@ -173,6 +177,15 @@ class SurveyBuildings:
         for key in keys:
             low, high = np.minimum(low, self._entries[key].low), np.maximum(high, self._entries[key].high)
         return np.stack([low, high]) if np.isfinite(low).all() else None
+
+    def _bounds(self, keys: Iterable[tuple[int, str]]) -> NDArray[np.float64] | None:
+        corners = [np.empty((0, 2))]
+        for entry in (self._entries[key] for key in keys):
+            outline = entry.outline or entry.traced
+            corners += [entry.low[None, :2], entry.high[None, :2]] if np.isfinite(entry.low).all() else []
+            corners += [] if outline is None else [outline.exterior]
+        places = np.concatenate(corners)
+        return np.stack([places.min(axis=0), places.max(axis=0)]) if len(places) else None
 
     def _is_new(self, number: int, outline: Outline | None) -> bool:
         """Whether no building with this id came nearby; its name may differ by what was scanned later."""
