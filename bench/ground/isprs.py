@@ -22,8 +22,9 @@ from bench.common.arguments import add_pictures, parser_of, picture_folder, sett
 from bench.common.clouds import Cloud, data_folder, moved, read_cloud
 from bench.common.tables import percent, table
 from bench.ground.optimisation import GRIDS, errors_of, optimum_of, settings_grid
-from bench.ground.peers import filter_names, filters, ground_mask, installed, own_methods
-from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, mean_cells, score_of, score_of_mask
+from bench.ground.peers import filter_names, filters, installed, own_methods
+from bench.ground.scenes import rows_of
+from bench.ground.scores import SCORE_HEADINGS, score_of
 
 #: How far the samples are moved from one try to the next [m]: in no simple ratio to any grid's cells.
 OFFSET_STEP = np.array([17.37, 29.83])
@@ -37,26 +38,6 @@ def read_samples(folder: Path) -> Samples:
     if not samples:
         raise SystemExit(f"{folder}: holds no sampNN.laz: give the data folder with --data")
     return samples
-
-
-def default_rows(
-    samples: Samples,
-    methods: Sequence[str],
-    settings: Mapping[str, Any] | None = None,
-    pictures: Path | None = None,
-) -> list[list[str]]:
-    """Lines of the main table: every method on every sample, and its mean."""
-    rows = []
-    with filters(methods, settings) as chosen:
-        for method, ground_filter in chosen.items():
-            scores = []
-            for name, sample in samples.items():
-                mask = ground_mask(ground_filter, sample)
-                scores.append(score_of_mask(mask, sample.is_ground))
-                rows.append([method, name, *cells_of(scores[-1])])
-                draw_errors(pictures, method, name, sample, mask)
-            rows.append([method, "mean", *mean_cells(scores)])
-    return rows
 
 
 def offset_rows(
@@ -110,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     samples = read_samples(data_folder(options.data) / "isprs")
     methods, settings = installed(options.methods), settings_of(options.set)
-    rows = default_rows(samples, methods, settings, picture_folder(options.pictures))
+    rows = rows_of(samples, methods, settings, picture_folder(options.pictures))
     print(table(("method", "sample", *SCORE_HEADINGS), rows))
     if options.offsets:
         print(f"\nTotal error at {options.offsets} places of the map:")
