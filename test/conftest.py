@@ -18,6 +18,24 @@ def data_folder() -> Path:
     return folder
 
 
+@pytest.fixture
+def command(capfd):
+    """The command line, called as users do."""
+    from support.cli_runs import Command  # not every test needs it
+
+    return Command(capfd)
+
+
+@pytest.fixture(scope="session")
+def house(tmp_path_factory) -> Path:
+    """A survey of one house."""
+    from lidar_buildings.simulation import simulate_survey
+
+    folder = tmp_path_factory.mktemp("house")
+    simulate_survey(folder, "single_house", 0, density=3.0)
+    return folder
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     Put files with slow tests first, and those that use dask last.

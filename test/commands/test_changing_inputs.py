@@ -9,7 +9,6 @@ from support.cli_runs import Command, files_in
 from support.results import contents
 
 from lidar_buildings.commands import run_local
-from lidar_buildings.simulation import simulate_survey
 
 SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
 
@@ -21,10 +20,9 @@ def command(capfd, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("house")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder / "strip_01.laz"
+def house(house):
+    """The cloud of the house."""
+    return house / "strip_01.laz"
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from support.cli_runs import TILES3D, Command, files_in
+from support.cli_runs import TILES3D, files_in
 from support.results import MODELS, assert_complete, contents
 
 from lidar_buildings import cli
@@ -37,19 +37,6 @@ FILES_UNTIL = {
 }
 #: Tiles of the survey `roofs` [m]: a dozen.
 TILE_SIZE = 60.0
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    """A survey of one house."""
-    folder = tmp_path_factory.mktemp("house")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder
 
 
 @pytest.fixture(scope="module")

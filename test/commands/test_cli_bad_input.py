@@ -10,8 +10,6 @@ from support import cloud_files
 from support.cli_runs import TILES3D, Command, bad_clouds, files_in
 from support.results import MODELS
 
-from lidar_buildings.simulation import simulate_survey
-
 FILES = ["buildings.gpkg", *MODELS, "dsm.tif", "dtm.tif", "ndsm.tif", "report.html", "run.json", TILES3D]
 WITHOUT_POINTS = ["buildings.gpkg", *MODELS, "report.html", "run.json"]
 CASES = [
@@ -32,11 +30,9 @@ def command(capfd):
 
 
 @pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    """A cloud of one house."""
-    folder = tmp_path_factory.mktemp("house")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder / "strip_01.laz"
+def house(house):
+    """The cloud of the house."""
+    return house / "strip_01.laz"
 
 
 @pytest.fixture

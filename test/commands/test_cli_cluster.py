@@ -6,26 +6,13 @@ import pytest
 
 pytest.importorskip("distributed")
 
-from support.cli_runs import Command, files_in
+from support.cli_runs import files_in
 from support.results import contents
 
 from lidar_buildings import cli
-from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.cluster
 TILES = ("--tile-size", "20")
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("house")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder
 
 
 @pytest.mark.slow

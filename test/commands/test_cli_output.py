@@ -12,7 +12,6 @@ from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.pipeline import reconstruct as pipeline
-from lidar_buildings.simulation import simulate_survey
 
 RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
 CLASSIFIED = "classified/strip_01.laz"
@@ -27,62 +26,53 @@ def command(capfd):
 
 
 @pytest.fixture(scope="module")
-def survey(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("survey")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def result(survey, tmp_path_factory):
+def result(house, tmp_path_factory):
     """What an undisturbed run gives."""
     folder = tmp_path_factory.mktemp("result") / "out"
-    assert main(["run", str(survey), "--output", str(folder), *SMALL_TILES]) == 0
+    assert main(["run", str(house), "--output", str(folder), *SMALL_TILES]) == 0
     assert json.loads((folder / "run.json").read_text())["n_tiles"] >= 9
     return folder
 
 
-def test_an_output_folder_that_cannot_be_made_gives_one_line(command, survey, tmp_path):
+def test_an_output_folder_that_cannot_be_made_gives_one_line(command, house, tmp_path):
     (tmp_path / "file").write_text("mine")
     for path in (tmp_path / "file" / "out", tmp_path / "file", "/proc/out", "/dev/null/out"):
-        line = command.refused("run", survey, "--output", path)
+        line = command.refused("run", house, "--output", path)
         assert line.startswith(f"lidar-buildings: {path}: cannot be used for output (")
         assert "choose another folder" in line
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_a_folder_that_holds_something_is_not_written_into_unless_told_to(command, survey, result, tmp_path):
+def test_a_folder_that_holds_something_is_not_written_into_unless_told_to(command, house, result, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     (out / "kept.txt").write_text("mine")
-    assert "--overwrite" in command.refused("run", survey, "--output", out)
+    assert "--overwrite" in command.refused("run", house, "--output", out)
     assert files_in(out) == ["kept.txt"]
-    assert command("run", survey, "--output", out, "--overwrite").status == 0
+    assert command("run", house, "--output", out, "--overwrite").status == 0
     assert files_in(out) == sorted([*FILES, "kept.txt"])
     assert (out / "kept.txt").read_text() == "mine"
     assert contents(out) == contents(result)
 
 
-def test_a_finished_run_is_replaced_only_on_request(command, survey, result, tmp_path):
+def test_a_finished_run_is_replaced_only_on_request(command, house, result, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(result, out)
-    line = command.refused("run", survey, "--output", out)
+    line = command.refused("run", house, "--output", out)
     assert "holds a finished run: give --overwrite" in line
     assert contents(out) == contents(result)
-    spoken = command("run", survey, "--output", out, "--overwrite", "--until", "ground_filter")
+    spoken = command("run", house, "--output", out, "--overwrite", "--until", "ground_filter")
     assert spoken.status == 0
     left = [CLASSIFIED, *RASTERS, "report.html", "run.json"]
     assert files_in(out) == left, "nothing of the earlier run is left"
 
 
-def test_an_unfinished_run_of_other_parameters_is_not_mixed_in(
-    command, survey, result, tmp_path, monkeypatch
-):
+def test_an_unfinished_run_of_other_parameters_is_not_mixed_in(command, house, result, tmp_path, monkeypatch):
     out = tmp_path / "out"
     with monkeypatch.context() as full:
         cloud_files.fill_the_disk(full, "run.part", 0)
-        assert command("run", survey, "--output", out).status == 2
-    other = ["run", survey, "--output", out, "--set", "roof_selection.min_height=2.5"]
+        assert command("run", house, "--output", out).status == 2
+    other = ["run", house, "--output", out, "--set", "roof_selection.min_height=2.5"]
     assert "unfinished run of other inputs or parameters" in command.refused(*other)
     assert command(*other, "--overwrite").status == 0
     assert json.loads((out / "run.json").read_text())["parameters"]["roof_selection"]["min_height"] == 2.5
@@ -109,13 +99,13 @@ def in_this_process(monkeypatch):
 
 @pytest.mark.parametrize("name", FULL)
 def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
-    command, survey, result, tmp_path, monkeypatch, name
+    command, house, result, tmp_path, monkeypatch, name
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as full:
         in_this_process(full)
         cloud_files.fill_the_disk(full, name, 50)
-        spoken = command("run", survey, "--output", out)
+        spoken = command("run", house, "--output", out)
     assert spoken.status == 2
     assert len(spoken.err) == 1
     assert spoken.err[0].startswith(f"lidar-buildings: {out}")
@@ -125,21 +115,21 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
     same = [path for path in final if path not in (TILES3D, "report.html")]  # it tells seconds
     assert all((out / path).read_bytes() == (result / path).read_bytes() for path in same), "none is a part"
     assert not [path for path in files_in(out) if ".part." in path]
-    again = command("run", survey, "--output", out)
+    again = command("run", house, "--output", out)
     assert again.status == 0
     assert [name for name in files_in(out) if not name.startswith(".partial")] == FILES
     assert contents(out) == contents(result)
 
 
-def test_a_full_disk_in_the_temporary_folder_says_which_folder(command, survey, tmp_path, monkeypatch):
+def test_a_full_disk_in_the_temporary_folder_says_which_folder(command, house, tmp_path, monkeypatch):
     cloud_files.fill_the_disk(monkeypatch, ".points", 1000)
-    line = command.refused("run", survey, "--output", tmp_path / "out")
+    line = command.refused("run", house, "--output", tmp_path / "out")
     assert (
         "temporary files cannot be written (No space left on device): free some space, or set TMPDIR" in line
     )
 
 
-def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, survey, result, tmp_path, monkeypatch):
+def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, house, result, tmp_path, monkeypatch):
     out = tmp_path / "out"
 
     def full(*_, **__):
@@ -148,19 +138,19 @@ def test_a_full_disk_in_the_geopackage_leaves_no_part_of_it(command, survey, res
     with monkeypatch.context() as patched:
         in_this_process(patched)
         patched.setattr(pyogrio.raw, "write", full)
-        spoken = command("run", survey, "--output", out)
+        spoken = command("run", house, "--output", out)
     assert spoken.status == 2
     assert len(spoken.err) == 1
     assert f"{out / 'buildings.gpkg'}: cannot be written" in spoken.err[0]
     final = [path for path in files_in(out) if not path.startswith(".partial/")]
     assert final == [CLASSIFIED, *RASTERS]
-    assert command("run", survey, "--output", out).status == 0
+    assert command("run", house, "--output", out).status == 0
     assert contents(out) == contents(result)
 
 
 @pytest.mark.parametrize("stage", ["filter_ground", "regularise_outlines"])
 def test_a_tile_that_fails_gives_status_3_and_the_rest_is_complete(
-    command, survey, result, tmp_path, monkeypatch, stage
+    command, house, result, tmp_path, monkeypatch, stage
 ):
     original, called = getattr(pipeline, stage), []
 
@@ -174,7 +164,7 @@ def test_a_tile_that_fails_gives_status_3_and_the_rest_is_complete(
     with monkeypatch.context() as patched:
         in_this_process(patched)
         patched.setattr(pipeline, stage, fail_once)
-        spoken = command("run", survey, "--output", out)
+        spoken = command("run", house, "--output", out)
     assert spoken.status == 3
     whole, told = (json.loads((folder / "run.json").read_text()) for folder in (result, out))
     (failed,) = told["failed_tiles"]
@@ -188,15 +178,15 @@ def test_a_tile_that_fails_gives_status_3_and_the_rest_is_complete(
     assert told["n_tiles"] == whole["n_tiles"] - 1
     assert spoken.progress[-1].startswith(f"{told['n_tiles']} of ")
     assert [name for name in files_in(out) if not name.startswith(".partial")] == FILES
-    assert_rest_is_complete(survey, out, result, told["n_unclassified"])
+    assert_rest_is_complete(house, out, result, told["n_unclassified"])
 
 
-def test_without_ros_on_the_machine_it_says_what_to_install_or_to_add(capfd, survey, tmp_path, monkeypatch):
+def test_without_ros_on_the_machine_it_says_what_to_install_or_to_add(capfd, house, tmp_path, monkeypatch):
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name: None if name == "rclpy" else find_spec(name)
     )
-    line = Command(capfd).refused("run", survey, "--output", tmp_path / "out")
+    line = Command(capfd).refused("run", house, "--output", tmp_path / "out")
     assert line.startswith("lidar-buildings: rclpy is not installed: ")
     assert "[ros]" in line
     assert "--no-ros" in line

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support import cloud_files
-from support.cli_runs import Command
 
 from bench.scale.headers import make_survey
 from lidar_buildings.commands import plan as plan_module
@@ -20,11 +19,6 @@ from lidar_buildings.io.tiling.survey_plan import plan_survey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.simulation import simulate_survey
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,6 @@ from support.results import MODELS, assert_rest_is_complete, contents
 from lidar_buildings.cli import main
 from lidar_buildings.nodes import ground_filter, outline_regulariser
 from lidar_buildings.pipeline.reconstruct import STAGES
-from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph
 
@@ -30,13 +29,6 @@ SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
 @pytest.fixture
 def command(capfd):
     return Command(capfd, *SMALL_TILES)
-
-
-@pytest.fixture(scope="module")
-def house(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("house")
-    simulate_survey(folder, "single_house", 0, density=3.0)
-    return folder
 
 
 @pytest.fixture(scope="module")
