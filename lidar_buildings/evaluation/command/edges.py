@@ -15,6 +15,7 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.evaluation.command.options import BUILDING, ScoreOptions, check_same_system, is_inside
 from lidar_buildings.evaluation.readers.labelled_points import (
+    EDGES,
     LabelledPoints,
     has_clouds,
     read_label_pairs,
@@ -87,11 +88,11 @@ def _roofs_of_reference(
 ) -> tuple[LabelledPoints, NDArray[np.int64], int]:
     """Return the result's points and labels, each point's roof in the reference, and the number of roofs."""
     if not has_clouds(reference):
-        cloud = read_labels(result, prefer_truth=False, edges=True)
+        cloud = read_labels(result, prefer_truth=False, beside=EDGES)
         layer = read_metric_polygons(reference)
         check_same_system(cloud.crs, layer.crs, options.area)
         return cloud, roofs_of_polygons(cloud.points, layer.polygons), len(layer.polygons)
-    cloud = read_label_pairs(result, reference, edges=True)
+    cloud = read_label_pairs(result, reference, beside=EDGES)
     check_same_system(cloud.crs, "", options.area)
     rows = np.flatnonzero(np.isin(cloud.labels[3], list(options.reference_classes or BUILDING)))
     points, spacing = cloud.points[rows], measure_spacing(cloud.points[rows])

@@ -19,6 +19,8 @@ from lidar_buildings.io.clouds.las import open_cloud, xyz_of
 TRUE_CLASS = "TrueClass"
 #: Dimensions that a result is read from: classes, which points of buildings are façade, and edges of roofs.
 CLASS, FACADE, EDGE = "classification", "Facade", "EdgeLabel"
+#: What is read beside classes where edges are looked at: façades are of class 6, too, but have no label.
+EDGES = (EDGE, FACADE)
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
 _SAME = "point by point only the same points in the same order can be compared"
@@ -65,9 +67,9 @@ def find_clouds(path: Path) -> list[Path]:
     return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
 
 
-def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> LabelledPoints:
+def read_labels(path: Path, *, prefer_truth: bool, beside: tuple[str, ...] = ()) -> LabelledPoints:
     """
-    Read points and their classes, and their edge labels if asked for.
+    Read points and their classes, and what else is asked for.
 
     Parameters
     ----------
@@ -75,9 +77,8 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
         A cloud, or a folder of them.
     prefer_truth : bool
         Whether the true class of a simulated survey counts where a cloud has it.
-    edges : bool
-        Whether to read edge labels, too, and which points are façade, which have none; they come after the
-        classes.
+    beside : tuple of str
+        Dimensions that come after the classes.
 
     Raises
     ------
@@ -85,10 +86,8 @@ def read_labels(path: Path, *, prefer_truth: bool, edges: bool = False) -> Label
         If a cloud cannot be read, or has no edge labels.
     """
     clouds = [open_cloud(file) for file in find_clouds(path)]
-    parts = [
-        part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *_edge_of(edges)))
-    ]
-    return _joined(parts, clouds, 1 + len(_edge_of(edges)))
+    parts = [part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *beside))]
+    return _joined(parts, clouds, 1 + len(beside))
 
 
 def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.float64], str]:
@@ -107,14 +106,9 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
     InputError
         If a cloud cannot be read.
     """
-    clouds = [open_cloud(file) for file in find_clouds(path)]
-    parts = [
-        points[np.isin(labels, list(classes)) & (facade == 0)]
-        for cloud in clouds
-        for points, labels, facade in _parts(cloud, (_class_of(cloud, True), FACADE))
-    ]
-    crs = next((cloud.crs.name for cloud in clouds if cloud.crs.name), "")
-    return np.concatenate([*parts, np.empty((0, 3))]), crs
+    cloud = read_labels(path, prefer_truth=True, beside=(FACADE,))
+    is_roof = np.isin(cloud.labels[0], list(classes)) & (cloud.labels[1] == 0)
+    return cloud.points[is_roof], cloud.crs
 
 
 def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
@@ -130,7 +124,7 @@ def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
         yield from _parts(open_cloud(file), (CLASS, FACADE))
 
 
-def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> LabelledPoints:
+def read_label_pairs(result: Path, reference: Path, *, beside: tuple[str, ...] = ()) -> LabelledPoints:
     """
     Read what a result and a reference say of the same points; several files are matched by name.
 
@@ -138,14 +132,9 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     ----------
     result, reference : Path
         A cloud each, or folders of clouds that carry the same names up to their endings.
-    edges : bool
-        Whether to read the result's edge labels, too, and which of its points are façade.
-
-    Returns
-    -------
-    LabelledPoints
-        With the result's classes first, its edge labels and which points are façade next if asked for,
-        and then the reference's classes: those of the truth of a simulated survey where there is one.
+    beside : tuple of str
+        Dimensions of the result that come after its classes, and before those of the reference: of the truth
+        of a simulated survey where there is one.
 
     Raises
     ------
@@ -158,8 +147,8 @@ def read_label_pairs(result: Path, reference: Path, *, edges: bool = False) -> L
     for mine, theirs in matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
-        parts.extend(_paired_parts(*pair, (CLASS, *_edge_of(edges))))
-    return _joined(parts, clouds, 2 + len(_edge_of(edges)))
+        parts.extend(_paired_parts(*pair, (CLASS, *beside)))
+    return _joined(parts, clouds, 2 + len(beside))
 
 
 def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
@@ -208,11 +197,6 @@ def _bare_name(file: Path) -> str:
 def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
     named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
     return TRUE_CLASS if prefer_truth and named else CLASS
-
-
-def _edge_of(edges: bool) -> tuple[str, ...]:
-    """Return the dimensions that hold edge labels and façades, if they are asked for."""
-    return (EDGE, FACADE) if edges else ()
 
 
 def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
