@@ -81,17 +81,12 @@ class Building:
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The roofprint."""
-        return shapely.Polygon(self.outline.exterior, self.outline.holes)
+        return self.outline.polygon
 
     @property
     def exterior(self) -> NDArray[np.float64]:
         """The outer ring, counter-clockwise, open, shape (n_vertices, 2) [m]."""
         return self.outline.exterior
-
-    @property
-    def holes(self) -> tuple[NDArray[np.float64], ...]:
-        """The courtyards' rings, clockwise, open."""
-        return self.outline.holes
 
     @property
     def planes(self) -> NDArray[np.float64]:
@@ -125,7 +120,7 @@ class Building:
         return replace(
             self,
             faces=tuple(_placed(face, shift, angle, elevation) for face in self.faces),
-            outline=Outline(*_split([_turned(ring, angle) + shift for ring in self.outline.rings])),
+            outline=_outline([_turned(ring, angle) + shift for ring in self.outline.rings]),
             ground_elevation=self.ground_elevation + elevation,
         )
 
@@ -133,7 +128,7 @@ class Building:
 def building_of(roof_type: str, faces: tuple[RoofFace, ...]) -> Building:
     """Return the building with these faces; their union is its outline."""
     union = shapely.union_all([face.polygon for face in faces], grid_size=GRID)
-    return Building(roof_type, faces, Outline(*_split([_corners(ring) for ring in _open_rings(union)])))
+    return Building(roof_type, faces, _outline([_corners(ring) for ring in _open_rings(union)]))
 
 
 def face_over(polygon: shapely.Polygon, plane: tuple[float, float, float]) -> RoofFace:
@@ -155,10 +150,8 @@ def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     return ring[offset > 5 * GRID]
 
 
-def _split(
-    rings: list[NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    return rings[0], tuple(rings[1:])
+def _outline(rings: list[NDArray[np.float64]]) -> Outline:
+    return Outline(rings[0], tuple(rings[1:]))
 
 
 def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:

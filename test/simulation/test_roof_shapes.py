@@ -63,8 +63,8 @@ def test_faces_share_the_outline_out_between_them(placed):
 def test_outer_rings_run_counter_clockwise_and_holes_clockwise(placed):
     building, _ = placed
     assert signed_area(building.exterior) > 0
-    assert all(signed_area(hole) < 0 for hole in building.holes)
-    assert len(building.holes) == (1 if building.roof_type == "courtyard" else 0)
+    assert all(signed_area(hole) < 0 for hole in building.outline.holes)
+    assert len(building.outline.holes) == (1 if building.roof_type == "courtyard" else 0)
 
 
 def test_shells_are_closed(placed):

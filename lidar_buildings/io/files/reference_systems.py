@@ -20,6 +20,23 @@ _SAME_UNIT = 1e-7
 _EPSG = re.compile(r"EPSG:(\d+)")
 
 
+#: WGS 84 with ellipsoidal heights, and geocentric.
+GEODETIC, GEOCENTRIC = "EPSG:4979", "EPSG:4978"
+
+
+def east_north_up(longitude: float, latitude: float) -> NDArray[np.float64]:
+    """Return the unit vectors to the east, north and up at a place [deg] as rows, geocentric."""
+    east, north = np.radians(longitude), np.radians(latitude)
+    sin_l, cos_l, sin_p, cos_p = np.sin(east), np.cos(east), np.sin(north), np.cos(north)
+    return np.array(
+        [
+            [-sin_l, cos_l, 0.0],
+            [-sin_p * cos_l, -sin_p * sin_l, cos_p],
+            [cos_p * cos_l, cos_p * sin_l, sin_p],
+        ]
+    )
+
+
 def is_same_unit(one: float, other: float) -> bool:
     """Whether two units, in metres, are the same."""
     return abs(one - other) < _SAME_UNIT

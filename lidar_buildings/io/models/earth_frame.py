@@ -11,10 +11,8 @@ from pyproj.exceptions import CRSError, ProjError
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.files.reference_systems import horizontal_part
+from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up, horizontal_part
 
-#: WGS 84 with ellipsoidal heights, and geocentric.
-_GEODETIC, _GEOCENTRIC = "EPSG:4979", "EPSG:4978"
 #: A vertical system that changes heights by less has no grid here [m].
 _NO_CHANGE = 1e-3
 
@@ -53,8 +51,8 @@ class EarthFrame:
         self._frame, self._geoid_height = frame, geoid_height
         try:
             horizontal = horizontal_part(frame.crs)
-            self._plan = pyproj.Transformer.from_crs(horizontal, _GEODETIC, always_xy=True)
-            self._geocentric = pyproj.Transformer.from_crs(_GEODETIC, _GEOCENTRIC, always_xy=True)
+            self._plan = pyproj.Transformer.from_crs(horizontal, GEODETIC, always_xy=True)
+            self._geocentric = pyproj.Transformer.from_crs(GEODETIC, GEOCENTRIC, always_xy=True)
             self._spatial = _with_heights(crs, self._plan)
         except (CRSError, ProjError) as error:
             raise NoPlaceError(" ".join(str(error).split())[:200]) from error
@@ -67,7 +65,7 @@ class EarthFrame:
         if not np.isfinite([longitude, latitude]).all():
             raise NoPlaceError(f"the map's origin is outside the area of {frame.crs.split(',')[0]}")
         self._origin = self._ecef(origin)[0]
-        self._axes = _east_north_up(np.radians(longitude), np.radians(latitude))
+        self._axes = east_north_up(longitude, latitude)
 
     @property
     def heights(self) -> str:
@@ -113,15 +111,3 @@ def _with_heights(crs: str, plan: pyproj.Transformer) -> pyproj.Transformer | No
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return pyproj.Transformer.from_crs(compound, plan.target_crs, always_xy=True)
-
-
-def _east_north_up(longitude: float, latitude: float) -> NDArray[np.float64]:
-    """Return the unit vectors of the local axes as rows [rad]."""
-    sin_l, cos_l, sin_p, cos_p = np.sin(longitude), np.cos(longitude), np.sin(latitude), np.cos(latitude)
-    return np.array(
-        [
-            [-sin_l, cos_l, 0.0],
-            [-sin_p * cos_l, -sin_p * sin_l, cos_p],
-            [cos_p * cos_l, cos_p * sin_l, sin_p],
-        ]
-    )

@@ -11,9 +11,8 @@ import pyproj
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up
 
-#: GNSS positions: degrees east and north, and metres above the ellipsoid.
-_GEOGRAPHIC, _GEOCENTRIC = "EPSG:4979", "EPSG:4978"
 #: Points within this of the origin are placed to 2 cm, those within a tenth of it to 2 mm [m].
 _REACH = 10_000.0
 #: Points along a side of the square in which the grid is probed, and the degree of what is fitted to them.
@@ -48,7 +47,7 @@ class LevelFrame:
 
     def __init__(self, origin: Geodetic, crs: str) -> None:
         self.origin, self.crs = origin, crs
-        self._to_grid = pyproj.Transformer.from_crs(_GEOGRAPHIC, crs, always_xy=True)
+        self._to_grid = pyproj.Transformer.from_crs(GEODETIC, crs, always_xy=True)
         side = np.linspace(-_REACH, _REACH, _N_PROBES)
         probes = np.stack(np.meshgrid(side, side, [0.0]), axis=-1).reshape(-1, 3)
         east, north, _ = self._to_grid.transform(*self.geodetic(probes))
@@ -62,7 +61,7 @@ class LevelFrame:
         geocentric = _geocentric(seen)
         origin = seen
         for _ in range(_STEPS):
-            origin = Geodetic(*_to_geographic().transform(*(geocentric - _axes(origin) @ np.asarray(place))))
+            origin = Geodetic(*_to_geographic().transform(*(geocentric - np.asarray(place) @ _axes(origin))))
         return cls(origin, crs)
 
     @cached_property
@@ -73,7 +72,7 @@ class LevelFrame:
 
     def geodetic(self, points: NDArray[np.float64]) -> Geodetic:
         """Return points of the frame, shape (n, 3) [m], as places: an array a member."""
-        geocentric = _geocentric(self.origin) + points @ _axes(self.origin).T
+        geocentric = _geocentric(self.origin) + points @ _axes(self.origin)
         return Geodetic(*_to_geographic().transform(*geocentric.T))
 
     def in_grid(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -105,15 +104,12 @@ class LevelFrame:
 
 
 def _to_geographic() -> pyproj.Transformer:
-    return pyproj.Transformer.from_crs(_GEOCENTRIC, _GEOGRAPHIC, always_xy=True)
+    return pyproj.Transformer.from_crs(GEOCENTRIC, GEODETIC, always_xy=True)
 
 
 def _geocentric(place: Geodetic) -> NDArray[np.float64]:
-    return np.array(pyproj.Transformer.from_crs(_GEOGRAPHIC, _GEOCENTRIC, always_xy=True).transform(*place))
+    return np.array(pyproj.Transformer.from_crs(GEODETIC, GEOCENTRIC, always_xy=True).transform(*place))
 
 
 def _axes(place: Geodetic) -> NDArray[np.float64]:
-    """Return the unit vectors to the east, north and up at a place, as columns, geocentric."""
-    east, north = math.radians(place.longitude), math.radians(place.latitude)
-    (s, c), (t, d) = (math.sin(east), math.cos(east)), (math.sin(north), math.cos(north))
-    return np.array([[-s, -t * c, d * c], [c, -t * s, d * s], [0.0, d, t]])
+    return east_north_up(place.longitude, place.latitude)
