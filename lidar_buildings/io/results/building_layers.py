@@ -18,8 +18,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, READABLE_ID
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.vectors.flatgeobuf import write_flatgeobuf
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
+from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer, write_flatgeobuf
 from lidar_buildings.io.vectors.geoparquet import geoparquet_file
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}

@@ -1,4 +1,4 @@
-"""Polygons and lines with attributes written to GeoPackage files."""
+"""Polygons and lines with attributes written to GeoPackage and FlatGeobuf files."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
 
 from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.files.atomic_files import atomic_file
 
 #: How each type of attribute is held in arrays.
 _DTYPES: dict[type, Any] = {int: np.int64, str: object}
@@ -114,6 +115,20 @@ class GeoPackageWriter:
             raise OutputError(
                 f"{self._path}: cannot be written: {error}: check the folder and the free space"
             ) from error
+
+
+def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:
+    """
+    Write a layer with a spatial index; the format has its features in the order of that, and takes no more.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    with atomic_file(path, FAILURES) as temporary:
+        write_layer(temporary, layer, crs, driver="FlatGeobuf")
+        check_complete(temporary, {layer.name: len(layer.geometries)})
 
 
 def write_layer(

@@ -12,11 +12,10 @@ import numpy as np
 import pyogrio
 import shapely
 from numpy.typing import NDArray
-from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.vectors.geopackage import FAILURES
 
-_FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
 #: Kinds of layer that can hold polygons; a layer without a kind may hold any.
 _POLYGON_KINDS = ("Polygon", "Surface", "Unknown", "GeometryCollection", "PolyhedralSurface", "TIN")
 #: Layers of earlier results that hold no footprints where another one does.
@@ -149,7 +148,7 @@ def _reported(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: no such file: check the path")
     try:
         yield
-    except _FAILURES as error:
+    except FAILURES as error:
         reason = " ".join(str(error).split())[:200]
         raise InputError(
             f"{path}: cannot be read as a file of polygons ({reason}): give a GeoPackage, Shapefile, GeoJSON "

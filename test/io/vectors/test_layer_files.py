@@ -8,8 +8,7 @@ import pyogrio
 import pyproj
 import shapely
 
-from lidar_buildings.io.vectors.flatgeobuf import write_flatgeobuf
-from lidar_buildings.io.vectors.geopackage import VectorLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer, write_flatgeobuf
 from lidar_buildings.io.vectors.geoparquet import geoparquet_file
 
 FIELDS = {"number": int, "name": str, "height": float}
