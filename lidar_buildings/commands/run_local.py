@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import asdict
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -102,7 +103,7 @@ def run_local(
             )
         if request.use is Use.UPDATE:
             folder.keep_only(source.stamps)
-            note_survey(folder.path, source.known.as_json())
+            note_survey(folder.path, asdict(source.known))
             if not request.is_quiet:
                 print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last

@@ -117,7 +117,7 @@ def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
     """Cut a file into parts for a store."""
     for first in range(0, cloud.point_count, PART):
         last = min(first + PART, cloud.point_count)
-        yield FilePart(cloud, source, first, last, store.grid, store.frame, store.folder)
+        yield FilePart(cloud, source, first, last, store.grid, store.frame, store.spool.folder)
 
 
 def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsError:
@@ -130,8 +130,8 @@ def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsE
             first += len(chunk)
         return store.part(part.source)
     except LidarBuildingsError as error:
-        store.remove()
+        store.spool.remove()
         return error
     except OSError as error:  # samples that find the disk full
-        store.remove()
+        store.spool.remove()
         return temporary_error(part.folder, error)

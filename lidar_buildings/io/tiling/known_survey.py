@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 
@@ -28,10 +28,6 @@ class KnownSurvey:
     spacing: float | None = None
     dark_limit: float | None = None
     scales: dict[int, tuple[float, float]] = field(default_factory=dict)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what JSON can hold."""
-        return asdict(self)
 
     @classmethod
     def from_json(cls, found: dict[str, Any]) -> KnownSurvey:

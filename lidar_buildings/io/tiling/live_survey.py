@@ -221,7 +221,7 @@ class LiveSurvey:
         """Forget all points and tiles."""
         with self._lock:
             self._log.clear()
-            self._store.remove()
+            self._store.spool.remove()
             self._begin()
 
     def close(self) -> None:
@@ -273,7 +273,7 @@ class LiveSurvey:
     def _keep(self, records: NDArray[Any], now: float) -> None:
         """Put records into their cells, and note which tiles they touch."""
         cells = self._cells_of(records)
-        touched = self._store.keep(cells, records)
+        touched = self._store.spool.append(cells, records)
         for place in sorted(self._tiles.missing(touched)):
             row = np.flatnonzero((cells // self._grid.cells_per_side == place).all(axis=1))[0]
             self._tiles.make(place, float(records["gps_time"][row]))
@@ -289,4 +289,4 @@ class LiveSurvey:
     def _plan(self, tile: LiveTile) -> TilePlan:
         """Return what a tile is made of now."""
         core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
-        return TilePlan(tile.stamp + max(tile.revision, 0), tile.block, core, self._store.dark_limit)
+        return TilePlan(tile.stamp + max(tile.revision, 0), tile.block, core)

@@ -80,6 +80,13 @@ class TileStore:
     spacing : float, optional
         The point spacing that tiles are expected to have [m], if that is known; else `learn_spacing`
         measures it.
+
+    Attributes
+    ----------
+    spool : Spool
+        The points by cell, in a temporary folder.
+    brightness : SurveyBrightness
+        What is known of what intensities mean.
     """
 
     def __init__(
@@ -87,34 +94,16 @@ class TileStore:
     ) -> None:
         self.grid = grid
         self.frame = frame
-        self._spool = Spool(temporary)
+        self.spool = Spool(temporary)
         self._planned: dict[Cell, int] = {}
         self._dropped: list[int] = []
-        self._expected_spacing = spacing
-        self._brightness = SurveyBrightness()
+        self.spacing = spacing
+        self.brightness = SurveyBrightness()
 
     def known(self) -> KnownSurvey:
         """Return what has been learnt of the survey."""
-        grid, limit, scales = self.grid, self._brightness.dark_limit, self._brightness.scales
-        return KnownSurvey(grid.tile_size, grid.start, self._expected_spacing, limit, scales)
-
-    def recall(self, known: KnownSurvey) -> None:
-        """Take what another store has learnt of what intensities mean."""
-        self._brightness.recall(known.dark_limit, known.scales)
-
-    @property
-    def folder(self) -> Path:
-        """The temporary folder."""
-        return self._spool.folder
-
-    def remove(self) -> None:
-        """Delete the temporary folder."""
-        self._spool.remove()
-
-    @property
-    def dark_limit(self) -> float | None:
-        """Normalised intensity up to which the survey's ground is dark; None as long as that is not known."""
-        return self._brightness.dark_limit
+        grid, limit, scales = self.grid, self.brightness.dark_limit, self.brightness.scales
+        return KnownSurvey(grid.tile_size, grid.start, self.spacing, limit, scales)
 
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
         """
@@ -134,49 +123,45 @@ class TileStore:
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
         area = Rectangle.of_cloud(cloud)
         square = None if area is None else self._local(sample_square(area, SQUARE_SIDE))
-        self._brightness.add(source, first, records, cloud.point_count, square)
+        self.brightness.add(source, first, records, cloud.point_count, square)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
-        return {self.grid.tile_of(cell) for cell in self.keep(cells, records)}
+        return {self.grid.tile_of(cell) for cell in self.spool.append(cells, records)}
 
     def join(self, source: int, part: ReadPart) -> set[Cell]:
         """Take what another process has read of a file; return the tiles that it belongs to."""
-        self._brightness.take(source, part.samples)
-        return {self.grid.tile_of(cell) for cell in self._spool.join(part.pieces)}
+        self.brightness.take(source, part.samples)
+        return {self.grid.tile_of(cell) for cell in self.spool.join(part.pieces)}
 
     def part(self, source: int) -> ReadPart:
         """Return what was read of a single file, for the store of another process."""
-        return ReadPart(self._spool.with_heads(), self._brightness.given(source, self._spool.folder))
+        return ReadPart(self.spool.with_heads(), self.brightness.given(source, self.spool.folder))
 
     def near(self, plan: TilePlan, width: float) -> TileStore:
         """Return the store as if it held what a tile with a buffer so wide [m] needs: little to send."""
         part = copy(self)
         area = self.grid.area_of(plan.block).buffered(width)
-        part._spool = self._spool.near([*plan.core, *self.grid.cells_touching(area)])
+        part.spool = self.spool.near([*plan.core, *self.grid.cells_touching(area)])
         part._planned, part._dropped = {}, list(self._dropped)
         return part
 
-    def keep(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
-        """Keep records, each in its cell; return the cells."""
-        return self._spool.append(cells, records)
-
     def count_in(self, cells: Iterable[Cell]) -> int:
         """Count the records of cells."""
-        return sum(self._spool.count(cell) for cell in cells)
+        return sum(self.spool.count(cell) for cell in cells)
 
     def drop(self, source: int) -> None:
         """Forget the points of a file that turned out unreadable."""
         self._dropped.append(source)
-        self._brightness.forget(source)
+        self.brightness.forget(source)
 
     def n_waiting(self, block: Block) -> int:
         """Count the records of a block's cells that no plan has taken."""
-        return sum(self._spool.count(cell) - self._planned.get(cell, 0) for cell in block.cells)
+        return sum(self.spool.count(cell) - self._planned.get(cell, 0) for cell in block.cells)
 
     def take_core(self, block: Block) -> dict[Cell, tuple[int, int]]:
         """Return which records of a block's cells no earlier plan has taken, and count them as taken."""
         core = {}
         for cell in block.cells:
-            first, last = self._planned.get(cell, 0), self._spool.count(cell)
+            first, last = self._planned.get(cell, 0), self.spool.count(cell)
             if first < last:
                 core[cell] = (first, last)
                 self._planned[cell] = last
@@ -184,13 +169,8 @@ class TileStore:
 
     def first_point(self, core: dict[Cell, tuple[int, int]]) -> Head | None:
         """Return the first core point, None if no file with such points could be read."""
-        heads = (self._spool.heads(cell, *records, self._dropped) for cell, records in core.items())
+        heads = (self.spool.heads(cell, *records, self._dropped) for cell, records in core.items())
         return min(chain.from_iterable(heads), default=None)
-
-    @property
-    def knows_spacing(self) -> bool:
-        """Whether `learn_spacing` has nothing more to learn."""
-        return self._expected_spacing is not None
 
     def learn_spacing(self, area: Rectangle, source: int | None = None) -> None:
         """
@@ -203,13 +183,9 @@ class TileStore:
         source : int, optional
             A file that has been read, and that alone counts; all if not given.
         """
-        if not self.knows_spacing:
+        if self.spacing is None:
             samples = self._within(sample_square(area), source)
-            self._expected_spacing = expected_spacing(pulses_of(block) for block in samples)
-
-    def learn_brightness(self, source: int) -> None:
-        """Measure what the intensities of a file, read to its end, mean, as far as none before it told."""
-        self._brightness.learn(source)
+            self.spacing = expected_spacing(pulses_of(block) for block in samples)
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """Read a file's records, or all, within a square at the source's position."""
@@ -233,16 +209,14 @@ class TileStore:
         del records, order
         kept = without_empty_columns(columns)
         last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
-        spacing = steady_spacing(last, self._expected_spacing)
+        spacing = steady_spacing(last, self.spacing)
         del last
         area = self.local_area(plan, buffer)
         return PointTile(
             points,
             buffer=is_buffer,
             point_spacing=spacing,
-            normalised_intensity=self._brightness.normalised(
-                columns["intensity"], columns["point_source_id"]
-            ),
+            normalised_intensity=self.brightness.normalised(columns["intensity"], columns["point_source_id"]),
             dark_limit=plan.dark_limit,
             stamp=plan.stamp,
             bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
@@ -255,7 +229,7 @@ class TileStore:
         area = self.grid.area_of(plan.block).buffered(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
-        records = np.empty(sum(self._spool.count(cell) for cell in cells), RECORD)
+        records = np.empty(sum(self.spool.count(cell) for cell in cells), RECORD)
         is_buffer = np.empty(len(records), dtype=np.uint8)
         n = 0
         for block, kind in self._tile_blocks(plan, buffer):
@@ -285,7 +259,7 @@ class TileStore:
 
     def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read a cell's records without those of dropped files."""
-        for block in self._spool.blocks(cell, first, last):
+        for block in self.spool.blocks(cell, first, last):
             kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
             if len(kept):
                 yield kept

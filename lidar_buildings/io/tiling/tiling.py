@@ -107,8 +107,8 @@ class TileSource:
         self._lock = threading.RLock()
         self._closed = threading.Event()
         self._store = TileStore(self._grid, self.frame, temporary, known.spacing)
-        self._store.recall(known)
-        self._finalizer = weakref.finalize(self, TileStore.remove, self._store)
+        self._store.brightness.recall(known.dark_limit, known.scales)
+        self._finalizer = weakref.finalize(self, self._store.spool.remove)
         self._steps = self._read_all()
 
     def __iter__(self) -> Iterator[PointTile]:
@@ -210,7 +210,7 @@ class TileSource:
                 self.unreadable.add(source)
             else:
                 self._read.append(source)
-                self._store.learn_brightness(source)
+                self._store.brightness.learn(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -227,9 +227,9 @@ class TileSource:
         A survey that has been read whole by then is measured as one, so that a small one comes out the same
         in one file and in many; of a larger one the first file that can tell does.
         """
-        if not self._store.knows_spacing and not self._unread:
+        if self._store.spacing is None and not self._unread:
             self._store.learn_spacing(self._around)
-        while self._read and not self._store.knows_spacing:
+        while self._read and self._store.spacing is None:
             source = self._read.popleft()  # one that cannot tell is not asked again
             area = self._areas[source]
             if area is not None:
@@ -277,7 +277,7 @@ class TileSource:
         first_point = self._store.first_point(core)
         if first_point is None:
             return
-        plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.dark_limit)
+        plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.brightness.dark_limit)
         tile = SpooledTile(plan, self._store, self.config.buffer, self.config.max_buffer)
         self._tiles.append(tile)
         self._by_stamp[tile.stamp] = tile

@@ -79,9 +79,9 @@ def test_a_file_that_is_cut_off_is_told_of_and_the_others_are_read(survey, submi
 def test_a_tile_needs_little_of_the_survey_to_be_sent(survey):
     with TileSource(survey, CONFIG) as source:
         ready = list(source.ready())
-        whole = ready[0].store._spool.pieces
+        whole = ready[0].store.spool.pieces
         alone = ready[0].alone()
-        assert len(alone.store._spool.pieces) < len(whole)
+        assert len(alone.store.spool.pieces) < len(whole)
         grown = [one.read() for one in (ready[0], alone)]
         assert_equal(grown[1:], grown[:1])
         while alone.grow():
