@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import glob
 import json
 import logging
 import sys
@@ -17,7 +16,7 @@ from lidar_buildings.commands.progress import counted
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags import is_bag, is_bag_file
-from lidar_buildings.io.clouds.find_inputs import is_cloud_file
+from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import frame_of, open_cloud
 from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
 
@@ -106,15 +105,9 @@ def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str
 
 def _named(path: Path) -> list[Path]:
     """Return the bags and clouds that a path names: itself, or those directly in a folder, by name."""
-    if is_bag(path) or (path.exists() and not path.is_dir()):
-        return [path]
-    if path.is_dir():
-        within = list(path.iterdir())
-    elif glob.has_magic(str(path)):
-        within = [Path(one) for one in glob.glob(str(path), recursive=True)]
-    else:
-        raise InputError(f"{path}: no such file or folder: check the path")
-    found = sorted(one for one in within if is_cloud_file(one) or is_bag_file(one) or is_bag(one))
+    within = [path] if is_bag(path) else named_by(path)
+    kinds = is_cloud_file, is_bag_file, is_bag
+    found = sorted(one for one in within if one == path or any(is_kind(one) for is_kind in kinds))
     if not found:
         raise InputError(f"{path}: holds no cloud (.las, .laz) and no bag: name a folder that does, or files")
     return found

@@ -6,7 +6,6 @@ import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from lidar_buildings.core.model.parameters import (
     parameter_names,
     spellings,
 )
+from lidar_buildings.pipeline.reconstruct import nearest
 
 #: {stage: {parameter name: value}}
 Settings = dict[str, dict[str, Any]]
@@ -88,7 +88,7 @@ def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str
     for key, body in _content(path).items():
         node = str(key).rsplit("/", maxsplit=1)[-1]
         if node not in nodes:
-            raise ParameterError(f"{path}: there is no node {node!r}{_nearest(node, nodes)}")
+            raise ParameterError(f"{path}: there is no node {node!r}{nearest(node, nodes)}")
         if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
             raise ParameterError(f"{path}: {key} has no ros__parameters: {_COMPARE}")
         for name, value in flat_names(body["ros__parameters"]):
@@ -134,12 +134,12 @@ def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs)
     """Return stage, name and the value in its own type, or refuse them."""
     stages = {stage: config for configs in nodes.values() for stage, config in configs.items()}
     if stage not in stages:
-        raise ParameterError(f"{origin}: there is no stage {stage!r}{_nearest(stage, stages)}")
+        raise ParameterError(f"{origin}: there is no stage {stage!r}{nearest(stage, stages)}")
     members = parameter_names({stage: stages[stage]})
     known = spellings(members)
     if name not in known:
-        nearest = _nearest(name.removeprefix(ADVANCED), {one.name: one for _, one in members.values()})
-        raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{nearest}")
+        meant = nearest(name.removeprefix(ADVANCED), [one.name for _, one in members.values()])
+        raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{meant}")
     _, one = members[known[name]]
     try:
         return stage, one.name, checked_value(stage, one, _as_ros_reads(value))
@@ -169,12 +169,6 @@ def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[st
         prefixes = ", ".join(f"{stage}." for stage in stages)
         raise ParameterError(f"{origin}: {node}.{name}: the name must begin with one of {prefixes}")
     return stage, rest
-
-
-def _nearest(word: str, known: Mapping[str, Any]) -> str:
-    """Suggest the nearest known name, or list them all."""
-    near = get_close_matches(word, known, n=1)
-    return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"
 
 
 def preset_file(name: str) -> Path:

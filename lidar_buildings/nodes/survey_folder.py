@@ -158,13 +158,14 @@ class SurveyFolder:
 
     def _claim(self, inputs: list[InputFile], frame: MapFrame, *, overwrite: bool) -> None:
         config = self._config
+        written = {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
         self._folder = OutputFolder(
             config.output,
             inputs,
             frame,
             overwrite=overwrite,
             until=config.until,
-            parameters=self.settings | {OutputConfig.stage: _output_settings(config)},
+            parameters=self.settings | {OutputConfig.stage: written},
             footprints=_footprints(config, frame),
             files=config,
             is_live=self.is_live,
@@ -187,11 +188,6 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
         return None
     source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)
     return read_footprints(source, frame)
-
-
-def _output_settings(config: OutputConfig) -> dict[str, Any]:
-    """Return the parameters of what is written, on which an unfinished run depends as well."""
-    return {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
 
 
 def placed_inputs(folder: Path) -> list[InputFile]:

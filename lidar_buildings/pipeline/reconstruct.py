@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from typing import Any
@@ -80,11 +80,11 @@ def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:
         If the stage or a name is unknown, or a value out of range.
     """
     if stage not in STAGE_CONFIGS:
-        raise ParameterError(f"there is no stage {stage!r}{_nearest(stage, STAGE_CONFIGS)}")
+        raise ParameterError(f"there is no stage {stage!r}{nearest(stage, STAGE_CONFIGS)}")
     known = [member.name for member in fields(STAGE_CONFIGS[stage])]
     for name in values:
         if name not in known:
-            raise ParameterError(f"there is no parameter {stage}.{name}{_nearest(name, known)}")
+            raise ParameterError(f"there is no parameter {stage}.{name}{nearest(name, known)}")
     return STAGE_CONFIGS[stage](**values)
 
 
@@ -217,7 +217,7 @@ class _StageClock:
         return stage == self._until
 
 
-def _nearest(word: str, known: Any) -> str:
+def nearest(word: str, known: Collection[str]) -> str:
     """Suggest the nearest known name, or list them all."""
-    near = get_close_matches(word, list(known), n=1)
+    near = get_close_matches(word, known, n=1)
     return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"

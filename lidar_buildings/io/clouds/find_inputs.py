@@ -76,23 +76,28 @@ def search_inputs(
 
 
 def _expanded(path: Path) -> list[Path]:
+    files = sorted(one for one in named_by(path) if one == path or is_cloud_file(one))
+    if files:
+        return files
     if path.is_dir():
-        files = _clouds(path.iterdir())
-        if not files:
-            raise InputError(f"{path}: holds no .las or .laz file: name a folder that does, or the files")
-        return files
-    if path.exists():
-        return [path]
-    if glob.has_magic(str(path)):
-        files = _clouds(map(Path, glob.glob(str(path), recursive=True)))
-        if not files:
-            raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
-        return files
-    raise InputError(f"{path}: no such file or folder: check the path")
+        raise InputError(f"{path}: holds no .las or .laz file: name a folder that does, or the files")
+    raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
 
 
-def _clouds(paths: Iterable[Path]) -> list[Path]:
-    return sorted(path for path in paths if is_cloud_file(path))
+def named_by(path: Path) -> list[Path]:
+    """
+    Return what a path names: itself, what is directly in a folder, or what matches a pattern.
+
+    Raises
+    ------
+    InputError
+        If there is no such path, and it is no pattern.
+    """
+    if path.is_dir():
+        return list(path.iterdir())
+    if not path.exists() and not glob.has_magic(str(path)):
+        raise InputError(f"{path}: no such file or folder: check the path")
+    return [path] if path.exists() else [Path(one) for one in glob.glob(str(path), recursive=True)]
 
 
 def is_cloud_file(path: Path) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -117,32 +116,6 @@ class PointResults:
             self._table[name][rows["index"]] = rows[name]
 
 
-@dataclass
-class ClassifiedFiles:
-    """
-    What was written.
-
-    Attributes
-    ----------
-    outputs : list of str or None
-        Per input the file's name in the output folder, None where the input could not be read.
-    copc : list of str
-        Names of the second files of some.
-    problems : dict
-        Number of each of those inputs → one line.
-    per_class : ndarray of int64, shape (256,)
-        Number of points per class.
-    n_known : int
-        Points in finished tiles.
-    """
-
-    outputs: list[str | None] = field(default_factory=list)
-    copc: list[str] = field(default_factory=list)
-    problems: dict[int, str] = field(default_factory=dict)
-    per_class: NDArray[np.int64] = field(default_factory=lambda: np.zeros(256, dtype=np.int64))
-    n_known: int = 0
-
-
 class _Job(NamedTuple):
     """What one input's file is written from."""
 
@@ -155,8 +128,25 @@ class _Job(NamedTuple):
     copc: bool
 
 
-class _Written(NamedTuple):
-    """What became of one input's file."""
+class WrittenCloud(NamedTuple):
+    """
+    What became of one input.
+
+    Attributes
+    ----------
+    output : str or None
+        The file's name in the output folder, None where the input could not be read.
+    copc : str or None
+        Name of the second file, if one was made.
+    problem : str
+        Why one of them is missing, empty if none is.
+    per_class : ndarray of int64, shape (256,), or 0
+        Number of points per class.
+    n_known : int
+        Points in finished tiles.
+    error : OutputError or None
+        What ends the run.
+    """
 
     output: str | None = None
     copc: str | None = None
@@ -174,7 +164,7 @@ def write_clouds(
     without: Collection[int],
     copc: bool = False,
     share: Share = map,
-) -> ClassifiedFiles:
+) -> list[WrittenCloud]:
     """
     Write every input's classified file; an input that cannot be read is noted, the others are written.
 
@@ -209,20 +199,15 @@ def write_clouds(
         _Job(folder, number, one, name, touching[number], without, copc)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
-    written = ClassifiedFiles()
-    for number, one in enumerate(share(_write_cloud, jobs)):
+    written = []
+    for one in share(_write_cloud, jobs):
         if one.error is not None:
             raise one.error
-        written.outputs.append(one.output)
-        written.copc += [] if one.copc is None else [one.copc]
-        if one.problem:
-            written.problems[number] = one.problem
-        written.per_class += one.per_class
-        written.n_known += one.n_known
+        written.append(one)
     return written
 
 
-def _write_cloud(job: _Job) -> _Written:
+def _write_cloud(job: _Job) -> WrittenCloud:
     """Write one input's file; return what was written, or why it is impossible."""
     table = job.folder / PARTIAL / f"{job.number}.results"
     try:
@@ -234,15 +219,15 @@ def _write_cloud(job: _Job) -> _Written:
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)
             per_class = write_classified(cloud, results.rows, job.folder / output)
-            written = _Written(output, None, "", per_class, results.n_known())
+            written = WrittenCloud(output, None, "", per_class, results.n_known())
         return _with_copc(job, written) if job.copc else written
     except InputError as error:
-        return _Written(problem=str(error))
+        return WrittenCloud(problem=str(error))
     except OutputError as error:
-        return _Written(error=error)
+        return WrittenCloud(error=error)
 
 
-def _with_copc(job: _Job, written: _Written) -> _Written:
+def _with_copc(job: _Job, written: WrittenCloud) -> WrittenCloud:
     """Write a classified file as COPC, too, or say why it is impossible."""
     copc = f"{COPC}/{job.name}.copc.laz"
     try:

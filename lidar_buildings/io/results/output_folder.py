@@ -135,22 +135,18 @@ class OutputFolder:
 
     def done_stamps(self) -> dict[int, int]:
         """Return the tiles on disk: stamp of the first revision → that of the revision that is there."""
-        return {int(path.stem): load_stamp(path) for path in self._fragments()}
-
-    def saved_tiles(self) -> list[Path]:
-        """Return where the tiles on disk are, by rising stamp."""
-        return self._fragments()
+        return {int(path.stem): load_stamp(path) for path in self.saved_tiles()}
 
     def keep_only(self, stamps: Collection[int]) -> None:
         """Delete tiles on disk that are none of some, known by the stamps of their first revisions."""
         known = {tile_of(stamp) for stamp in stamps}
-        for fragment in self._fragments():
+        for fragment in self.saved_tiles():
             if int(fragment.stem) not in known:
                 fragment.unlink()
 
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; files that were made of them stay."""
-        for fragment in self._fragments():
+        for fragment in self.saved_tiles():
             fragment.unlink()
 
     def load_writers(self) -> None:
@@ -192,7 +188,7 @@ class OutputFolder:
             If a file cannot be written; the tiles are kept, and the run can be taken up again.
         """
         info = dict(run_info or {})
-        fragments = self._fragments()
+        fragments = self.saved_tiles()
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
         with ThreadPoolExecutor(2) as beside:
@@ -208,16 +204,18 @@ class OutputFolder:
             raster_files = beside.submit(self._write_rasters, fragments)
             buildings, statuses, remarks = self._write_buildings(fragments, pieces)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
-        files = [*filter(None, clouds.outputs), *clouds.copc, *buildings]
-        new = [line for source, line in clouds.problems.items() if source not in told_of]
+        outputs, copcs = [one.output for one in clouds], [one.copc for one in clouds]
+        files = [*filter(None, outputs + copcs), *buildings]
+        new = [one.problem for source, one in enumerate(clouds) if one.problem and source not in told_of]
+        per_class = sum((one.per_class for one in clouds), np.zeros(256, dtype=np.int64))
         n_points = sum(file.point_count for file in self.inputs)
         report = (REPORT_FILE,) if write_report and REPORT in self._files.formats else ()
         summary = RunSummary(
             files=(*files, *rasters, *report, RUN),
             n_tiles=len(fragments),
             n_points=n_points,
-            n_unclassified=n_points - clouds.n_known,
-            classes={int(code): int(clouds.per_class[code]) for code in np.flatnonzero(clouds.per_class)},
+            n_unclassified=n_points - sum(one.n_known for one in clouds),
+            classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
             buildings=statuses,
             n_seam_pieces=len(pieces),
             rasters=rasters,
@@ -228,7 +226,7 @@ class OutputFolder:
         outdated = set(files_of_run(self.path)) - set(summary.files)
         named = [
             {"path": str(file.path), "point_count": file.point_count, "output": output}
-            for file, output in zip(self.inputs, clouds.outputs, strict=True)
+            for file, output in zip(self.inputs, outputs, strict=True)
         ]
         own = {"inputs": named, "until": self.until, "frame": asdict(self.frame)}
         run = run_record(own, summary, info)
@@ -248,8 +246,8 @@ class OutputFolder:
     def _partial(self) -> Path:
         return self.path / PARTIAL
 
-    def _fragments(self) -> list[Path]:
-        """Return where the tiles are, by rising stamp."""
+    def saved_tiles(self) -> list[Path]:
+        """Return where the tiles on disk are, by rising stamp."""
         found = [one for one in self._partial.glob(f"*{_ENDING}") if one.stem.isdigit()]
         return sorted(found, key=lambda one: int(one.stem))
 
