@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from lidar_buildings import __version__
 from lidar_buildings.commands.run_options import (
+    UNTOLD,
     add_part_of_bag,
     add_plan_arguments,
     add_record,
@@ -128,21 +129,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
     parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
-    parser.set_defaults(
-        command=_later("live"),
-        input=(),
-        tile_size=None,
-        crs=None,
-        georeferenced=False,
-        no_ros=False,
-        quiet=False,
-        json=False,
-        update=None,
-        retry_failed=False,
-        footprints=None,
-        footprints_layer=None,
-        footprint_id=None,
-    )
+    parser.set_defaults(command=_later("live"), **UNTOLD)
 
 
 def _add_inspect(parser: argparse.ArgumentParser) -> None:

@@ -4,6 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
+
+#: What a request is made of as well, where a command cannot be told it.
+UNTOLD: dict[str, Any] = {
+    **dict.fromkeys(("output", "update", "tile_size", "crs", "namespace", "record", "rate")),
+    **dict.fromkeys(("footprints", "footprints_layer", "footprint_id")),
+    **dict.fromkeys(("topic", "odometry", "start", "duration")),
+    **dict.fromkeys(("georeferenced", "no_ros", "quiet", "json", "overwrite", "retry_failed"), False),
+    "input": (),
+    "scheduler": "",
+}
 
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
@@ -108,10 +119,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
-    untold = ("record", "rate", "topic", "odometry", "start", "duration", "update", "namespace", "output")
-    parser.set_defaults(georeferenced=False, retry_failed=False, overwrite=False, quiet=False)
-    parser.set_defaults(scheduler="", crs="")
-    parser.set_defaults(**dict.fromkeys(("footprints", "footprints_layer", "footprint_id", *untold)))
+    parser.set_defaults(**UNTOLD)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
