@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -106,7 +107,7 @@ def run_local(
             note_survey(folder.path, asdict(source.known))
             if not request.is_quiet:
                 print(f"{done.n_unchanged} of {counted(len(source.stamps), 'tile')} had the points of before")
-        from lidar_buildings.report.page_file import write_report  # what it needs is needed last
+        from lidar_buildings.report.page_file import write_report
 
         seconds = {"wall": time.perf_counter() - started, **done.seconds}
         info = run_info(seconds, request.parameters(), done.failed, source.problems)
@@ -210,6 +211,7 @@ def process_tiles(
             finish()
     if processes.n_alive:
         folder.load_writers()
+        importlib.import_module("lidar_buildings.report.page_file")
     while waiting:
         finish()
     return Processed(dict(seconds), failed, n_unchanged)

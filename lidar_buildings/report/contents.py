@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,20 +72,24 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Conten
     near, box = _beside(every, focus) if focus else _in_the_middle(every)
     chosen = list({one.name: one for one in [*near, *(one.building for one in worst)]}.values())
     names = [one.name for one in chosen]
-    points = read_shown_points(
-        result.clouds(),
-        result.frame,
-        {int(code): n for code, n in result.run.get("classes", {}).items()},
-        {one.building_id: row for row, one in enumerate(chosen) if one.building_id},
-        box,
-        MOST_POINTS,
-    )
     path = result.folder / DTM if result.has(DTM) else None
+    with ThreadPoolExecutor(1) as beside:  # decoding needs no interpreter
+        reading = beside.submit(
+            read_shown_points,
+            result.clouds(),
+            result.frame,
+            {int(code): n for code, n in result.run.get("classes", {}).items()},
+            {one.building_id: row for row, one in enumerate(chosen) if one.building_id},
+            box,
+            MOST_POINTS,
+        )
+        models = model_arrays(result.features(set(names)), names, MOST_TRIANGLES)
+        points = reading.result()
     return Contents(
         result=result,
         buildings=chosen,
         others=[] if focus or len(chosen) == len(every) else _without(every, set(names)),
-        models=model_arrays(result.features(set(names)), names, MOST_TRIANGLES),
+        models=models,
         points=points,
         terrain=read_relief(path, result.frame, box, MOST_CELLS) if path else None,
         overview=read_relief(path, result.frame, None, MOST_CELLS) if path and box and not focus else None,

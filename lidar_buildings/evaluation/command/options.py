@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
 
 if TYPE_CHECKING:  # imported late: --help answers at once
     from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons

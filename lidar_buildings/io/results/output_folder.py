@@ -151,7 +151,7 @@ class OutputFolder:
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
-        from lidar_buildings.io.results import building_files, terrain_files  # noqa: F401
+        from lidar_buildings.io.results import building_blocks, model_heading, terrain_files  # noqa: F401
 
     def finalise(
         self,

@@ -27,7 +27,13 @@ _VOID: dict[type, Any] = {int: 0, str: None}
 FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
 #: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
 #: index, which needs other transactions, counted in the file, and is there only where there are two cores.
-_FIXED = {"OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z", "OGR_GPKG_ALLOW_THREADED_RTREE": "NO"}
+#: And no waiting for the disk at each of its transactions: the file has its name when all are written.
+_FIXED = {
+    "OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z",
+    "OGR_GPKG_ALLOW_THREADED_RTREE": "NO",
+    "OGR_SQLITE_SYNCHRONOUS": "OFF",
+    "OGR_SQLITE_JOURNAL": "MEMORY",
+}
 #: GDAL's options belong to the whole process: one writer at a time.
 _one_writer = threading.Lock()
 
