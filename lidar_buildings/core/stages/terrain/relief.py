@@ -142,10 +142,10 @@ def _errors(tin: Tin, nodes: NDArray[np.float64]) -> tuple[NDArray[np.int32], ND
     corners = tin.vertices[tin.triangles]
     (ux, uy, uz), (vx, vy, vz) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
     area = ux * vy - uy * vx
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a triangle without area: no distance
         east, north = (uz * vy - uy * vz) / area, (ux * vz - uz * vx) / area
-    planes = np.column_stack([east, north, corners[:, 0]])[triangle]
-    up = planes[:, 0] * (nodes[:, 0] - planes[:, 2]) + planes[:, 1] * (nodes[:, 1] - planes[:, 3])
+        planes = np.column_stack([east, north, corners[:, 0]])[triangle]
+        up = planes[:, 0] * (nodes[:, 0] - planes[:, 2]) + planes[:, 1] * (nodes[:, 1] - planes[:, 3])
     return triangle, np.abs(up + planes[:, 4] - nodes[:, 2])
 
 
