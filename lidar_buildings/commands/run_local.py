@@ -201,9 +201,8 @@ def process_tiles(
     how = {} if isinstance(processes, BuildingPool) else {"is_soon": True}
     for tile in source.ready():
         path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
-        is_only = source.tile_count == 1
         before = None if earlier is None else earlier.within(tile.core)
-        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, is_only, before)
+        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, before)
         answer = processes.submit(done, work, **how)
         waiting[answer] = work
         answer.add_done_callback(answered.put)

@@ -16,7 +16,6 @@ from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
-    from lidar_buildings.commands.run_request import RunRequest
     from lidar_buildings.nodes.tile_player import TilePlayer
     from lidar_buildings.ros.composition import Composition
 

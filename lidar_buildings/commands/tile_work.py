@@ -19,7 +19,6 @@ from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.parallel import work_alone
 from lidar_buildings.core.stages.footprints import Footprints
 from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
@@ -49,8 +48,6 @@ class TileWork:
         Of the rasters.
     footprints : Footprints or None
         Outlines to use instead of tracing.
-    is_only : bool
-        Whether there is no other tile, so that the other cores have nothing else to do.
     earlier : EarlierBuildings or None
         Those of an earlier state of the survey, where one is brought up to date.
     """
@@ -61,7 +58,6 @@ class TileWork:
     until: str
     rasters: RasterConfig = field(default_factory=RasterConfig)
     footprints: Footprints | None = None
-    is_only: bool = False
     earlier: EarlierBuildings | None = None
 
 
@@ -77,7 +73,6 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
     """Take a tile from its points to its saved products; return what ends the whole run."""
     if work.earlier is not None and is_unchanged(work.tile, work.path):
         return TileOutcome({}, is_unchanged=True)
-    was_alone = work_alone(not work.is_only)
     digests: list[str] | None = None if work.earlier is None else []
     frame = work.tile.store.frame
     rasters: list[Future[TerrainRasters | None]] = []
@@ -98,8 +93,6 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         return error
     except Exception as error:
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
-    finally:
-        work_alone(was_alone)
     seconds = result.seconds
     del result
     rasters.clear()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
+import mmap
 import multiprocessing
 import os
 import signal
@@ -17,7 +18,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.neighbours.parallel import n_waiting_threads, work_alone
+from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, share_cores
 from lidar_buildings.pipeline.sharing import Parcel, Sharing, packed, receive, send, unpacked
 
 _log = logging.getLogger(__name__)
@@ -68,7 +69,7 @@ def _work_first(
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for other in inherited:
         other.close()
-    work_alone()
+    busy = memoryview(mmap.mmap(-1, len(links)))  # of each process: 1 while it works
     if prepare is not None:
         gc.disable()
         try:
@@ -77,30 +78,35 @@ def _work_first(
             _log.exception("processes of buildings were not prepared")
         gc.enable()
     gc.freeze()
-    mine = links[0]
+    number = 0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        for link in links[1:]:
+        for other in range(1, len(links)):
             if not os.fork():
-                mine = link
+                number = other
                 break
+    mine = links.pop(number)
     for link in links:
-        if link is not mine:
-            link.close()
-    _work(mine, len(links))
+        link.close()
+    share_cores(lambda: 2 * sum(busy) <= n_cores())
+    _work(mine, len(busy), busy[number:])
     os._exit(0)
 
 
-def _work(link: Connection, n_workers: int) -> None:
-    """Do what there is until the other end is closed."""
+def _work(link: Connection, n_workers: int, busy: memoryview | None = None) -> None:
+    """Do what there is until the other end is closed, and say in the first of some bytes when."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    work_alone()
+    if busy is None:  # nothing tells what the others do
+        share_cores(lambda: False)
+        busy = memoryview(bytearray(1))
     worker = _Worker(link, n_workers)
     with contextlib.suppress(EOFError, OSError):
         while True:
             _, is_tile = link.recv()
+            busy[0] = 1
             worker.answer(is_tile, receive(link))
+            busy[0] = 0
             give_memory_back(_MEMORY_PERIOD)
 
 

@@ -24,6 +24,7 @@ from lidar_buildings import __version__
 from lidar_buildings.core.freed_memory import keep_freed_memory
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.neighbours.parallel import share_cores
 from lidar_buildings.pipeline.agenda import WorkerLostError
 
 _Job = TypeVar("_Job")
@@ -261,6 +262,7 @@ def _done(version: str, function: Callable[..., Any], job: object) -> Any:
     if version != __version__:
         raise ClusterError(_other_version("a worker", __version__, version))
     keep_freed_memory()  # dask has workers give all of it back at once, and take it fresh for each array
+    share_cores(lambda: False)
     return function(job, None)
 
 

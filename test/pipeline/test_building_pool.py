@@ -13,6 +13,7 @@ import pytest
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError, WorkerLostError
@@ -54,6 +55,20 @@ def wait(job):
     """Do nothing for long, in another process; nothing at all here."""
     if multiprocessing.current_process().name != "MainProcess":
         time.sleep(60.0)
+
+
+def threads_used(others):
+    """Whether blocks are done by other threads while so many jobs are under way."""
+    folder, n_others = others
+    (folder / f"{os.getpid()}").touch()
+    while len(list(folder.iterdir())) < n_others:
+        time.sleep(0.001)
+    used = set()
+    for_row_blocks(lambda first, last: used.add(threading.get_ident()), 1000, 1)
+    (folder / f"{os.getpid()} done").touch()
+    while len(list(folder.glob("* done"))) < n_others:
+        time.sleep(0.001)
+    return used != {threading.get_ident()}
 
 
 def is_alive(process):
@@ -244,3 +259,14 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
         with pytest.raises(ValueError, match="number = 7: must be larger"):
             pool.call(refuse, 7)
     assert pool.call(place_of, 8) == (8, os.getpid(), False)
+
+
+@pytest.mark.skipif(n_cores() < 2, reason="a single core needs no threads")
+def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):
+    n = n_cores()
+    alone, crowd = tmp_path / "alone", tmp_path / "crowd"
+    alone.mkdir()
+    crowd.mkdir()
+    with BuildingPool(n) as pool:
+        assert pool.call_each(threads_used, [(crowd, n)] * n) == [False] * n
+        assert pool.call(threads_used, (alone, 1))

@@ -17,15 +17,20 @@ BLOCK = 8192
 #: How the threads that do blocks are called.
 _NAME = "row-blocks"
 _thread = threading.local()
+_are_cores_free: Callable[[], bool] = lambda: True  # noqa: E731
 _lock = threading.Lock()
 _pool: ThreadPoolExecutor | None = None
 
 
-def work_alone(is_alone: bool = True) -> bool:
-    """Let the calling thread do all its blocks itself, since the other cores have work; return if it did."""
-    before = bool(getattr(_thread, "is_alone", False))
-    _thread.is_alone = is_alone
-    return before
+def work_alone() -> None:
+    """Let the calling thread do all its blocks itself, since the other cores have work."""
+    _thread.is_alone = True
+
+
+def share_cores(are_free: Callable[[], bool]) -> None:
+    """Let this process do blocks on several cores only as long as others leave them free."""
+    global _are_cores_free
+    _are_cores_free = are_free
 
 
 def n_cores() -> int:
@@ -55,7 +60,8 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int
         Rows a block; fewer where a row stands for much work.
     """
     starts = range(0, n_rows, block)
-    pool = _threads() if len(starts) > 1 and not getattr(_thread, "is_alone", False) else None
+    is_alone = len(starts) < 2 or getattr(_thread, "is_alone", False) or not _are_cores_free()
+    pool = None if is_alone else _threads()
     if pool is None:
         for first in starts:
             kernel(first, min(first + block, n_rows))

@@ -32,8 +32,6 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     def alone():
         work_alone()
         found.append(work_on(100, 8))
-        work_alone(False)
-        found.append(work_on(100, 8))
 
     thread = threading.Thread(target=alone)
     thread.start()
@@ -41,7 +39,16 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     times, threads = found[0]
     assert (times == 1).all()
     assert threads == {thread}
-    assert thread not in found[1][1]
+    assert threading.current_thread() not in work_on(100, 8)[1]
+
+
+def test_cores_that_others_need_are_left_to_them(monkeypatch):
+    monkeypatch.setattr(parallel, "n_cores", lambda: 2)
+    free = [True, False]
+    monkeypatch.setattr(parallel, "_are_cores_free", free.pop)
+    times, threads = work_on(100, 8)
+    assert (times == 1).all()
+    assert threads == {threading.current_thread()}
     assert threading.current_thread() not in work_on(100, 8)[1]
 
 
@@ -70,9 +77,3 @@ def test_blocks_within_a_block_do_not_wait_for_each_other():
     for_row_blocks(lambda first, last: inner.append(work_on(100, 8)[0]), 100, 8)
     assert all((times == 1).all() for times in inner)
     assert len(inner) == 13
-
-
-def test_a_thread_can_go_back_to_how_it_worked():
-    before = work_alone()
-    assert work_alone(before) is True
-    assert work_alone(before) == before
