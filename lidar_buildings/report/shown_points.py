@@ -14,12 +14,10 @@ from lidar_buildings.core.model.classes import PointClass, is_of_groups
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud, xyz_of
+from lidar_buildings.io.results.cloud_sample import every_stretch, kept_points, stretches
 
 #: Set in `classes` for points of walls.
 FACADE = 128
-#: No more points than these are read, since reading takes longest: of larger surveys stretches in between
-#: are left out, each as long as a chunk that LAZ files are cut into.
-MOST_READ, _STRETCH = 3_000_000, 50_000
 #: Share of the budget that the points of buildings may take.
 _OF_BUILDINGS = 0.6
 _STEPS = 65_535
@@ -87,12 +85,13 @@ def read_shown_points(
     """
     opened = [one for one in map(open_cloud, clouds) if one.point_count and _reaches(one, frame, box)]
     n_points = sum(one.point_count for one in opened)
-    every = max(1, -(-n_points // MOST_READ))
+    every = every_stretch(n_points)
     share = n_points / max(sum(n_per_class.values()), 1)
     n_roof = round(n_per_class.get(PointClass.BUILDING, 0) * share) // every
     roof_step = max(1, -(-n_roof // round(most * _OF_BUILDINGS)))
     other_step = max(1, -(-(n_points // every - n_roof) // max(most - n_roof // roof_step, 1)))
-    parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in _stretches(opened, every)]
+    chunks = _chunks(opened, every, is_all=box is None)
+    parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in chunks]
     xyz, labels = _joined(parts, box)
     labels[:, 1] = _rows_of(labels[:, 1], rows)
     order = np.argsort(labels[:, 1], kind="stable")[:most]
@@ -116,14 +115,11 @@ def _reaches(cloud: Cloud, frame: MapFrame, box: Box | None) -> bool:
     return bool(west <= box.x_max and east >= box.x_min and south <= box.y_max and north >= box.y_min)
 
 
-def _stretches(clouds: Sequence[Cloud], every: int) -> Iterator[Any]:
+def _chunks(clouds: Sequence[Cloud], every: int, *, is_all: bool) -> Iterator[Any]:
     """Yield the clouds' points; of every so many stretches one."""
     for cloud in clouds:
-        if every == 1:
-            yield from cloud.chunks()
-            continue
-        for first in range(0, cloud.point_count, every * _STRETCH):
-            yield from cloud.chunks(first=first, last=min(first + _STRETCH, cloud.point_count))
+        kept = kept_points(cloud) if is_all else None
+        yield from stretches(cloud, every) if kept is None else [kept]
 
 
 def _thinned(

@@ -51,7 +51,12 @@ def suffix_for(cloud: Cloud) -> str:
     return ".laz" if len(channels) <= 1 else ".las"
 
 
-def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.int64]:
+def write_classified(
+    cloud: Cloud,
+    rows: ResultRows,
+    path: Path,
+    on_chunk: Callable[[int, NDArray[Any]], None] = lambda first, points: None,
+) -> NDArray[np.int64]:
     """
     Write every point of the input in its order, with all its dimensions and records.
 
@@ -66,6 +71,8 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
         Gives the results of a range of points.
     path : Path
         The output, ``.laz`` or ``.las``.
+    on_chunk : callable
+        Told, part by part, the place of the first point and the points as they are written.
 
     Returns
     -------
@@ -94,6 +101,7 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
                 points = _classified(chunk, rows(first, first + len(chunk)), out, cloud)
                 per_class += np.bincount(_classes(points, cloud), minlength=256)
                 writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
+                on_chunk(first, points)
                 first += len(chunk)
             _finish(writer, file, cloud)
             _restore_header(plain, cloud.raw, out, writer.header)

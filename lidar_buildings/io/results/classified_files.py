@@ -15,6 +15,7 @@ from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
+from lidar_buildings.io.results.cloud_sample import CloudSample, every_stretch
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
 
@@ -126,6 +127,7 @@ class _Job(NamedTuple):
     fragments: list[Path]
     without: Collection[int]
     copc: bool
+    every: int
 
 
 class WrittenCloud(NamedTuple):
@@ -195,8 +197,9 @@ def write_clouds(
     if inputs:
         for name in (CLASSIFIED, COPC) if copc else (CLASSIFIED,):
             _make_folder(folder / name)
+    every = every_stretch(sum(one.point_count for one in inputs))
     jobs = [
-        _Job(folder, number, one, name, touching[number], without, copc)
+        _Job(folder, number, one, name, touching[number], without, copc, every)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     written = []
@@ -218,7 +221,9 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)
-            per_class = write_classified(cloud, results.rows, job.folder / output)
+            sample = CloudSample(job.every)
+            per_class = write_classified(cloud, results.rows, job.folder / output, sample.add)
+            sample.save(job.folder / output)
             written = WrittenCloud(output, None, "", per_class, results.n_known())
         return _with_copc(job, written) if job.copc else written
     except InputError as error:

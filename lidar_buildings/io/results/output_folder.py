@@ -21,6 +21,7 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.input_file import InputFile, state_of
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.classified_files import write_clouds
+from lidar_buildings.io.results.cloud_sample import forget_points
 from lidar_buildings.io.results.footprint_results import FootprintResults
 from lidar_buildings.io.results.output_config import REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
@@ -232,6 +233,7 @@ class OutputFolder:
         run = run_record(own, summary, info)
         if write_report and report:
             write_report(self.path, run)
+        forget_points(self.path)
         with atomic_file(self.path / RUN) as temporary:
             temporary.write_text(json.dumps(run, indent=2, default=str) + "\n", encoding="utf-8")
         if self.is_live or has_failed or self._use is Use.UPDATE:

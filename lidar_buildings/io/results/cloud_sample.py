@@ -1,0 +1,80 @@
+"""
+Points of classified clouds that a page shows: kept as they are written, so that they need not be decoded.
+
+Of large surveys every so many stretches one, each as long as a chunk that LAZ files are cut into.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.results.run_folder import PARTIAL
+
+#: About so many points at most are read for a page, as that takes longest.
+MOST_READ = 3_000_000
+_STRETCH = 50_000
+
+
+def every_stretch(n_points: int) -> int:
+    """Return of how many stretches of clouds with so many points one is read."""
+    return max(1, -(-n_points // MOST_READ))
+
+
+def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]:
+    """Read a cloud's points; of every so many stretches one."""
+    if every == 1:
+        yield from cloud.chunks()
+        return
+    for first in range(0, cloud.point_count, every * _STRETCH):
+        yield from cloud.chunks(first=first, last=min(first + _STRETCH, cloud.point_count))
+
+
+class CloudSample:
+    """
+    The points of such stretches of a cloud that is being written.
+
+    Parameters
+    ----------
+    every : int
+        Of so many stretches one.
+    """
+
+    def __init__(self, every: int) -> None:
+        self._every = every
+        self._kept: list[NDArray[Any]] = []
+
+    def add(self, first: int, points: NDArray[Any]) -> None:
+        """Keep what is wanted of a chunk that begins at point `first`."""
+        row = np.arange(first, first + len(points))
+        self._kept.append(points[row // _STRETCH % self._every == 0])
+
+    def save(self, cloud: Path) -> None:
+        """Put the points where `kept_points` finds them as long as the run is not finished."""
+        if self._kept:
+            np.save(_place(cloud), np.concatenate(self._kept))
+
+
+def kept_points(cloud: Cloud) -> laspy.ScaleAwarePointRecord | None:
+    """Return the points of a cloud's stretches if they were kept while it was written."""
+    path = _place(cloud.path)
+    if not path.is_file():
+        return None
+    header = cloud.header
+    return laspy.ScaleAwarePointRecord(np.load(path), header.point_format, header.scales, header.offsets)
+
+
+def forget_points(folder: Path) -> None:
+    """Delete what was kept of a result's clouds."""
+    for path in (folder / PARTIAL).glob("*.shown.npy"):
+        path.unlink()
+
+
+def _place(cloud: Path) -> Path:
+    return cloud.parents[1] / PARTIAL / f"{cloud.name}.shown.npy"
