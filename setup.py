@@ -28,6 +28,8 @@ ROS_WHEELS = [
 ]
 CLUSTER = ["distributed>=2024.8"]
 PARQUET = ["pyarrow>=16"]
+# the build for graphics cards is four times as large; from this release on pictures need no display
+VIEW = ["open3d-cpu>=0.20"]
 TEST = [
     *CLUSTER,
     *PARQUET,
@@ -49,7 +51,7 @@ BENCH = [
     # jakteristics has no wheel for later ones
     "jakteristics; python_version < '3.13'",
     "pgeof",
-    "open3d",
+    *VIEW,
     "buildingregulariser",
     "geopandas",
     "matplotlib",
@@ -87,6 +89,7 @@ setup(
         "ros": ROS_WHEELS,
         "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
         "parquet": PARQUET,
+        "view": VIEW,
         "terrain": ["startinpy>=0.12"],
         "test": TEST,
         "bench": BENCH,

@@ -75,6 +75,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
     _add_compare(commands.add_parser("compare", help="say what has changed between two results of one place"))
     _add_report(commands.add_parser("report", help="make the page about a result anew"))
+    _add_view(commands.add_parser("view", help="show a result in a window, or draw it (extra [view])"))
     _add_explain(commands.add_parser("explain", help="say why a building has its outline and its roof"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
@@ -192,6 +193,13 @@ def _simulate(options: argparse.Namespace) -> int:
 def _add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
     parser.set_defaults(command=_later("report"))
+
+
+def _add_view(parser: argparse.ArgumentParser) -> None:
+    from lidar_buildings.commands.view import add_view_arguments, view_command
+
+    add_view_arguments(parser)
+    parser.set_defaults(command=view_command)
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:

@@ -18,6 +18,8 @@ from lidar_buildings.io.results.cloud_sample import every_stretch, kept_points, 
 
 #: Set in `classes` for points of walls.
 FACADE = 128
+#: Read beside the class; numbers of buildings are whole in float64, too.
+_DIMENSIONS = ("BuildingId", "PlaneId", "EdgeLabel", "intensity", "HeightAboveGround")
 #: Share of the budget that the points of buildings may take.
 _OF_BUILDINGS = 0.6
 _STEPS = 65_535
@@ -49,6 +51,12 @@ class ShownPoints:
         One more than the building's row, 0 for none of those that are shown.
     plane : ndarray of uint8, shape (n_points,)
         The plane within its building, 0 for none, counted on from 1 after 255.
+    edge : ndarray of bool, shape (n_points,)
+        Whether the point lies on an edge of a roof.
+    intensity : ndarray of uint16, shape (n_points,)
+        The source's, 0 where it has none.
+    height : ndarray of float32, shape (n_points,)
+        Above ground [m], 0 where it is not known.
     """
 
     steps: NDArray[np.uint16]
@@ -57,6 +65,9 @@ class ShownPoints:
     classes: NDArray[np.uint8]
     building: NDArray[np.uint16]
     plane: NDArray[np.uint8]
+    edge: NDArray[np.bool_]
+    intensity: NDArray[np.uint16]
+    height: NDArray[np.float32]
 
 
 def read_shown_points(
@@ -97,7 +108,7 @@ def read_shown_points(
     order = np.argsort(labels[:, 1], kind="stable")[:most]
     low, high = (xyz.min(axis=0), xyz.max(axis=0)) if len(xyz) else (np.zeros(3), np.zeros(3))
     step = np.maximum((high - low) / _STEPS, 0.001)
-    classes, building, plane = labels[order].T
+    classes, building, plane, edge, intensity, height = labels[order].T
     return ShownPoints(
         np.rint((xyz[order] - low) / step).astype(np.uint16),
         low,
@@ -105,6 +116,9 @@ def read_shown_points(
         classes.astype(np.uint8),
         building.astype(np.uint16),
         np.where(plane > 0, (plane - 1) % 255 + 1, 0).astype(np.uint8),
+        edge > 0,
+        intensity.astype(np.uint16),
+        (height * frame.vertical_unit).astype(np.float32),
     )
 
 
@@ -124,8 +138,8 @@ def _chunks(clouds: Sequence[Cloud], every: int, *, is_all: bool) -> Iterator[An
 
 def _thinned(
     chunk: Any, frame: MapFrame, steps: tuple[int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return coordinates [m] and (class, building id, plane): of roofs and of the rest every so many-th."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return coordinates [m] and class and `_DIMENSIONS`: of roofs and of the rest every so many-th."""
     classes = np.asarray(chunk["classification"])
     is_roof = classes == PointClass.BUILDING
     is_rest = ~is_roof & ~is_of_groups(classes, ["noise"])
@@ -133,22 +147,22 @@ def _thinned(
     kept = np.sort(np.concatenate(chosen))
     few = chunk[kept]
     known = set(few.point_format.dimension_names)
-    labels = np.zeros((len(few), 3), dtype=np.int64)
+    labels = np.zeros((len(few), 1 + len(_DIMENSIONS)))
     labels[:, 0] = np.minimum(classes[kept], FACADE - 1)
     if "Facade" in known:
         labels[:, 0] += FACADE * (np.asarray(few["Facade"]) > 0)
-    for column, name in ((1, "BuildingId"), (2, "PlaneId")):
+    for column, name in enumerate(_DIMENSIONS, start=1):
         if name in known:
-            labels[:, column] = np.asarray(few[name])
+            labels[:, column] = np.nan_to_num(np.asarray(few[name]))
     return frame.to_map(xyz_of(few)), labels
 
 
 def _joined(
-    parts: list[tuple[NDArray[np.float64], NDArray[np.int64]]], box: Box | None
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Box | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Put chunks together, of the points within the box."""
     xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
-    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 3), dtype=np.int64)])
+    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
     if box is None:
         return xyz, labels
     within = (xyz[:, 0] >= box.x_min) & (xyz[:, 0] <= box.x_max)
@@ -156,7 +170,7 @@ def _joined(
     return xyz[within], labels[within]
 
 
-def _rows_of(ids: NDArray[np.int64], rows: Mapping[int, int]) -> NDArray[np.int64]:
+def _rows_of(ids: NDArray[np.float64], rows: Mapping[int, int]) -> NDArray[np.int64]:
     """Return one more than the row of each building id, 0 where it has none."""
     if not rows:
         return np.zeros(len(ids), dtype=np.int64)

@@ -1,0 +1,64 @@
+"""The command ``lidar-buildings view``: a result in a window, or as a picture."""
+
+from __future__ import annotations
+
+import argparse
+from functools import cache, partial
+from pathlib import Path
+
+from lidar_buildings.report.view import ABOVE, NOTHING, OF_POINTS, OF_ROOFS, SIDES
+
+_PICTURES = (".png", ".jpg")
+
+
+def add_view_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what is to be drawn, and where."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="write a PNG instead, without a display")
+    for what, choices, default in (("roofs", OF_ROOFS, OF_ROOFS[0]), ("points", OF_POINTS, NOTHING)):
+        parser.add_argument(
+            f"--{what}",
+            choices=(*choices, NOTHING),
+            default=default,
+            metavar="BY",
+            help=f"colour {what} by {', '.join(choices)}, or show {NOTHING} (default: {default})",
+        )
+    parser.add_argument(
+        "--from",
+        dest="eye",
+        choices=(*SIDES, ABOVE),
+        default="southwest",
+        metavar="SIDE",
+        help=f"look from north, northeast … or {ABOVE} (default: southwest)",
+    )
+
+
+def view_command(options: argparse.Namespace) -> int:
+    """
+    Draw the result, and print where the picture is if one is wanted.
+
+    Returns
+    -------
+    int
+        0.
+    """
+    from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
+    from lidar_buildings.report.contents import contents_of
+    from lidar_buildings.report.result_folder import read_result
+    from lidar_buildings.report.view.drawing import open_window, write_picture
+    from lidar_buildings.report.view.parts import parts_of
+
+    if options.picture and options.picture.suffix.lower() not in _PICTURES:
+        raise ParameterError(f"--picture {options.picture}: its name must end with {' or '.join(_PICTURES)}")
+    contents = contents_of(read_result(options.folder))
+    shown = (options.roofs, options.points)
+    if not parts_of(contents, *shown):
+        raise LidarBuildingsError(
+            f"{options.folder}: has nothing of this to draw: give other --roofs or --points"
+        )
+    if options.picture is None:
+        open_window(cache(partial(parts_of, contents)), shown, options.eye)
+        return 0
+    write_picture(options.picture, parts_of(contents, *shown), options.eye)
+    print(f"  {options.picture}")
+    return 0

@@ -1,0 +1,181 @@
+"""What of a result is drawn: coloured triangles, lines and points in the map frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE
+from lidar_buildings.report.contents import Contents
+from lidar_buildings.report.models import KINDS, ModelArrays
+from lidar_buildings.report.relief import UNKNOWN, Relief
+from lidar_buildings.report.shown_points import FACADE, ShownPoints
+from lidar_buildings.report.view import NOTHING, colours
+
+_Array = NDArray[Any]
+#: Where the light comes from, and how bright a face is that looks away from it.
+_LIGHT, _SHADE = np.array([-0.45, -0.55, 0.70]), 0.4
+#: Lines lie this far before what they run along [m].
+_LIFT = 0.07
+#: A triangle's corners need 16 bits for its face and 23 for each of two vertices to fit into one number.
+_FACE_BITS, _VERTEX_BITS = 16, 23
+
+
+class Coloured(NamedTuple):
+    """
+    Triangles, lines or points.
+
+    Attributes
+    ----------
+    places : ndarray of shape (n, k, 3)
+        The three corners of triangles, two ends of lines, or single points, map frame [m].
+    colours : ndarray of shape (n, 3)
+        Of each, from 0 to 1.
+    """
+
+    places: _Array
+    colours: _Array
+
+
+def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
+    """
+    Return what is drawn: models and points, and where there are no points the terrain.
+
+    Parameters
+    ----------
+    contents : Contents
+    roofs : str
+        One of `OF_ROOFS`, or `NOTHING` for no models.
+    points : str
+        One of `OF_POINTS`, or `NOTHING`.
+    """
+    parts = [] if roofs == NOTHING else _models(contents, roofs)
+    if points != NOTHING:
+        parts.append(_points(contents.points, points))
+    elif contents.terrain is not None:
+        parts.append(_terrain(contents.terrain))
+    # at the foot points of roofs would hide them
+    parts.append(_outlines(contents, "ground_elevation" if points == NOTHING else "roof_elevation_50p"))
+    return [one for one in parts if len(one.places)]
+
+
+def _models(contents: Contents, by: str) -> list[Coloured]:
+    """Return the finest solid of each building, its roof coloured by "type" or "slope", and its edges."""
+    arrays = contents.models
+    triangles, rows = _finest(arrays)
+    vertices = arrays.vertices * GRID
+    corners = vertices[arrays.triangles[triangles]]
+    kinds, normals = arrays.kinds[triangles], _normals(corners)
+    if by == "slope":
+        slopes = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
+        roofs = colours.ramp(colours.SLOPES, slopes / colours.STEEP_DEG)
+    else:
+        types = [str(one.attributes.get("roof_type") or "unknown") for one in contents.buildings]
+        numbers = np.unique(types, return_inverse=True)[1] if types else np.empty(0, dtype=np.int64)
+        roofs = colours.numbered(numbers[rows])
+    roofs[kinds != KINDS[ROOF_SURFACE]] = colours.WALL
+    roofs[kinds == KINDS[GROUND_SURFACE]] = colours.FOOT
+    edges = _borders(arrays, triangles, normals)
+    return [_shaded(corners, roofs, normals), _plain(edges, colours.EDGE)]
+
+
+def _terrain(relief: Relief) -> Coloured:
+    """Return the terrain as triangles between the middles of known cells."""
+    row, column = np.indices(relief.steps.shape)
+    x = relief.west + (column + 0.5) * relief.cell[0]
+    y = relief.north - (row + 0.5) * relief.cell[1]
+    z = np.where(relief.steps == UNKNOWN, np.nan, relief.middle + relief.steps * relief.step)
+    places = np.stack([x, y, z], axis=-1)
+    a, b, c, d = places[:-1, :-1], places[:-1, 1:], places[1:, :-1], places[1:, 1:]
+    corners = np.stack([a, c, b, b, c, d], axis=2).reshape(-1, 3, 3)
+    corners = corners[~np.isnan(corners).any(axis=(1, 2))]
+    return _shaded(corners, np.tile(colours.TERRAIN, (len(corners), 1)), _normals(corners))
+
+
+def _outlines(contents: Contents, attribute: str) -> Coloured:
+    """Return the outlines at the elevation that an attribute tells, at the foot of all where it does not."""
+    frame = contents.result.frame
+    lowest = float(contents.models.vertices[:, 2].min(initial=0)) * GRID
+    ends = [np.empty((0, 2, 3))]
+    for building in contents.buildings:
+        told = building.attributes.get(attribute)
+        z = lowest if told is None else _in_map(told, frame)
+        for ring in shapely.get_rings(building.shape) if building.shape is not None else ():
+            places = np.insert(shapely.get_coordinates(ring), 2, z + _LIFT, axis=1)
+            ends.append(np.stack([places[:-1], places[1:]], axis=1))
+    return _plain(np.concatenate(ends), colours.OUTLINE)
+
+
+def _points(shown: ShownPoints, by: str) -> Coloured:
+    """Return the points, coloured by one of `OF_POINTS`."""
+    places = shown.corner + shown.steps * shown.step
+    return Coloured(places[:, None], _point_colours(shown, by))
+
+
+def _point_colours(shown: ShownPoints, by: str) -> _Array:
+    if by == "class":
+        return colours.CLASSES[shown.classes & ~np.uint8(FACADE)]
+    if by == "height":
+        return colours.ramp(colours.HEIGHTS, shown.height / max(_most(shown.height), 1.0))
+    if by == "intensity":
+        return colours.ramp(colours.GREYS, shown.intensity / max(_most(shown.intensity), 1.0))
+    if by == "edge":
+        return np.where(shown.edge[:, None], colours.EDGE_POINT, colours.NONE)
+    found = {"building": shown.building, "plane": shown.plane}[by]
+    # neighbouring numbers get colours that lie apart
+    return np.where(found[:, None] > 0, colours.numbered(found.astype(np.int64) * 7), colours.NONE)
+
+
+def _most(values: _Array) -> float:
+    """Return what few values lie above."""
+    return float(np.percentile(values, 99)) if len(values) else 0.0
+
+
+def _finest(arrays: ModelArrays) -> tuple[_Array, _Array]:
+    """Return the triangles of each building's finest solid, and their buildings' rows."""
+    by_level = arrays.solids[np.argsort(arrays.solids[:, 1], kind="stable")]
+    finest = {row: (first, n) for row, _, first, n in by_level.tolist()}
+    parts = [np.arange(first, first + n) for first, n in finest.values()]
+    lengths = [n for _, n in finest.values()]
+    rows = np.repeat(np.array(list(finest), dtype=np.int64), lengths)
+    return np.concatenate([*parts, np.empty(0, dtype=np.int64)]), rows
+
+
+def _borders(arrays: ModelArrays, triangles: _Array, normals: _Array) -> _Array:
+    """Return the ends of the lines between faces, shape (n, 2, 3), a little before both."""
+    corners = arrays.triangles[triangles].astype(np.int64)
+    sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    of_face = (sides[:, 0] << _VERTEX_BITS | sides[:, 1]) << _FACE_BITS | np.repeat(
+        arrays.faces[triangles], 3
+    )
+    found, first, count = np.unique(of_face, return_index=True, return_counts=True)
+    is_border = count == 1  # a cut through a face is a side of two of its triangles
+    lines, line = np.unique(found[is_border] >> _FACE_BITS, return_inverse=True)
+    outwards = np.zeros((len(lines), 3))
+    np.add.at(outwards, line, normals[first[is_border] // 3])
+    ends = np.stack([lines >> _VERTEX_BITS, lines & ((1 << _VERTEX_BITS) - 1)], axis=1)
+    return arrays.vertices[ends] * GRID + _LIFT * outwards[:, None]
+
+
+def _normals(corners: _Array) -> _Array:
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+
+
+def _shaded(corners: _Array, plain: _Array, normals: _Array) -> Coloured:
+    brightness = _SHADE + (1 - _SHADE) * (1 + normals @ _LIGHT) / 2
+    return Coloured(corners, plain * brightness[:, None])
+
+
+def _plain(places: _Array, colour: Sequence[float]) -> Coloured:
+    return Coloured(places, np.tile(colour, (len(places), 1)))
+
+
+def _in_map(elevation: float, frame: MapFrame) -> float:
+    return elevation * frame.vertical_unit - frame.origin[2]
