@@ -4,11 +4,14 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help setup demo test lint compiled reference bench clean
+PACKAGED := build/package
+
+.PHONY: help setup demo test package lint compiled reference bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
+	@echo "make package   source distribution and wheel in dist/; the demo from the wheel in an environment of its own"
 	@echo "make bench  ground, roofs, edges, features, outlines, planes, models and the whole chain beside their peers: errors, speed (needs the real clouds)"
 	@echo "make reference   write config/pipeline.param.yaml, doc/nodes.md and doc/command_line.md anew"
 
@@ -36,6 +39,18 @@ demo: setup compiled
 test: setup
 	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+
+# The wheel as users have it: built from the source distribution, installed elsewhere, run outside of the tree.
+package:
+	rm -rf dist $(PACKAGED)
+	$(PYTHON) -m venv $(PACKAGED)/builder
+	$(PACKAGED)/builder/bin/python -m pip install --quiet build
+	$(PACKAGED)/builder/bin/pyproject-build --outdir dist . >$(PACKAGED)/build.log
+	$(PYTHON) -m venv $(PACKAGED)/user
+	$(PACKAGED)/user/bin/python -m pip install --quiet "$$(echo $(CURDIR)/dist/*.whl)[ros]"
+	cd $(PACKAGED) && user/bin/lidar-buildings simulate --output survey
+	cd $(PACKAGED) && user/bin/lidar-buildings run survey --output result
+	cd $(PACKAGED) && user/bin/lidar-buildings score ground,buildings,models result survey --merge-touching
 
 # Test workers that start without would compile most loops twice.
 compiled: setup
@@ -82,4 +97,4 @@ reference: setup
 	$(BIN)/python -m bench.pages.command_line doc/command_line.md
 
 clean:
-	rm -rf $(VENV) demo build
+	rm -rf $(VENV) demo build dist

@@ -102,6 +102,8 @@ setup(
     maintainer="The lidar_buildings developers",
     maintainer_email="maintainers@users.noreply.github.com",
     description="Raw lidar in, valid 3D city models out: a ROS 2 node graph for buildings from point clouds.",
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     keywords=["ROS", "lidar", "point cloud", "buildings", "CityJSON"],
     license="Apache-2.0",
     classifiers=[

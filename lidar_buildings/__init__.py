@@ -7,7 +7,7 @@ The names below are imported when first used: ``import lidar_buildings`` takes n
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _MODULES = {
     "core.stages.ground_filter": ("GroundFilterConfig", "classify_ground"),
