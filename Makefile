@@ -50,7 +50,7 @@ package:
 	$(PACKAGED)/user/bin/python -m pip install --quiet "$$(echo $(CURDIR)/dist/*.whl)[ros]"
 	cd $(PACKAGED) && user/bin/lidar-buildings simulate --output survey
 	cd $(PACKAGED) && user/bin/lidar-buildings run survey --output result
-	cd $(PACKAGED) && user/bin/lidar-buildings score ground,buildings,models result survey --merge-touching
+	cd $(PACKAGED) && user/bin/lidar-buildings score ground,buildings,edges,outlines,planes,models result survey --merge-touching
 
 # Test workers that start without would compile most loops twice.
 compiled: setup

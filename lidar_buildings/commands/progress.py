@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -54,6 +56,14 @@ class RunOutcome:
     usage: Usage | None = None
 
 
+class TilesDone(NamedTuple):
+    """What a run has done so far, without what an earlier one did: tiles, their points and buildings."""
+
+    n_tiles: int = 0
+    n_points: int = 0
+    n_buildings: int = 0
+
+
 class _Bar(tqdm):
     """A bar without tqdm's watching thread: with a second thread, processes are spawned and not forked."""
 
@@ -61,25 +71,71 @@ class _Bar(tqdm):
 
 
 @contextmanager
-def progress_bar(tile_count: Callable[[], int], *, is_quiet: bool = False) -> Iterator[Callable[[int], None]]:
-    """Give a function that shows how many tiles are done: a bar on a terminal, plain lines elsewhere."""
-    if is_quiet:
-        yield lambda done: None
-        return
-    is_terminal = sys.stderr.isatty()
-    bar = _Bar(total=tile_count(), unit="tile", disable=not is_terminal)
+def progress_bar(
+    tile_count: Callable[[], int], *, is_quiet: bool = False, clock: Callable[[], float] = time.perf_counter
+) -> Iterator[Callable[..., None]]:
+    """
+    Give a function that shows how far a run is: a bar on a terminal, a plain line a tile elsewhere.
 
-    def show(done: int) -> None:
-        bar.total = max(tile_count(), done)
-        bar.update(done - bar.n)
-        if not is_terminal:
-            bar.n = done
+    Parameters
+    ----------
+    tile_count : callable
+        How many tiles there are, as far as is known.
+    is_quiet : bool
+        Whether nothing is shown.
+    clock : callable
+        Of the run [s].
+
+    Yields
+    ------
+    callable
+        Takes how many tiles are finished, those of an earlier run too; the `TilesDone` of this one; and what
+        is at work, which a terminal alone shows.
+    """
+    if is_quiet:
+        yield lambda n_finished, done, at_work=(): None
+        return
+    began, is_terminal, told = clock(), sys.stderr.isatty(), 0
+    colour = None if os.environ.get("NO_COLOR") else "green"
+    style = {
+        "bar_format": "{percentage:3.0f}%|{bar:20}| {desc}",
+        "colour": colour,
+        "disable": not is_terminal,
+    }
+
+    def show(n_finished: int, done: TilesDone, at_work: Sequence[str] = ()) -> None:
+        nonlocal told
+        n_tiles = max(tile_count(), n_finished)
+        words = progress_words(n_finished, n_tiles, done, clock() - began)
+        if is_terminal:
+            bar.total, bar.n = n_tiles, n_finished
+            bar.set_description_str("; ".join([words, *([", ".join(at_work)] if at_work else [])]))
+        elif n_finished > told:
+            told = n_finished
             # in one piece: print() writes the line and its end apart, and other threads run in between
-            sys.stderr.write(f"{done} of {counted(bar.total, 'tile')} done\n")
+            sys.stderr.write(f"{words}\n")
             sys.stderr.flush()
 
-    with bar:
+    with _Bar(total=tile_count(), **style) as bar:
         yield show
+
+
+def progress_words(n_finished: int, n_tiles: int, done: TilesDone, seconds: float) -> str:
+    """Say how far a run is: tiles, buildings so far, speed, and about how long the rest takes."""
+    words = [f"{n_finished} of {counted(n_tiles, 'tile')} done"]
+    if done.n_tiles and seconds > 0:
+        words.append(counted(done.n_buildings, "building"))
+        words.append(f"{done.n_points / seconds / 1e6:.2f} M points/s")
+        if left := n_tiles - n_finished:
+            words.append(f"{_rough(seconds / done.n_tiles * left)} left")
+    return ", ".join(words)
+
+
+def _rough(seconds: float) -> str:
+    """Write a time in the unit that suits it."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.0f} h"
 
 
 def counted(number: int, what: str) -> str:

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lidar_buildings.commands.progress import RunOutcome, counted, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, TilesDone, counted, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.tile_update import EarlierBuildings
 from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
@@ -145,7 +145,7 @@ def process_tiles(
     folder: OutputFolder,
     config: PipelineConfig,
     until: str,
-    progress: Callable[[int], None],
+    progress: Callable[[int, TilesDone], None],
     rasters: RasterConfig | None = None,
     footprints: Footprints | None = None,
     pool: BuildingPool | TileCluster | None = None,
@@ -168,7 +168,7 @@ def process_tiles(
     until : str
         The last stage.
     progress : callable
-        Told the number of finished tiles after each.
+        Told the number of finished tiles, and what they hold, after each.
     rasters : RasterConfig, optional
         Of the rasters.
     footprints : Footprints, optional
@@ -183,9 +183,10 @@ def process_tiles(
     waiting: dict[_Answer, TileWork] = {}
     answered: SimpleQueue[_Answer] = SimpleQueue()  # to wait for many futures takes time for each of them
     n_done = n_unchanged = 0
+    so_far = TilesDone()
 
     def finish() -> None:
-        nonlocal n_done, n_unchanged
+        nonlocal n_done, n_unchanged, so_far
         answer = answered.get()
         work = waiting.pop(answer)
         outcome = _outcome(answer, work)
@@ -195,7 +196,9 @@ def process_tiles(
         else:
             n_done += 1
             n_unchanged += outcome.is_unchanged
-            progress(n_done)
+            found = (not outcome.is_unchanged, outcome.n_points, outcome.n_buildings)
+            so_far = TilesDone(*map(sum, zip(so_far, found, strict=True)))
+            progress(n_done, so_far)
 
     processes = pool or BuildingPool(0)
     how = {} if isinstance(processes, BuildingPool) else {"is_soon": True}

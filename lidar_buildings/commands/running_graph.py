@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.prepare import load_stages
-from lidar_buildings.commands.progress import RunOutcome, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.usage import measured
 from lidar_buildings.pipeline.building_pool import BuildingPool
@@ -112,14 +112,11 @@ def _outcome(composition, nodes, is_quiet: bool) -> RunOutcome:
     """Show the progress until the writer has its outcome."""
     player: TilePlayer = nodes["tile_player"]
     writer = nodes["model_writer"]
-    shown = -1
     with progress_bar(lambda: player.progress.n_tiles, is_quiet=is_quiet) as show:
-        while not composition.wait(writer, timeout=_TICK):
-            done = player.progress.n_done
-            if done > max(shown, 0):
-                show(done)
-                shown = done
-        if player.progress.n_done > max(shown, 0):
-            show(player.progress.n_done)
+        is_over = False
+        while not is_over:
+            is_over = composition.wait(writer, timeout=_TICK)
+            done = TilesDone(*(writer.summary.total(of) for of in ("tiles_out", "points_out", "buildings")))
+            show(player.progress.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
     recording = nodes["recorder"].recording if "recorder" in nodes else None
     return RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)

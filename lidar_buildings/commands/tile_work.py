@@ -62,11 +62,13 @@ class TileWork:
 
 
 class TileOutcome(NamedTuple):
-    """Seconds by stage, or why a tile failed; or that it has the points of before."""
+    """Seconds by stage and what was found, or why a tile failed; or that it has the points of before."""
 
     seconds: dict[str, float]
     reason: str = ""
     is_unchanged: bool = False
+    n_points: int = 0
+    n_buildings: int = 0
 
 
 def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
@@ -86,18 +88,19 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
             result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
         if work.earlier is not None:
             result = with_kept_ids(result, work.earlier)
-        products_of(result, frame, rasters[-1].result()).save(work.path)
+        products = products_of(result, frame, rasters[-1].result())
+        products.save(work.path)
         if digests is not None:
             write_digests(work.path, digests)
     except LidarBuildingsError as error:
         return error
     except Exception as error:
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
-    seconds = result.seconds
-    del result
+    outcome = TileOutcome(result.seconds, n_points=len(products.core), n_buildings=products.n_buildings)
+    del result, products
     rasters.clear()
     give_memory_back()
-    return TileOutcome(seconds)
+    return outcome
 
 
 def whole_result(

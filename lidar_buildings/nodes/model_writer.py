@@ -204,6 +204,7 @@ class ModelWriter(StageNode):
                 raise
             self._written.add(tile_of(stamp))
             self.summary.handed_on(stamp, len(products.core))
+            self.summary.counts["buildings"] += products.n_buildings
         self._report_done(stamp)
 
     def _report_done(self, stamp: int) -> None:

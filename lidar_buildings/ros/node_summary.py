@@ -103,6 +103,15 @@ class NodeSummary:
         """Count buildings by their status."""
         self.counts.update(f"buildings_{status}" for status in statuses)
 
+    @property
+    def is_at_work(self) -> bool:
+        """Whether a tile is in hand."""
+        return bool(self._in_hand)
+
+    def total(self, name: str) -> int:
+        """Return a count of `state`, in any thread."""
+        return self._totals[name] + self.counts[name]
+
     def state(self) -> State:
         """Return how the node is."""
         values: dict[str, float] = {

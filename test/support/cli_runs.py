@@ -13,7 +13,7 @@ from support import cloud_files
 from lidar_buildings.cli import main
 
 TILES3D = "tiles3d"
-PROGRESS = re.compile(r"\d+ of \d+ tiles? done")
+PROGRESS = re.compile(r"(?P<tiles>\d+ of \d+ tiles? done)(, .*)?")
 
 
 class Spoken(NamedTuple):

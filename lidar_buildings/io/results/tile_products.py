@@ -68,6 +68,11 @@ class TileProducts:
     features: tuple[str, ...] = ()
     rasters: TerrainRasters | None = None
 
+    @property
+    def n_buildings(self) -> int:
+        """Number of buildings, as far as the run went."""
+        return len(self.outlines or self.traced)
+
     @classmethod
     def from_tiles(
         cls,
