@@ -1,6 +1,8 @@
 """What the table of nodes, the configs, the parameter file and the pages say is what the nodes do."""
 
 import importlib
+import json
+import re
 from dataclasses import fields
 from importlib.util import find_spec
 
@@ -24,7 +26,7 @@ from lidar_buildings.nodes.table import (
     topics_until,
     writer_topics,
 )
-from lidar_buildings.nodes.topics import OF_EVERY_NODE
+from lidar_buildings.nodes.topics import DIAGNOSTICS, OF_EVERY_NODE
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import ros_value
@@ -319,6 +321,26 @@ def test_rviz_shows_topics_that_nodes_publish_in_messages_that_it_can_draw():
     types = {topic.name: topic.type.split("/")[1] for card in NODE_TABLE for topic in card.publishes}
     assert shown
     assert shown == {name: types.get(name) for name in shown}
+
+
+#: Where the layout's plots find a number that a node tells.
+PATH = re.compile(r'/diagnostics\.status\[:\]\{name=="(\w+): summary"\}\.values\[:\]\{key=="(\w+)"\}\.value')
+
+
+def test_foxglove_shows_topics_that_nodes_publish_and_numbers_that_they_tell(start):
+    layout = json.loads((ROOT / "config" / "foxglove_layout.json").read_text())
+    panels = layout["configById"]
+    assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(panels)
+    published = {f"/{topic.name}": topic.type for card in NODE_TABLE for topic in card.publishes}
+    shown = panels["3D!buildings"]["topics"]
+    drawn = {"sensor_msgs/PointCloud2", "visualization_msgs/MarkerArray"}
+    assert {published.get(name) for name in shown} == drawn
+    assert panels["DiagnosticSummary!nodes"]["topicToRender"] == f"/{DIAGNOSTICS.name}"
+    lines = [line["value"] for one in panels.values() for line in one.get("paths", ())]
+    plotted = [PATH.fullmatch(line).groups() for line in lines]
+    told = {node: {"buildings", *start(node).summary.state().values} for node in dict(plotted)}
+    assert {node for node, _ in plotted} >= {card.name for card in NODE_TABLE} - {"recorder"}
+    assert [(node, key) for node, key in plotted if key not in told[node]] == []
 
 
 def test_what_names_files_and_folders_is_fixed_when_a_node_starts():
