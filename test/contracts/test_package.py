@@ -29,7 +29,7 @@ def test_a_source_distribution_holds_all_and_what_is_built_from_it_all_that_is_r
     with tarfile.open(archive) as file:
         file.extractall(tmp_path, filter="data")
     source = tmp_path / archive.name.removesuffix(".tar.gz")
-    for folder in ("config", "launch", "resource", "lidar_buildings", "bench", "test"):
+    for folder in ("config", "launch", "resource", "examples", "lidar_buildings", "bench", "test"):
         assert files_below(ROOT / folder) - files_below(source / folder) == set(), folder
     for name in ("Makefile", "LICENSE", "README.md", "CHANGELOG.rst", "CITATION.cff", "CONTRIBUTING.md"):
         assert (source / name).is_file()
