@@ -3,22 +3,24 @@ Draw the pictures of the gallery from virtual buildings, of which nothing but po
 
     python -m bench.pages.gallery doc/gallery
 
-It needs Pillow beside the package. Every picture is made anew in about a minute.
+It needs Pillow and Open3D (extra [bench]) beside the package.
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from bench.pages.draw_models import View, draw_solids
 from bench.scenes.models import BAD_SCENES, model_scene
-from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model import build_model
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.stages.building_model import BuildingModel, build_model
 from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
-from lidar_buildings.pipeline.reconstruct import reconstruct_tile
-from lidar_buildings.simulation import make_scene, simulate_tile
+from lidar_buildings.io.models.cityjson import feature_line, load_feature
+from lidar_buildings.report.models import model_arrays
+from lidar_buildings.report.view.drawing import picture_of
+from lidar_buildings.report.view.parts import Coloured, models_of
 
 #: Roofs of the first picture, in rows of `PER_ROW`.
 ROOFS = (
@@ -29,8 +31,8 @@ ROOFS = (
 PER_ROW = 6
 #: How the houses of the first two pictures are turned, and how many points lie on them.
 ROTATION_DEG, DENSITY = 28.0, 8.0
-#: Side of a picture of one building [pixels], and colours of the planes that points lie on.
-TILE = 220
+#: Of a picture of one building [pixels]; points lie this far towards the eye [m]; colours of their planes.
+SIZE, LIFT = (230, 190), np.array([-0.14, -0.14, 0.14])
 PLANES = (
     np.array(
         [
@@ -51,7 +53,6 @@ def main(folder: Path) -> None:
     save(roofs_picture(), folder / "roofs.png")
     save(levels_picture(), folder / "levels.png")
     save(bad_picture(), folder / "bad_input.png")
-    save(village_picture(), folder / "village.png")
 
 
 def save(picture: np.ndarray, path: Path) -> None:
@@ -60,22 +61,35 @@ def save(picture: np.ndarray, path: Path) -> None:
     image.save(path, optimize=True)
 
 
-def modelled(scene) -> tuple[dict[str, Solid], np.ndarray]:
-    """Return a scene's solids by level of detail, and the plane that was found for each point."""
+def modelled(scene) -> tuple[BuildingModel, np.ndarray]:
+    """Return a scene's model, and the plane that was found for each point."""
     planes = fit_roof_planes(scene.points)
     number = planes.plane_id if scene.given_planes is None else scene.given_planes
     model = build_model(scene.points, scene.outline, plane_id=number, ground_elevation=scene.ground_elevation)
-    return model.solids, planes.plane_id
+    return model, planes.plane_id
+
+
+def drawn(model: BuildingModel, level: str, *points: Coloured) -> np.ndarray:
+    """Draw one level of detail of a model, and points before it."""
+    only = replace(model, solids={level: model.solids[level]})
+    feature = load_feature(feature_line(only, 1, MapFrame(), {}, anchor=(0.0, 0.0)))[0]
+    arrays = model_arrays([(feature["id"], feature)], [feature["id"]], 10**6)
+    return picture_of([*models_of(arrays, [""], "slope"), *points], "southwest", SIZE)
+
+
+def dots(points: np.ndarray, colours: np.ndarray) -> Coloured:
+    """Return points that stand before the roof that they lie on."""
+    return Coloured((points + LIFT)[:, None], colours)
 
 
 def roofs_picture() -> np.ndarray:
     """Draw the finest model of every roof."""
     tiles = []
     for name in ROOFS:
-        solids, _ = modelled(model_scene(name, density=DENSITY, rotation_deg=ROTATION_DEG))
-        level = max(solids)
+        model, _ = modelled(model_scene(name, density=DENSITY, rotation_deg=ROTATION_DEG))
+        level = max(model.solids)
         note = "" if level == LEVELS[-1] else f" (LoD{level})"
-        tiles.append(titled(draw_solids([solids[level]], View(width=TILE)), name.replace("_", " ") + note))
+        tiles.append(titled(drawn(model, level), name.replace("_", " ") + note))
     return grid(tiles, PER_ROW)
 
 
@@ -86,15 +100,12 @@ def levels_picture() -> np.ndarray:
     rows = []
     for name in ("gable_dormer", "church", "step"):
         scene = model_scene(name, density=DENSITY, rotation_deg=ROTATION_DEG)
-        solids, number = modelled(scene)
-        view = View(width=TILE + 40)
+        model, number = modelled(scene)
         colours = np.where(number[:, None] > 0, PLANES[(number - 1) % len(PLANES)], NO_PLANE)
-        finest = solids[max(solids)]
-        # The points stand before the roof that they lie on.
-        lifted = scene.points + 0.25 * view.axes()[2]
-        rows.append(titled(draw_solids([finest], view, lifted, colours), "points by plane"))
+        by_plane = drawn(model, max(model.solids), dots(scene.points, colours))
+        rows.append(titled(by_plane, "points by plane"))
         rows += [
-            titled(draw_solids([solids[level]], view), f"LoD{level}") if level in solids else NOTHING
+            titled(drawn(model, level), f"LoD{level}") if level in model.solids else NOTHING
             for level in LEVELS
         ]
     return grid(rows, 1 + len(LEVELS))
@@ -105,22 +116,11 @@ def bad_picture() -> np.ndarray:
     tiles = []
     for name, make in BAD_SCENES.items():
         scene = make(density=DENSITY, rotation_deg=ROTATION_DEG)
-        solids, _ = modelled(scene)
-        level = max(solids)
-        colours = np.tile(PLANES[0], (len(scene.points), 1))
-        view = View(width=TILE)
-        lifted = scene.points + 0.25 * view.axes()[2]
-        picture = draw_solids([solids[level]], view, lifted, colours)
+        model, _ = modelled(scene)
+        level = max(model.solids)
+        picture = drawn(model, level, dots(scene.points, np.tile(PLANES[0], (len(scene.points), 1))))
         tiles.append(titled(picture, f"{name.replace('_', ' ')}: LoD{level}"))
     return grid(tiles, 4)
-
-
-def village_picture() -> np.ndarray:
-    """Draw the models that the whole chain makes of the virtual village's raw points."""
-    tile, _ = simulate_tile(make_scene("village", 0))
-    result = reconstruct_tile(tile)
-    solids = [one.model.solids[max(one.model.solids)] for one in result.models if one.model.solids]
-    return draw_solids(solids, View(width=1200, tilt_deg=45.0))
 
 
 def titled(picture: np.ndarray, title: str) -> np.ndarray:

@@ -55,28 +55,37 @@ def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
     points : str
         One of `OF_POINTS`, or `NOTHING`.
     """
-    parts = [] if roofs == NOTHING else _models(contents, roofs)
+    types = [str(one.attributes.get("roof_type") or "unknown") for one in contents.buildings]
+    parts = [] if roofs == NOTHING else models_of(contents.models, types, roofs)
     if points != NOTHING:
         parts.append(_points(contents.points, points))
     elif contents.terrain is not None:
         parts.append(_terrain(contents.terrain))
     # at the foot points of roofs would hide them
-    parts.append(_outlines(contents, "ground_elevation" if points == NOTHING else "roof_elevation_50p"))
+    is_at_foot = roofs != NOTHING or points == NOTHING
+    parts.append(_outlines(contents, "ground_elevation" if is_at_foot else "roof_elevation_50p"))
     return [one for one in parts if len(one.places)]
 
 
-def _models(contents: Contents, by: str) -> list[Coloured]:
-    """Return the finest solid of each building, its roof coloured by "type" or "slope", and its edges."""
-    arrays = contents.models
+def models_of(arrays: ModelArrays, types: Sequence[str], by: str) -> list[Coloured]:
+    """
+    Return the finest solid of each building, and its edges.
+
+    Parameters
+    ----------
+    arrays : ModelArrays
+    types : sequence of str
+        Roof type of each building.
+    by : str
+        What roofs are coloured by, one of `OF_ROOFS`.
+    """
     triangles, rows = _finest(arrays)
-    vertices = arrays.vertices * GRID
-    corners = vertices[arrays.triangles[triangles]]
+    corners = (arrays.vertices * GRID)[arrays.triangles[triangles]]
     kinds, normals = arrays.kinds[triangles], _normals(corners)
     if by == "slope":
         slopes = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
         roofs = colours.ramp(colours.SLOPES, slopes / colours.STEEP_DEG)
     else:
-        types = [str(one.attributes.get("roof_type") or "unknown") for one in contents.buildings]
         numbers = np.unique(types, return_inverse=True)[1] if types else np.empty(0, dtype=np.int64)
         roofs = colours.numbered(numbers[rows])
     roofs[kinds != KINDS[ROOF_SURFACE]] = colours.WALL
