@@ -29,7 +29,7 @@ ROS_WHEELS = [
 CLUSTER = ["distributed>=2024.8"]
 PARQUET = ["pyarrow>=16"]
 # the build for graphics cards is four times as large; from this release on pictures need no display
-VIEW = ["open3d-cpu>=0.20"]
+VIEW = ["open3d-cpu>=0.20; platform_machine == 'x86_64'", "open3d>=0.20; platform_machine != 'x86_64'"]
 TEST = [
     *CLUSTER,
     *PARQUET,

@@ -1,6 +1,7 @@
 """What a view draws of a result: faces and borders of models, points by colour; the camera sees all of it."""
 
 import sys
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -135,6 +136,51 @@ def test_without_open3d_one_line_says_what_to_install(result, monkeypatch, capsy
         capsys.readouterr().err
         == "lidar-buildings: view: needs Open3D: pip install 'lidar_buildings[view]'\n"
     )
+
+
+def test_a_missing_library_is_named_with_what_to_install(result, tmp_path, monkeypatch, capsys):
+    (tmp_path / "open3d.py").write_text(
+        "raise ImportError('libusb-1.0.so.0: cannot open shared object file')"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "open3d", raising=False)
+    assert main(["view", result, "--picture", result + "/view.png"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "(libusb-1.0.so.0: cannot open shared object file): install" in line
+
+
+@pytest.mark.parametrize(
+    ("options", "told"), [((), "--picture FILE draws without"), (("--picture", "view.png"), "without OpenGL")]
+)
+def test_where_nothing_can_be_drawn_one_line_says_so(result, options, told, monkeypatch, capsys):
+    library = MagicMock()
+    library.visualization.Visualizer().create_window.return_value = False
+    monkeypatch.setitem(sys.modules, "open3d", library)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", result, *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
+
+
+def test_keys_of_the_window_show_the_next_colours(monkeypatch):
+    library = MagicMock()
+    window = library.visualization.VisualizerWithKeyCallback()
+    monkeypatch.setitem(sys.modules, "open3d", library)
+    monkeypatch.setenv("DISPLAY", ":0")
+    asked = []
+
+    def parts_of(*shown):
+        asked.append(shown)
+        return [parts.Coloured(np.zeros((1, 1, 3)), np.ones((1, 3)))]
+
+    drawing.open_window(parts_of, ("slope", "edge"), ABOVE)
+    keys = {chr(call.args[0]): call.args[1] for call in window.register_key_callback.call_args_list}
+    for key in "MMG":
+        keys[key](window)
+    assert asked == [("slope", "edge"), (NOTHING, "edge"), ("type", "edge"), ("type", NOTHING)]
+    window.run.assert_called_once()
+    window.destroy_window.assert_called_once()
 
 
 def test_a_picture_of_another_kind_is_refused(result, capsys):
