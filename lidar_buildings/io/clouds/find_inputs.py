@@ -80,7 +80,7 @@ def _expanded(path: Path) -> list[Path]:
     if files:
         return files
     if path.is_dir():
-        raise InputError(f"{path}: holds no .las or .laz file: name a folder that does, or the files")
+        raise InputError(f"{path}: holds no .las or .laz file itself: name a folder that does, or files")
     raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
 
 

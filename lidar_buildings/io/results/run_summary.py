@@ -97,7 +97,7 @@ class RunSummary:
         return (
             f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
             "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "
-            f"(doc/data_requirements.md){kept}"
+            f"(doc/data_requirements.md); `lidar-buildings explain DIR X,Y` says why at a place{kept}"
         )
 
 
