@@ -6,13 +6,14 @@ STAMP := $(VENV)/.installed
 
 PACKAGED := build/package
 
-.PHONY: help setup demo test package lint compiled reference bench clean
+.PHONY: help setup demo test package lint compiled reference site bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
 	@echo "make package   source distribution and wheel in dist/; the demo from the wheel in an environment of its own"
 	@echo "make bench  ground, roofs, edges, features, outlines, planes, models and the whole chain beside their peers: errors, speed (needs the real clouds)"
+	@echo "make site   the documentation as a site in build/site; a warning or a dead link is an error"
 	@echo "make reference   write config/pipeline.param.yaml, doc/nodes.md and doc/command_line.md anew"
 
 setup: $(STAMP)
@@ -95,6 +96,9 @@ lint: setup
 reference: setup
 	$(BIN)/python -m lidar_buildings.nodes.reference
 	$(BIN)/python -m bench.pages.command_line doc/command_line.md
+
+site: setup
+	$(BIN)/python -m sphinx -W --keep-going -b html doc build/site
 
 clean:
 	rm -rf $(VENV) demo build dist

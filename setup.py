@@ -30,9 +30,11 @@ CLUSTER = ["distributed>=2024.8"]
 PARQUET = ["pyarrow>=16"]
 # the build for graphics cards is four times as large; from this release on pictures need no display
 VIEW = ["open3d-cpu>=0.20; platform_machine == 'x86_64'", "open3d>=0.20; platform_machine != 'x86_64'"]
+DOC = ["sphinx>=8", "furo>=2024.8", "myst-parser>=4"]
 TEST = [
     *CLUSTER,
     *PARQUET,
+    *DOC,
     "pytest>=8",
     "pytest-xdist",
     "hypothesis",
@@ -91,6 +93,7 @@ setup(
         "parquet": PARQUET,
         "view": VIEW,
         "terrain": ["startinpy>=0.12"],
+        "doc": DOC,
         "test": TEST,
         "bench": BENCH,
     },
