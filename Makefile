@@ -22,7 +22,8 @@ $(STAMP): setup.py pyproject.toml
 	$(PYTHON) -c 'import sys; assert sys.version_info >= (3, 10), "Python 3.10 or newer is needed"'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --editable '.[ros,test]'
+	@# setuptools warns of every editable installation
+	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable '.[ros,test]'
 	@touch $(STAMP)
 
 demo: setup compiled
