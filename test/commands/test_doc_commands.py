@@ -22,7 +22,7 @@ def spoken(command, line):
 
 def follow(command, block):
     """Run the commands of a block; … stands for any text in the lines shown, and for lines left out."""
-    for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+    for part in re.split(r"^\$ ", block.replace("\\\n", ""), flags=re.MULTILINE)[1:]:
         line, *shown = part.splitlines()
         said = iter(spoken(command, line))
         for told in shown:
