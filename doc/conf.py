@@ -29,4 +29,4 @@ def setup(app: Sphinx) -> None:
 
 
 def _beside_readme(app: Sphinx, path: Path, document: str, content: list[str]) -> None:
-    content[0] = re.sub(r"\]\((LICENSE|[A-Z]+\.(?:md|cff)|config/)", r"](../\1", content[0])
+    content[0] = re.sub(r"\]\((?!https?:|doc/|#)", "](../", content[0])

@@ -14,11 +14,13 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from PIL import Image
 
-from bench.pages.village import CLASSES, OUTLINE
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings import GroundFilterConfig, PipelineConfig, classify_ground, reconstruct_tile
 from lidar_buildings.simulation import simulate_tile
 
+#: ASPRS class → colour, and that of outlines.
+COLOURS = {1: "#6f7f9a", 2: "#d9cdb4", 4: "#b5c95a", 5: "#4f8a47", 6: "#d9705a", 11: "#8f8578"}
+OUTLINE = "#1b1f3a"
 #: The noise of a poor scanner [m], and the settings that suit it.
 NOISY = {"planimetric_noise": 0.4, "range_noise": 0.15}
 ROUGH = {"roof_selection": {"max_roughness": 0.3}}
@@ -56,7 +58,7 @@ def draw_plan(axes: plt.Axes, points: np.ndarray, result, window: tuple[float, .
     west, south, east, north = window
     corner = points[:, :2].min(axis=0)
     colours = np.ones((256, 3))
-    for code, (_, colour) in CLASSES.items():
+    for code, colour in COLOURS.items():
         colours[code] = matplotlib.colors.to_rgb(colour)
     order = np.argsort(points[:, 2], kind="stable")
     xy, codes = points[order, :2] - corner, result.classified.classification[order]
@@ -71,7 +73,7 @@ def draw_profile(axes: plt.Axes, points: np.ndarray, is_ground: np.ndarray) -> N
     """Draw what lies along the middle of the road from the side."""
     along = abs(points[:, 1] - 40) < 4
     for rows, code in ((along & is_ground, 11), (along & ~is_ground, 6)):
-        axes.scatter(points[rows, 0], points[rows, 2], s=4, c=CLASSES[code][1], linewidths=0)
+        axes.scatter(points[rows, 0], points[rows, 2], s=4, c=COLOURS[code], linewidths=0)
     axes.set(xlim=(60, 160), aspect=2)
 
 
