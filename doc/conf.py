@@ -24,9 +24,14 @@ napoleon_use_rtype = False
 
 
 def setup(app: Sphinx) -> None:
-    """Let the README's links to other places than doc/ hold on the first page, too."""
-    app.connect("include-read", _beside_readme)
+    """Let the links of pages at the root hold where a page of this folder includes them."""
+    app.connect("include-read", _from_root)
 
 
-def _beside_readme(app: Sphinx, path: Path, document: str, content: list[str]) -> None:
-    content[0] = re.sub(r"\]\((?!https?:|doc/|#)", "](../", content[0])
+def _from_root(app: Sphinx, path: Path, document: str, content: list[str]) -> None:
+    content[0] = re.sub(r"\]\((?!https?:|doc/|#)([^)#\s]+)", _beside_pages, content[0])
+
+
+def _beside_pages(link: re.Match[str]) -> str:
+    """A page NAME.md at the root is included by name.md; anything else is a file to download."""
+    return f"]({link[1].lower()}" if link[1].endswith(".md") else f"](../{link[1]}"
