@@ -278,7 +278,7 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     assert len({n_core([tile]) for tile in copies}) == 1
     *bounds, last = end.bounds[stamp]
     widths = [east - west for west, _, east, _ in bounds]
-    assert widths == pytest.approx([20.0 + 5.0 / 3.0 * buffer for buffer in (2.0, 4.0, 8.0)], abs=1e-4)
+    assert widths == pytest.approx([20.0 + 4.0 / 3.0 * buffer for buffer in (2.0, 4.0, 8.0)], abs=1e-4)
     assert last is None
     assert sorted(Counter(end.done).values()) == [1] * 5
 

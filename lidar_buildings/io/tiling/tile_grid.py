@@ -22,8 +22,9 @@ _MOST_CELLS = 8
 #: Bounds that span more tiles than this are wrong, or of a few points far apart.
 _MOST_TILES = 100_000
 #: How much of a buffer's width lies west, south, east and north of a tile. A block belongs to the tile that
-#: holds its westernmost point: it reaches farther beyond it eastwards than to the other sides.
-BUFFER_SHARES = (2.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0)
+#: holds its westernmost point: it reaches farthest beyond it eastwards, and not at all westwards, where it is
+#: only seen that nothing touches it, and what the ground around is.
+BUFFER_SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0)
 
 
 @dataclass(frozen=True)

@@ -43,8 +43,9 @@ class TilingConfig(StageConfig):
     )
     buffer: float = parameter(
         75.0,
-        "Width of the strip of neighbours east of a tile; those on its other sides are two thirds as wide. A "
-        "larger one lets larger buildings cross its edge, and the ground filter see more of the terrain.",
+        "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
+        "west a third. A larger one lets larger buildings cross its edge, and the ground filter see more of "
+        "the terrain.",
         unit="m",
         minimum=0.0,
         maximum=1_000.0,
@@ -95,7 +96,8 @@ class LiveTilingConfig(TilingConfig):
     )
     buffer: float = parameter(
         75.0,
-        "Width of the strip of neighbours east of a tile; those on its other sides are two thirds as wide.",
+        "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
+        "west a third.",
         unit="m",
         minimum=0.0,
         maximum=1_000.0,

@@ -81,13 +81,13 @@ def test_core_and_buffer_are_what_brute_force_finds(tmp_path, tile_size, buffer)
             )
             x, y = xy.T
             core = (x >= x0) & (x < x0 + tile_size) & (y >= y0) & (y < y0 + tile_size)
-            less = buffer * 2.0 / 3.0
-            wide = (x >= x0 - less) & (x <= x0 + tile_size + buffer)
+            less, least = buffer * 2.0 / 3.0, buffer / 3.0
+            wide = (x >= x0 - least) & (x <= x0 + tile_size + buffer)
             wide &= (y >= y0 - less) & (y <= y0 + tile_size + less)
             assert names(tile) == [tuple(n) for n in name[wide].tolist()], "rows by (source, index)"
             assert names(tile, tile.is_core) == [tuple(n) for n in name[core & wide].tolist()]
             west, south, east, _ = tile.bounds
-            assert (west, south) == pytest.approx((x0 - less - tile.frame.origin[0], y0 - less - SOUTH))
+            assert (west, south) == pytest.approx((x0 - least - tile.frame.origin[0], y0 - less - SOUTH))
             assert east == pytest.approx(x0 + tile_size + buffer - tile.frame.origin[0])
 
 
@@ -100,7 +100,7 @@ def test_tiles_lie_on_multiples_of_their_size_whatever_the_files(tmp_path):
             {tuple(np.add(t.bounds[:2], t.frame.origin[:2])) for t in source} for source in (both, second)
         ]
         assert squares[1] < squares[0]
-        assert all((x + 10.0) % 40.0 == 0 and (y + 10.0) % 40.0 == 0 for x, y in squares[0])
+        assert all((x + 5.0) % 40.0 == 0 and (y + 10.0) % 40.0 == 0 for x, y in squares[0])
 
 
 def test_without_a_size_the_tiles_hold_about_as_many_points_as_asked_for(tmp_path):
