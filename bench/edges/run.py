@@ -3,7 +3,7 @@ Edge labels against the alpha shapes of roofs, by the protocol of Santos, Galo a
 
     python -m bench.edges.run [--data DIR] [--methods METHOD ...] [--set NAME=VALUE ...]
                           [--variants VARIANT ...]
-                          [--alpha-factor SPACINGS] [--regularised] [--split-steps]
+                          [--alpha-factor SPACINGS] [--split-steps]
                           [--plot FILE] [--pictures DIR]
 
 Four areas: Delft (AHN3, class 6 within the blocks of a map), Montpellier and fusa (class 6, parts that hang
@@ -31,7 +31,6 @@ from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
-from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
 from lidar_buildings.evaluation.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
 
 #: The methods of the paper's Figure 7, and the parameters that choose them.
@@ -69,12 +68,9 @@ class Protocol(NamedTuple):
     ----------
     alpha_factor : float or None
         Radius of the disc in point spacings; None for the paper's.
-    regularised : bool
-        Whether points that bound no area are no edges.
     """
 
     alpha_factor: float | None = None
-    regularised: bool = False
 
     def alpha(self, area: RoofArea) -> float:
         """Return the radius in an area [m]."""
@@ -84,7 +80,7 @@ class Protocol(NamedTuple):
 
     def edges(self, area: RoofArea) -> NDArray[np.bool_]:
         """Return the points on the alpha shapes of their roofs."""
-        return reference_edges(area.points, area.roof, self.alpha(area), regularised=self.regularised)
+        return reference_edges(area.points, area.roof, self.alpha(area))
 
 
 def configs_of(
@@ -100,7 +96,7 @@ def label_area(area: RoofArea, method: str, config: EdgeLabellingConfig) -> NDAr
     """Label all roof points of an area in one go."""
     if method == CONTROL:
         radius = config.rim_radius * quantised_spacing(area.points)
-        return alpha_shape(area.points, radius).is_boundary
+        return reference_edges(area.points, np.zeros(len(area.points), dtype=np.int64), radius)
     return label_edges(area.points, config).edge == 1
 
 
@@ -166,9 +162,6 @@ def parser_of_edges() -> argparse.ArgumentParser:
         "--alpha-factor", type=float, metavar="SPACINGS", help="the disc's radius (default: 1.342 spacings)"
     )
     parser.add_argument(
-        "--regularised", action="store_true", help="leave out points of the alpha shape that bound no area"
-    )
-    parser.add_argument(
         "--split-steps", action="store_true", help="take for one roof what has no step in height within"
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the figures as bars")
@@ -186,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     areas = areas_in(data_folder(options.data))
     if options.split_steps:
         areas = {name: split(area) for name, area in areas.items()}
-    protocol, folder = Protocol(options.alpha_factor, options.regularised), picture_folder(options.pictures)
+    protocol, folder = Protocol(options.alpha_factor), picture_folder(options.pictures)
     headings = ("area", "roofs", "points", "left out", "spacing m", "alpha m", "edges %")
     print(table(headings, area_rows(areas, protocol)))
     scores = {}

@@ -93,8 +93,6 @@ def test_the_reference_follows_the_radius_asked_for(data):
     assert usual.alpha(area) == pytest.approx(1.342 * area.spacing, rel=1e-3)
     assert wide.alpha(area) == 3.0 * area.spacing
     assert wide.edges(area).sum() < usual.edges(area).sum()
-    regular = edges.Protocol(regularised=True).edges(area)
-    assert not (regular & ~usual.edges(area)).any()
 
 
 def test_a_step_parts_roofs_that_touch():

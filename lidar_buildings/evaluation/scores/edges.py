@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.point_array import checked_column
-from lidar_buildings.core.surfaces.alpha_shape import alpha_shape
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.stages.edge_labelling.rims import on_rims
 from lidar_buildings.evaluation.scores.roofs import roof_rows
 from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
 
@@ -51,28 +52,29 @@ def alpha_of_spacing(spacing: float) -> float:
     return PAPER_ALPHA * math.sqrt(PAPER_DENSITY) * spacing
 
 
-def reference_edges(
-    points: ArrayLike, roof: ArrayLike, alpha: float, *, regularised: bool = False
-) -> NDArray[np.bool_]:
+def reference_edges(points: ArrayLike, roof: ArrayLike, alpha: float) -> NDArray[np.bool_]:
     """
     Return the points that lie on the alpha shape of their roof (Santos, Galo and others, section 2.4).
 
+    Those are the points that an empty disc can touch in plan (Edelsbrunner, Kirkpatrick & Seidel 1983:
+    *alpha-extreme*). Edelsbrunner and others give the disc's radius as −1/α, later authors as √α; here alpha is
+    the radius.
+
     Parameters
     ----------
-    points : array_like of shape (n_points, 2 or more)
-        All points of the roofs [m]; only x and y are looked at.
+    points : array_like of shape (n_points, 3)
+        All points of the roofs [m]; only x and y decide.
     roof : array_like of int, shape (n_points,)
         Number of each point's roof; a negative one is none, and its points are no edges.
     alpha : float
         Radius of the disc [m].
-    regularised : bool
-        Whether points that bound no area are no edges; see `alpha_shape`.
     """
-    plan = np.asarray(points, dtype=np.float64)[:, :2]
-    edge = np.zeros(len(plan), dtype=bool)
-    for rows in roof_rows(checked_column("roof", roof, len(plan), np.int64)):
-        edge[rows] = alpha_shape(plan[rows], alpha, regularised=regularised).is_boundary
-    return edge
+    cloud = checked_points(points)
+    number = checked_column("roof", roof, len(cloud), np.int64)
+    # Points of no roof make up a roof of their own, which the others do not see.
+    every = np.ones(len(cloud), dtype=np.bool_)
+    edge = on_rims(sort_by_cell(cloud, 2.0 * alpha), every, number, radius=alpha, reach=0.0)
+    return edge & (number >= 0)
 
 
 def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:

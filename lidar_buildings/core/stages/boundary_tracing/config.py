@@ -7,9 +7,6 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, parameter
 
-#: The methods that a ring may be traced by.
-METHODS = ("modified_convex_hull", "alpha_shape")
-
 
 @dataclass(frozen=True)
 class BoundaryTracingConfig(StageConfig):
@@ -17,12 +14,6 @@ class BoundaryTracingConfig(StageConfig):
 
     stage: ClassVar[str] = "boundary_tracing"
 
-    method: str = parameter(
-        "modified_convex_hull",
-        "Walk round the points like a convex hull in small windows, or take the alpha shape.",
-        choices=METHODS,
-        advanced=True,
-    )
     source: str = parameter(
         "points",
         "Which points of a building are traced: all, or those labelled as edges, as Santos and others "
@@ -43,14 +34,6 @@ class BoundaryTracingConfig(StageConfig):
         unit="spacings",
         minimum=2.0,
         maximum=40.0,
-    )
-    alpha: float = parameter(
-        2.0,
-        "Radius of the alpha shape's disc, where that is the method; raising it smooths the ring.",
-        unit="spacings",
-        minimum=0.5,
-        maximum=100.0,
-        advanced=True,
     )
     courtyards: bool = parameter(
         True,

@@ -15,7 +15,6 @@ from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured, measure_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing.alpha_rings import alpha_outline
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
@@ -79,8 +78,7 @@ def trace_boundary(
     of the current one and never crosses its own way (Sampath & Shan, 2007). Where it ends in a dead end or
     leaves points outside, the neighbourhood is widened there and the walk begins anew; where that does not
     help, the ring comes from a triangulation. Courtyards are empty discs inside the ring that are wide
-    enough and have roof all round; their rims are walked in the same way. The second method takes the ring
-    and the holes of the alpha shape.
+    enough and have roof all round; their rims are walked in the same way.
 
     Parameters
     ----------
@@ -131,13 +129,12 @@ def trace_boundary(
         others=others,
     )
     rules = yards if config.courtyards else None
-    trace = _METHODS[config.method]
-    outline, reasons = trace(grid, config, spacing, rules)
+    outline, reasons = _traced(grid, config, rules)
     if not is_rectangle:
         across_gaps = _across_gaps(known, grid, outline)
         if across_gaps != known:
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
-            smoother, why = trace(grid, config, spacing, rules)
+            smoother, why = _traced(grid, config, rules)
             if len(smoother.holes) == len(outline.holes):
                 outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
@@ -153,25 +150,15 @@ def rows_to_trace(
     return edges if len(edges) >= _MIN_POSITIONS else rows
 
 
-def _by_walk(
-    grid: PointGrid, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
+def _traced(
+    grid: PointGrid, config: BoundaryTracingConfig, rules: CourtyardRules | None
 ) -> tuple[Outline, list[str]]:
-    """Trace by the modified convex hull."""
+    """Return the rings, and what was out of the ordinary."""
     tracer = RingTracer(grid, _MAX_WINDOW / config.window)
     tracer.trace_exterior()
     if rules is not None:
         tracer.trace_courtyards(rules)
     return tracer.outline(), tracer.reasons
-
-
-def _by_alpha_shape(
-    grid: PointGrid, config: BoundaryTracingConfig, spacing: float, rules: CourtyardRules | None
-) -> tuple[Outline, list[str]]:
-    """Take the rings of the alpha shape."""
-    return alpha_outline(np.column_stack([grid.x, grid.y]), config.alpha * spacing, rules)
-
-
-_METHODS = {"modified_convex_hull": _by_walk, "alpha_shape": _by_alpha_shape}
 
 
 def _plan(other_points: ArrayLike) -> NDArray[np.float64]:

@@ -13,7 +13,6 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import AS_PUBLISHED, BoundaryTracingConfig, trace_boundary
 
-ALPHA = BoundaryTracingConfig(method="alpha_shape")
 
 
 def cloud(*parts):
@@ -55,7 +54,6 @@ def same_ring(one, other, tolerance=1e-9):
     return min(np.abs(one - each).max() for each in (rolled, backwards)) < tolerance
 
 
-@pytest.mark.parametrize("method", ["modified_convex_hull", "alpha_shape"])
 @pytest.mark.parametrize(
     "points",
     [
@@ -75,16 +73,14 @@ def same_ring(one, other, tolerance=1e-9):
         pytest.param(cloud(np.indices((30, 30)).reshape(2, -1).T * 0.5), id="lattice"),
     ],
 )
-def test_whatever_walks_stumble_over_the_ring_is_sound(points, method):
-    config = BoundaryTracingConfig(method=method)
-    traced = trace_boundary(points, config, point_spacing=0.4)
+def test_whatever_walks_stumble_over_the_ring_is_sound(points):
+    traced = trace_boundary(points, point_spacing=0.4)
     assert_sound(traced, points)
     assert traced.status is BuildingStatus.OK
     hull = shapely.convex_hull(shapely.multipoints(points[:, :2]))
     assert polygon(traced.outline).area <= hull.area * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("method", ["modified_convex_hull", "alpha_shape"])
 @pytest.mark.parametrize(
     "xy",
     [
@@ -95,10 +91,9 @@ def test_whatever_walks_stumble_over_the_ring_is_sound(points, method):
         [(k, 2 * k) for k in range(9)],
     ],
 )
-def test_degenerate_clouds_have_a_ring_by_either_method_and_with_a_pattern(xy, method):
+def test_degenerate_clouds_have_a_ring_with_a_pattern(xy):
     points = cloud(np.array(xy, dtype=float))
-    config = BoundaryTracingConfig(method=method)
-    traced = trace_boundary(points, config, pattern=ScanPattern(0.3, 0.5, 1.0))
+    traced = trace_boundary(points, pattern=ScanPattern(0.3, 0.5, 1.0))
     assert traced.status is BuildingStatus.DEGENERATE
     assert_sound(traced, points)
 
@@ -214,22 +209,6 @@ def test_the_ring_of_turned_and_mirrored_points_is_the_ring_turned_and_mirrored(
     assert same_ring(ring * (-1, 1), mirrored.outline.exterior)
 
 
-@pytest.mark.parametrize("name", ["flat", "l_shape", "courtyard", "round_tower"])
-def test_the_alpha_shape_gives_much_the_same_outline(name):
-    points = GALLERY[name](rotation_deg=20.0).roof_points()
-    walked, shape = trace_boundary(points), trace_boundary(points, ALPHA)
-    assert_sound(shape, points)
-    assert len(shape.outline.holes) == len(walked.outline.holes)
-    assert overlap(polygon(walked.outline), polygon(shape.outline)) > 0.96
-
-
-def test_an_alpha_shape_in_pieces_grows_until_it_is_one():
-    points = cloud(scattered(8, 8), scattered(8, 8, at=(11.0, 0.0), seed=1))
-    traced = trace_boundary(points, ALPHA, point_spacing=0.35)
-    assert_sound(traced, points)
-    assert "enlarged" in traced.reason
-
-
 def test_a_spacing_far_from_the_points_own_ends_with_a_sound_ring():
     points = cloud(scattered(30, 30, 4.0))
     for spacing in (0.004, 0.05, 0.2, 1.5, 8.0):
@@ -255,8 +234,8 @@ def test_a_large_ring_of_points_takes_about_a_second_at_most():
     assert min(seconds) < 2.0  # 0.3 on a machine at rest; what grew with the square took minutes
 
 
-def test_unknown_methods_and_spacings_are_refused():
-    with pytest.raises(ParameterError, match="method"):
-        BoundaryTracingConfig(method="guess")
+def test_unknown_sources_and_spacings_are_refused():
+    with pytest.raises(ParameterError, match="source"):
+        BoundaryTracingConfig(source="guess")
     with pytest.raises(ValueError, match="point_spacing"):
         trace_boundary(cloud(scattered(3, 3)), point_spacing=0.0)
