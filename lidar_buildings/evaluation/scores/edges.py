@@ -57,8 +57,7 @@ def reference_edges(points: ArrayLike, roof: ArrayLike, alpha: float) -> NDArray
     Return the points that lie on the alpha shape of their roof (Santos, Galo and others, section 2.4).
 
     Those are the points that an empty disc can touch in plan (Edelsbrunner, Kirkpatrick & Seidel 1983:
-    *alpha-extreme*). Edelsbrunner and others give the disc's radius as −1/α, later authors as √α; here alpha is
-    the radius.
+    *alpha-extreme*). They write the disc's radius as −1/α, later authors as √α; here alpha is the radius.
 
     Parameters
     ----------

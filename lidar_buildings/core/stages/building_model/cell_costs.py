@@ -6,17 +6,16 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells
-from lidar_buildings.core.stages.building_model.heights import Limits
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
-from lidar_buildings.core.stages.building_model.samples import Samples
 
 #: A point counts as so far off its plane at most [m].
 MAX_MISFIT = 1.0
-#: Misfit of a plane that is not the nearest one's where there are no points [m].
-_EMPTY_MISFIT = 0.2
-#: Planes steeper than this are walls [m/m]: about 83 degrees; roofing with one costs so much [m].
-_MAX_RISE, _WALL_COST = 8.0, 100.0
+#: What a roof may lie above the highest return and below the lowest [m], beside what the spacing explains.
+ABOVE, _BELOW = 0.3, 1.0
+#: Most squares of the raster in which points share what they stand for.
+_MAX_SQUARES = 40_000
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
@@ -78,41 +77,72 @@ def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-
 
 
 def plane_costs(
-    samples: Samples, cell: IntArray, cells: Cells, planes: FloatArray, limits: Limits
+    points: FloatArray, weight: FloatArray, cell: IntArray, cells: Cells, planes: FloatArray, spacing: float
 ) -> FloatArray:
     """
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    That is the misfit to its samples, and how far the plane lies beyond what was seen or whether it is a
-    wall. Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys and antennas pull on
-    no plane; spots without data speak for the nearest plane.
+    That is the misfit to its points, and how far the plane lies beyond what was seen: a roof runs on for one
+    spacing beyond its points. Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys
+    and antennas pull on no plane.
 
     Parameters
     ----------
-    samples : Samples
-    cell : ndarray of shape (n_samples,), int64
-        The cell of each sample, -1 for none.
+    points : ndarray of shape (n_points, 3)
+        Roof points [m].
+    weight : ndarray of shape (n_points,)
+        Area that each stands for [m²].
+    cell : ndarray of shape (n_points,), int64
+        The cell of each point, -1 for none.
     cells : Cells
     planes : ndarray of shape (n_planes, 3)
         z = a·x + b·y + c.
-    limits : Limits
-        Of the roof.
+    spacing : float
+        Point spacing [m].
     """
-    rise = np.hypot(planes[:, 0], planes[:, 1])
-    costs = np.where(rise > _MAX_RISE, _WALL_COST, 0.0) + np.zeros((len(cells), 1))
+    slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
+    low, high = points[:, 2].min() - _BELOW - slack, points[:, 2].max() + ABOVE + slack
+    costs = np.zeros((len(cells), len(planes)))
     _add_costs(
-        samples.points, samples.weight, samples.plane, cell, np.ascontiguousarray(planes.T),
-        cells.vertices, cells.borders, cells.sides, cells.areas,
-        limits.low - limits.per_rise * rise, limits.high + limits.per_rise * rise, costs,
+        points, weight, cell, np.ascontiguousarray(planes.T),
+        cells.vertices, cells.borders, cells.sides, cells.areas, low, high, costs,
     )  # fmt: skip
     return costs
 
 
+def point_weights(points: FloatArray, outline: Outline, spacing: float) -> FloatArray:
+    """
+    Return the area that each point stands for [m²]: it shares a square of a spacing with others in it.
+
+    Points beside the outline's bounding box stand for none.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        [m].
+    outline : Outline
+        Of the building [m].
+    spacing : float
+        Point spacing [m].
+    """
+    low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
+    step = max(spacing, float(np.prod(high - low) / _MAX_SQUARES) ** 0.5)
+    # Whole multiples of the step, so that the raster does not hang on the outline.
+    first, last = np.floor(low / step), np.floor(high / step)
+    place = np.floor(points[:, :2] / step) - first
+    n_columns, n_rows = (last - first).astype(np.int64) + 1
+    inside = ((place >= 0.0) & (place < (n_columns, n_rows))).all(axis=1)
+    square = place[inside].astype(np.int64) @ (n_rows, 1)
+    weight = np.zeros(len(points))
+    weight[inside] = step**2 / np.bincount(square, minlength=1)[square]
+    return weight
+
+
 @kernel
 def _add_costs(  # type: ignore[no-untyped-def]
-    points, weight, nearest, cell, planes, vertices, borders, sides, areas, low, high, costs
+    points, weight, cell, planes, vertices, borders, sides, areas, low, high, costs
 ):  # fmt: skip
-    """Turn costs that walls have for each square metre to those of all planes."""
+    """Add to the costs of all planes."""
     n_planes = planes.shape[1]
     beyond = np.zeros(costs.shape)
     # Rows of their own, so that the loops over planes become wide (SIMD).
@@ -131,16 +161,12 @@ def _add_costs(  # type: ignore[no-untyped-def]
                     own[k] = excess if excess > own[k] else own[k]
     for c in range(len(costs)):
         for k in range(n_planes):
-            costs[c, k] = (costs[c, k] + beyond[c, k]) * areas[c]
+            costs[c, k] += beyond[c, k] * areas[c]
     for i in range(len(points)):
         c = cell[i]
         if c < 0:
             continue
         own = costs[c]
-        if nearest[i] >= 0:
-            for k in range(n_planes):
-                own[k] += 0.0 if nearest[i] == k else weight[i] * _EMPTY_MISFIT
-            continue
         x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weight[i]
         for k in range(n_planes):
             misfit = abs(z - (a[k] * x + b[k] * y + d[k]))

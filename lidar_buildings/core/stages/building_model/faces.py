@@ -20,6 +20,39 @@ def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
     return numbered(sets_of_pairs(len(labels), left[same], right[same]))
 
 
+def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_step: float) -> IntArray:
+    """
+    Number the parts of a roof: faces that meet, or are parted by a low step only, belong together.
+
+    Parameters
+    ----------
+    cells : Cells
+    face : ndarray of shape (n_cells,), int64
+        Number of each cell's face.
+    planes : ndarray of shape (n_faces, 3)
+        z = a·x + b·y + c of each face.
+    min_step : float
+        Mean step along a common border that makes two parts of two faces [m].
+
+    Returns
+    -------
+    ndarray of shape (n_faces,), int64
+        From 0.
+    """
+    sides = np.append(face, -1)[cells.sides]
+    between = (sides[:, 0] != sides[:, 1]) & (sides >= 0).all(axis=1)
+    sides, ends = np.sort(sides[between], axis=1), cells.vertices[cells.borders[between]]
+    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    step = planes[sides[:, 0]] - planes[sides[:, 1]]
+    first, last = (np.einsum("ij,ij->i", step[:, :2], ends[:, k]) + step[:, 2] for k in range(2))
+    # Where the planes cross on the way, the mean of two triangles.
+    crossed = (first**2 + last**2) / np.maximum(np.abs(first - last), 1e-12)
+    mean = 0.5 * np.where(first * last < 0.0, crossed, np.abs(first + last))
+    pair, inverse = np.unique(sides @ (len(planes), 1), return_inverse=True)
+    low = np.bincount(inverse, length * mean) < min_step * np.bincount(inverse, length)
+    return numbered(sets_of_pairs(len(planes), *np.divmod(pair[low], len(planes))))
+
+
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
     """
     Return the rings of faces, without vertices in the middle of straight edges.

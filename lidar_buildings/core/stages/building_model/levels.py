@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import on_grid, repaired_outlines
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, extrusion_codes
@@ -79,7 +79,6 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
 
 def part_elevations(
     faces: list[RoofFacePatch],
-    part: IntArray,
     points: FloatArray,
     elevation_of: Callable[[FloatArray], float],
 ) -> FloatArray:
@@ -89,15 +88,14 @@ def part_elevations(
     Parameters
     ----------
     faces : list of RoofFacePatch
-    part : ndarray of shape (n_faces,), int64
-        Number of each face's part, from 0.
     points : ndarray of shape (n_points, 3)
         The building's points [m].
     elevation_of : callable
         Turns elevations of points into the one of their part.
     """
     elevations = np.empty(len(faces))
-    for number in range(int(part.max()) + 1):
+    part = np.array([face.part for face in faces])
+    for number in np.unique(part):
         members = np.flatnonzero(part == number)
         rows = np.concatenate([faces[k].rows for k in members])
         if len(rows):

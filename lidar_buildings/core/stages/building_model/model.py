@@ -25,7 +25,7 @@ from lidar_buildings.core.stages.building_model.attributes import (
     solid_attributes,
 )
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, within_limits
+from lidar_buildings.core.stages.building_model.level_tops import with_level_tops
 from lidar_buildings.core.stages.building_model.levels import (
     LOD12,
     LOD13,
@@ -61,7 +61,6 @@ class _Roof:
     ground: float
     spacing: float
     topology: RoofTopology
-    plane_id: NDArray[np.uint16]
     has_extent: bool
 
 
@@ -147,7 +146,7 @@ def _model(
     remarks = [remark, why_raised]
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-        roof = _Roof(points, outline, ground, spacing, topology, plane_id, _has_extent(points))
+        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points))
         levels, faces, why = _finer_levels(roof, lowest, config)
         return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
     except Exception as error:
@@ -173,11 +172,10 @@ def _finer_levels(
     try:
         faces = _roof_faces_of(roof, config)
         share = ELEVATIONS[config.roof_elevation]
-        part = parts_of_one_height(faces, config.min_part_step)
-        tops = part_elevations(faces, part, roof.points, lambda z: elevation_at(np.sort(z), share))
+        tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, on_grid(roof.ground + MIN_HEIGHT))
         # A roof in one part is the same at both levels.
-        parts = level_13(faces, tops, roof.ground) if part.any() else lowest
+        parts = level_13(faces, tops, roof.ground) if any(face.part for face in faces) else lowest
         levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
@@ -193,31 +191,21 @@ def _finer_levels(
 
 def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
     """Divide the outline into faces with planes that the points bear out."""
-    planes, plane_id = _distinct_planes(roof)
     steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
     ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
-    lines = steps, ridges
-    faces = partition_outline(roof.outline, roof.points, plane_id, planes, lines, roof.spacing, config)
-    return within_limits(faces, roof.points, roof.spacing)
+    planes, lines = _distinct_planes(roof), (steps, ridges)
+    faces = partition_outline(roof.outline, roof.points, planes, lines, roof.spacing, config)
+    return with_level_tops(faces, roof.points, roof.spacing)
 
 
-def _distinct_planes(roof: _Roof) -> tuple[FloatArray, NDArray[np.uint16]]:
-    """
-    Return a, b, c of every plane, pieces of one plane once, and the number of each point's; at least one.
-    """
-    found = roof.topology.planes
-    if not found:
-        level = np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
-        return level, np.ones_like(roof.plane_id)
-    equations = np.array([_equation(plane) for plane in found])
-    numbers: dict[tuple[float, ...], int] = {}
-    new, first = [0], []
-    for row, one in enumerate(map(tuple, np.round(equations, _EQUAL_DIGITS).tolist())):
-        if one not in numbers:
-            numbers[one] = 1 + len(numbers)
-            first.append(row)
-        new.append(numbers[one])
-    return equations[first], np.array(new, dtype=np.uint16)[roof.plane_id]
+def _distinct_planes(roof: _Roof) -> FloatArray:
+    """Return a, b, c of every plane, pieces of one plane once; at least one."""
+    if not roof.topology.planes:
+        return np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
+    equations = np.array([_equation(plane) for plane in roof.topology.planes])
+    rounded = map(tuple, np.round(equations, _EQUAL_DIGITS).tolist())
+    first = {one: row for row, one in reversed(list(enumerate(rounded)))}
+    return equations[sorted(first.values())]
 
 
 def _equation(plane: RoofPlane) -> FloatArray:

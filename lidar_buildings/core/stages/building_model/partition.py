@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
-from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs
+from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
     face_rings,
     join_equal_cells,
+    parts_of_one_height,
 )
-from lidar_buildings.core.stages.building_model.heights import Limits
-from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
-from lidar_buildings.core.stages.building_model.samples import Samples, make_samples
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
@@ -37,7 +33,6 @@ _REENTRANT = 0.35
 def partition_outline(
     outline: Outline,
     points: FloatArray,
-    plane_id: NDArray[np.uint16],
     planes: FloatArray,
     lines: tuple[FloatArray, FloatArray],
     spacing: float,
@@ -56,81 +51,34 @@ def partition_outline(
         Valid, on the output grid [m].
     points : ndarray of shape (n_points, 3)
         Roof points [m].
-    plane_id : ndarray of shape (n_points,)
-        Number of each point's plane, 0 = none.
     planes : ndarray of shape (n_planes, 3)
-        z = a·x + b·y + c of plane k in row k − 1; at least one.
+        z = a·x + b·y + c of each; at least one.
     lines : tuple of ndarray of shape (n_lines, 2, 2)
         Candidate borders in plan, first steps and then lines in which planes meet [m].
     spacing : float
         Point spacing [m].
     config : BuildingModelConfig
     """
-    samples = make_samples(points, plane_id, outline, spacing)
-    inward = np.concatenate([_reentrant_walls(ring) for ring in outline.rings])
-    segments = np.concatenate([*lines, inward])
-    roof = _Roof(outline, points, samples, len(lines[0]), Limits.of(points, spacing), planes, spacing, config)
-    found = _label(roof, segments)
-    missed = find_missed_parts(points, plane_id, found.above(roof), outline, spacing, config.min_face_area)
-    if len(missed.sides):
-        segments = np.concatenate([segments, missed.sides])
-        roof = replace(roof, planes=np.concatenate([roof.planes, missed.planes]))
-        found = _label(roof, segments)
-    return _faces(roof, found)
+    segments = np.concatenate([*lines, *map(_reentrant_walls, outline.rings)])
+    cuts = extend_segments(segments, walls_of(outline), len(lines[0])) if len(planes) > 1 else segments[:0]
+    cells = cut_into_cells(outline, cuts)
+    cell = cells_of_points(cells, points)
+    costs = plane_costs(points, point_weights(points, outline, spacing), cell, cells, planes, spacing)
+    prices = _BORDER_COST * spacing, _CORNER_COST
+    labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
+    return _faces(cells, labels, cell, planes, config.min_part_step)
 
 
-@dataclass(frozen=True, eq=False)
-class _Roof:
-    """What every attempt at a partition starts from."""
-
-    outline: Outline
-    points: FloatArray
-    samples: Samples
-    n_steps: int
-    limits: Limits
-    planes: FloatArray
-    spacing: float
-    config: BuildingModelConfig
-
-
-@dataclass(frozen=True, eq=False)
-class _Labelled:
-    """Cells with the row of each one's plane, and the cell of every point, -1 beside the outline."""
-
-    cells: Cells
-    labels: IntArray
-    cell: IntArray
-
-    def above(self, roof: _Roof) -> FloatArray:
-        """Return every point's height above its face, 0 for points beside the outline [m]."""
-        plane = roof.planes[self.labels[self.cell]]
-        above = roof.points[:, 2] - np.einsum("ij,ij->i", plane[:, :2], roof.points[:, :2]) - plane[:, 2]
-        return np.where(self.cell >= 0, above, 0.0)
-
-
-def _label(roof: _Roof, segments: FloatArray) -> _Labelled:
-    """Cut the outline along segments, steps first; give every cell a plane."""
-    outline, planes, config = roof.outline, roof.planes, roof.config
-    lines = extend_segments(segments, walls_of(outline), roof.n_steps) if len(planes) > 1 else segments[:0]
-    cells = cut_into_cells(outline, lines)
-    cell = cells_of_points(cells, roof.samples.points)
-    costs = plane_costs(roof.samples, cell, cells, planes, roof.limits)
-    labels = np.argmin(costs, axis=1)
-    prices = _BORDER_COST * roof.spacing, _CORNER_COST
-    labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
-    return _Labelled(cells, labels, cell[: len(roof.points)])
-
-
-def _faces(roof: _Roof, found: _Labelled) -> list[RoofFacePatch]:
-    face = join_equal_cells(found.cells, found.labels)
-    rings = face_rings(found.cells, face)
-    first = np.unique(face, return_index=True)[1]
-    rows = _rows_by_face(face, found.cell, len(rings))
-    return [
-        RoofFacePatch(rings[k], roof.planes[found.labels[first[k]]], rows[k])
-        for k in range(len(rings))
-        if rings[k]
-    ]
+def _faces(
+    cells: Cells, labels: IntArray, cell: IntArray, planes: FloatArray, min_part_step: float
+) -> list[RoofFacePatch]:
+    """Join the cells of one plane."""
+    face = join_equal_cells(cells, labels)
+    rings = face_rings(cells, face)
+    own = planes[labels[np.unique(face, return_index=True)[1]]]
+    part = parts_of_one_height(cells, face, own, min_part_step).tolist()
+    rows = _rows_by_face(face, cell, len(rings))
+    return [RoofFacePatch(*each) for each in zip(rings, own, rows, part, strict=True) if each[0]]
 
 
 def _reentrant_walls(ring: FloatArray) -> FloatArray:

@@ -11,9 +11,10 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
-from lidar_buildings.core.stages.building_model.samples import EMPTY_DISTANCE
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
+#: Spots farther than this from any point are without data [spacings].
+_EMPTY_DISTANCE = 2.0
 #: A point agrees with the model if it is nearer than this [m].
 _AGREES = 0.3
 #: A point so near to the plane of its face is measured against that only [m].
@@ -64,7 +65,7 @@ def measure_model(
     misfit[far] = distance_to_surface(points[far], solid, misfit[far])
     rmse = float(np.sqrt((misfit**2).mean())) if len(points) else None
     covered, no_data = outline_coverage(
-        outline, points[:, :2], misfit <= _AGREES, spacing, EMPTY_DISTANCE * spacing
+        outline, points[:, :2], misfit <= _AGREES, spacing, _EMPTY_DISTANCE * spacing
     )
     return ModelQuality(rmse, covered, no_data)
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import shapely
-
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 
@@ -23,19 +20,11 @@ class RoofFacePatch:
         z = a·x + b·y + c.
     rows : ndarray of shape (n_points,), int64
         Rows of the building's points over the face.
+    part : int
+        Number of the part of the roof that has one height in LoD1.3.
     """
 
     rings: tuple[FloatArray, ...]
     plane: FloatArray
     rows: IntArray
-
-    @property
-    def polygon(self) -> shapely.Polygon:
-        """The face in plan."""
-        return shapely.Polygon(self.rings[0], self.rings[1:])
-
-
-def open_rings(polygon: shapely.Polygon) -> tuple[FloatArray, ...]:
-    """Return a polygon's rings, the outer one counter-clockwise, its holes clockwise, open."""
-    oriented = shapely.geometry.polygon.orient(polygon)
-    return tuple(np.asarray(ring.coords)[:-1] for ring in (oriented.exterior, *oriented.interiors))
+    part: int = 0

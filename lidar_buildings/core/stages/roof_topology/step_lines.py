@@ -42,20 +42,6 @@ class StepLines(NamedTuple):
     length: FloatArray
 
 
-def closed_up(line: IntArray, ends: FloatArray, spacing: float) -> FloatArray:
-    """Let pieces of one line that nearly touch do so half-way."""
-    order = np.lexsort((ends[:, 0], line))
-    before, after = order[:-1], order[1:]
-    gap = ends[after, 0] - ends[before, 1]
-    nested = ends[after, 1] <= ends[before, 1]
-    near = (line[before] == line[after]) & (np.abs(gap) <= LONGEST_GAP * spacing) & ~nested
-    middle = 0.5 * (ends[after, 0] + ends[before, 1])
-    ends = ends.copy()
-    ends[before[near], 1] = middle[near]
-    ends[after[near], 0] = middle[near]
-    return ends
-
-
 def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray) -> list[StepEdge]:
     """Return the pieces as segments in plan with the heights of their ends."""
     segments = step_segments(steps)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.step_chains import step_chains
-from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines, closed_up
+from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines
 from lidar_buildings.core.stages.roof_topology.straight_runs import straight_runs
 from lidar_buildings.core.surfaces.roof_planes.directions import (
     main_directions,
@@ -129,4 +129,4 @@ def _pieces(
     length = ends[:, 1] - ends[:, 0]
     kept = length >= _LEAST_PIECE * spacing
     line, ends, planes = run[begin][kept], ends[kept], planes[begin][kept]
-    return line, closed_up(line, ends, spacing), planes, length[kept]
+    return line, ends, planes, length[kept]

@@ -5,14 +5,13 @@ import time
 import numpy as np
 import pytest
 import shapely
-from support.traced_rings import assert_sound, overlap, polygon
+from support.traced_rings import assert_sound, polygon
 
 from bench.scenes.buildings import GALLERY
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import AS_PUBLISHED, BoundaryTracingConfig, trace_boundary
-
 
 
 def cloud(*parts):

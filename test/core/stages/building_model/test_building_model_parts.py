@@ -8,15 +8,17 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, walls_of
-from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points
+from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, point_weights
+from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
     face_rings,
     join_equal_cells,
+    parts_of_one_height,
 )
-from lidar_buildings.core.stages.building_model.heights import parts_of_one_height, within_limits
-from lidar_buildings.core.stages.building_model.missed_parts import find_missed_parts
+from lidar_buildings.core.stages.building_model.level_tops import with_level_tops
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
+from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
@@ -175,51 +177,48 @@ def test_a_tooth_of_a_seam_goes_to_the_plane_beyond():
     assert np.array_equal(simplified(cells, labels, costs, levels, (0.0, 0.01), 0.0), labels)
 
 
-def patch(x0, x1, plane, rows=()):
-    ring = np.array([[x0, 0.0], [x1, 0.0], [x1, 10.0], [x0, 10.0]])
-    return RoofFacePatch((ring,), np.array(plane, dtype=float), np.array(rows, dtype=np.int64))
-
-
 def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
-    faces = [patch(0, 3, (1.0, 0, 0)), patch(3, 6, (-1.0, 0, 6.0)), patch(6, 10, (0, 0, 5.0))]
-    assert parts_of_one_height(faces, 1.0).tolist() == [0, 0, 1]
-    assert parts_of_one_height(faces, 6.0).tolist() == [0, 0, 0]
+    cells, order = strips([3.0, 6.0])
+    planes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 6.0], [0.0, 0.0, 5.0]])
+    assert parts_of_one_height(cells, order, planes, 1.0).tolist() == [0, 0, 1]
+    assert parts_of_one_height(cells, order, planes, 6.0).tolist() == [0, 0, 0]
 
 
-def test_a_plane_is_cut_off_level_where_it_rises_above_and_falls_below_all_that_was_seen():
+def test_faces_that_cross_on_the_way_differ_by_their_mean_step():
+    cells, order = strips([5.0])
+    # Along their border the second is 2 m below at one end and 2 m above at the other: 1 m in the mean.
+    planes = np.array([[0.0, 0.0, 2.0], [0.0, 0.4, 0.0]])
+    assert parts_of_one_height(cells, order, planes, 0.99).tolist() == [0, 1]
+    assert parts_of_one_height(cells, order, planes, 1.01).tolist() == [0, 0]
+
+
+def test_a_plane_is_cut_off_level_where_it_rises_above_all_that_was_seen():
     points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
-    pieces = within_limits([patch(0, 10, (1.0, 0.0, 0.0), range(3))], points, 0.5)
-    assert sum(piece.polygon.area for piece in pieces) == pytest.approx(100.0)
-    below, sloping, above = pieces
-    # A margin of 0.3 m above and 1 m below, and half a metre more at this slope and spacing.
-    assert below.plane == pytest.approx([0.0, 0.0, 2.5])
-    assert below.polygon.bounds == pytest.approx((0.0, 0.0, 2.5, 10.0))
-    assert sloping.polygon.bounds == pytest.approx((2.5, 0.0, 6.8, 10.0))
-    assert sloping.rows.tolist() == [0, 1, 2]
+    slope = RoofFacePatch((SQUARE,), np.array([1.0, 0.0, 0.0]), np.arange(3), 7)
+    sloping, above = with_level_tops([slope], points, 0.5)
+    # A margin of 0.3 m, and half a metre more at this slope and spacing.
+    assert shapely.Polygon(sloping.rings[0]).bounds == pytest.approx((0.0, 0.0, 6.8, 10.0))
+    assert (sloping.rows.tolist(), sloping.part) == ([0, 1, 2], 7)
+    assert shapely.Polygon(above.rings[0]).bounds == pytest.approx((6.8, 0.0, 10.0, 10.0))
     assert above.plane == pytest.approx([0.0, 0.0, 6.8])
+    assert (len(above.rows), above.part) == (0, 7)
+    assert with_level_tops([slope], points + np.array([0.0, 0.0, 4.0]), 0.5) == [slope]
 
 
-def test_a_step_without_line_is_found_as_a_rectangle_round_its_points():
-    grid = np.stack(np.meshgrid(np.arange(0.25, 10, 0.5), np.arange(0.25, 10, 0.5)), axis=-1).reshape(-1, 2)
-    high = (np.abs(grid - 5.0) < 2.0).all(axis=1)
-    points = np.column_stack([grid, np.where(high, 7.0, 5.0)])
-    above = points[:, 2] - 5.0
-    missed = find_missed_parts(points, 1 + high.astype(np.uint16), above, Outline(SQUARE), 0.5, 1.0)
-    assert missed.sides.shape == (4, 2, 2)
-    assert np.abs(np.abs(missed.sides - 5.0).max(axis=(1, 2)) - 2.0).max() < 0.1
-    assert len(missed.planes) == 0
-    missed = find_missed_parts(
-        points, np.where(high, 0, 1).astype(np.uint16), above, Outline(SQUARE), 0.5, 1.0
+def test_points_share_the_squares_of_a_spacing_and_those_beside_the_outline_stand_for_none():
+    points = np.array([[0.1, 0.1], [0.4, 0.4], [0.6, 0.1], [10.2, 5.0], [10.6, 5.0], [-0.1, 5.0]])
+    weights = point_weights(points, Outline(SQUARE), 0.5)
+    assert weights == pytest.approx([0.125, 0.125, 0.25, 0.25, 0.0, 0.0])
+
+
+def test_a_cell_without_points_takes_the_plane_beside_it():
+    lines = np.array([[[5.0, -1.0], [5.0, 11.0]]])
+    points = np.column_stack([np.random.default_rng(5).uniform(0, 5, (200, 2)) * [1, 2], np.full(200, 6.0)])
+    planes = np.array([[0.0, 0.0, 9.0], [0.0, 0.0, 6.0]])
+    (face,) = partition_outline(
+        Outline(SQUARE), points, planes, (lines, lines[:0]), 0.5, BuildingModelConfig()
     )
-    assert missed.planes == pytest.approx(np.array([[0.0, 0.0, 7.0]]))
-
-
-def test_points_of_a_tree_on_a_roof_make_no_part():
-    random = np.random.default_rng(1)
-    points = np.column_stack([random.uniform(3, 7, (300, 2)), random.uniform(5.5, 9.0, 300)])
-    nothing = np.zeros(300, dtype=np.uint16)
-    missed = find_missed_parts(points, nothing, points[:, 2] - 5.0, Outline(SQUARE), 0.3, 1.0)
-    assert len(missed.sides) == 0
+    assert (face.plane.tolist(), len(face.rings[0])) == ([0.0, 0.0, 6.0], 4)
 
 
 def test_distances_to_a_box_are_those_of_geometry():
