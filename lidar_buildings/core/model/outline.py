@@ -45,6 +45,12 @@ class Outline:
             return shapely.Polygon()
         return shapely.Polygon(self.exterior, [hole for hole in self.holes if len(hole) >= 3])
 
+    @classmethod
+    def of(cls, polygon: shapely.Polygon) -> Outline:
+        """Return the rings of a polygon, the outer one counter-clockwise and its holes clockwise."""
+        exterior, *holes = map(shapely.get_coordinates, (polygon.exterior, *polygon.interiors))
+        return cls(exterior[:-1], tuple(hole[:-1] for hole in holes)).oriented()
+
     def oriented(self) -> Outline:
         """Return the same outline with the outer ring counter-clockwise and the holes clockwise."""
         exterior = self.exterior if signed_area(self.exterior) >= 0 else self.exterior[::-1]

@@ -4,13 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import IntArray
 
 
 def rows_by_number(number: IntArray, n_numbers: int) -> IntArray:
     """Return rows by their numbers from 0 on, as they were among equal ones; 16 bits sort fast."""
     return np.argsort(number.astype(np.uint16) if n_numbers <= 65536 else number, kind="stable")
+
+
+@kernel
+def rows_by_group(group, n_groups):  # type: ignore[no-untyped-def]
+    """Return the rows group by group: those of k are ``rows[first[k]:first[k + 1]]``, rising; and `first`."""
+    first = np.zeros(n_groups + 1, dtype=np.int64)
+    for number in group:
+        first[number + 1] += 1
+    for k in range(n_groups):
+        first[k + 1] += first[k]
+    place = first.copy()
+    rows = np.empty(len(group), dtype=np.int64)
+    for i in range(len(group)):
+        rows[place[group[i]]] = i
+        place[group[i]] += 1
+    return rows, first
 
 
 @inner_kernel

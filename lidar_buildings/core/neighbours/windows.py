@@ -49,12 +49,12 @@ def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-unt
     Row and column, counted from the first cell's as `numbers` are, may lie beyond the grid.
     """
     west, east = max(column - reach, 0), min(column + reach, n_columns - 1)
-    begin = _first_from(numbers, row * n_columns + west)
-    return begin, _first_from(numbers, row * n_columns + east + 1)
+    begin = first_from(numbers, row * n_columns + west)
+    return begin, first_from(numbers, row * n_columns + east + 1)
 
 
 @inner_kernel
-def _first_from(numbers, least):  # type: ignore[no-untyped-def]
+def first_from(numbers, least):  # type: ignore[no-untyped-def]
     """Return where rising numbers are no longer less, as np.searchsorted, which takes longer to compile."""
     begin, end = 0, len(numbers)
     while begin < end:

@@ -43,7 +43,7 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
         (drawn_in, "touching rings were drawn in by 1 cm"),
     ]
     return [
-        (gridded_outline(_outline(candidate)), what)
+        (gridded_outline(Outline.of(candidate)), what)
         for candidate, what in candidates
         if not candidate.is_empty and candidate.area >= (1.0 - _MAX_LOSS) * parts.area
     ]
@@ -74,8 +74,3 @@ def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
     return max(
         polygons_of(geometry), key=lambda polygon: (polygon.area, polygon.wkb), default=shapely.Polygon()
     )
-
-
-def _outline(polygon: shapely.Polygon) -> Outline:
-    exterior, *holes = (np.asarray(ring.coords)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors))
-    return Outline(exterior, tuple(holes))

@@ -55,7 +55,8 @@ def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
     lowest = np.full(surface.shape, np.inf)
     over = np.full((level[0] + 1, n_columns + 2 * radius), np.inf)
     for row in range(n_rows):
-        over[0, radius : radius + n_columns] = surface[row]
+        for column in range(n_columns):
+            over[0, radius + column] = surface[row, column]
         for k in range(1, len(over)):
             _double(over[k - 1], over[k], 1 << (k - 1))
         for d in range(max(-radius, -row), min(radius, n_rows - 1 - row) + 1):

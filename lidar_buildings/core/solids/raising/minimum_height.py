@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 
-from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.solids.output_grid import polygons_of
+from lidar_buildings.core.solids.raising.level_cut import cut_at
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 #: Least height of a roof above the ground [m].
@@ -41,34 +39,5 @@ def _part_above(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     flat = (0.0, 0.0, floor)
     if elevations.max() <= floor + _TOLERATED or not (a or b):
         return [RoofPiece(piece.rings, flat)]
-    polygon = shapely.make_valid(
-        shapely.Polygon(piece.rings[0], piece.rings[1:]), method="structure", keep_collapsed=False
-    )
-    upper = polygon.intersection(_half_plane(piece, floor))
-    return [
-        *(RoofPiece(rings, piece.plane) for rings in _rings(upper)),
-        *(RoofPiece(rings, flat) for rings in _rings(polygon.difference(upper))),
-    ]
-
-
-def _half_plane(piece: RoofPiece, floor: float) -> shapely.Polygon:
-    """Return a rectangle that covers the part of a piece above a floor and ends where its plane meets it."""
-    uphill = np.array(piece.plane[:2])
-    steepness = float(np.hypot(*uphill))
-    uphill /= steepness
-    ring = piece.rings[0]
-    centre = ring.mean(axis=0)
-    start = centre + (floor - piece.elevation(*centre.tolist())) / steepness * uphill
-    size = 4.0 * float(np.ptp(ring, axis=0).sum() + np.abs(start - centre).sum())
-    across = size * np.array([-uphill[1], uphill[0]])
-    return shapely.Polygon(
-        [start - across, start + across, start + across + size * uphill, start - across + size * uphill]
-    )
-
-
-def _rings(geometry: shapely.Geometry) -> list[tuple[FloatArray, ...]]:
-    """Return the rings of all polygons of a geometry, open."""
-    return [
-        tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
-        for polygon in polygons_of(geometry)
-    ]
+    upper, lower = cut_at(piece.rings, piece.plane, floor)
+    return [*(RoofPiece(rings, piece.plane) for rings in upper), *(RoofPiece(rings, flat) for rings in lower)]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import shapely
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.solids.output_grid import GRID, polygons_of
+from lidar_buildings.core.solids.raising.level_cut import cut_at
 from lidar_buildings.core.stages.building_model.cell_costs import ABOVE
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 
@@ -40,26 +39,10 @@ def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
 
 
 def _cut_off(face: RoofFacePatch, top: float) -> list[RoofFacePatch]:
-    """Return the pieces of a face below an elevation, which keep its points, and level ones."""
-    whole, corners = shapely.Polygon(face.rings[0], face.rings[1:]), face.rings[0]
-    rise = float(np.hypot(*face.plane[:2]))
-    uphill = face.plane[:2] / rise
-    along = np.array([-uphill[1], uphill[0]])
-    at = corners @ uphill, corners @ along
-    foot = (top - face.plane[2]) / rise
-    ends = (foot, at[1].min() - 1.0), (at[0].max() + 1.0, at[1].max() + 1.0)
-    strip = shapely.box(*ends[0], *ends[1])
-    strip = shapely.transform(strip, lambda place: place @ np.stack([uphill, along]))
-    below = polygons_of(shapely.difference(whole, strip, grid_size=GRID))
-    above = polygons_of(shapely.intersection(whole, strip, grid_size=GRID))
+    """Return the pieces of a face below an elevation, the first with its points, and level ones."""
+    above, below = cut_at(face.rings, face.plane, top)
     level, none = np.array([0.0, 0.0, top]), face.rows[:0]
-    pieces = [replace(face, rings=_rings(part), rows=none) for part in below]
-    if pieces:
-        pieces[0] = replace(pieces[0], rows=face.rows)
-    return pieces + [replace(face, rings=_rings(part), plane=level, rows=none) for part in above]
-
-
-def _rings(polygon: shapely.Polygon) -> tuple[FloatArray, ...]:
-    """Return a polygon's rings, the outer one counter-clockwise, its holes clockwise, open."""
-    oriented = shapely.geometry.polygon.orient(polygon)
-    return tuple(np.asarray(ring.coords)[:-1] for ring in (oriented.exterior, *oriented.interiors))
+    return [
+        *(replace(face, rings=rings, rows=none if k else face.rows) for k, rings in enumerate(below)),
+        *(replace(face, rings=rings, plane=level, rows=none) for rings in above),
+    ]

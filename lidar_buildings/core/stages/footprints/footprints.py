@@ -68,18 +68,12 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
         Valid, map frame [m]; as `repaired_polygons` gives them.
     """
     shapes = np.array(list(polygons), dtype=object)
-    outlines = tuple(_outline(polygon) for polygon in shapes)
+    outlines = tuple(Outline.of(polygon).as_carried() for polygon in shapes)
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     area = shapely.area(shapes).reshape(-1)
     anchors = shapely.get_coordinates(shapely.point_on_surface(shapes)).reshape(-1, 2)
     order = np.lexsort((area, *anchors.T[::-1], *bounds.T[::-1]))
     return Footprints(outlines, _unique_ids(anchors, order), bounds, area)
-
-
-def _outline(polygon: shapely.Polygon) -> Outline:
-    """Return a polygon's rings, open and oriented, as a message carries them."""
-    shell, *holes = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-    return Outline(shell, tuple(holes)).oriented().as_carried()
 
 
 def _unique_ids(anchors: NDArray[np.float64], order: NDArray[np.intp]) -> NDArray[np.uint32]:

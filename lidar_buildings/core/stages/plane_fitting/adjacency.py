@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.plane_geometry import distance_of
 
@@ -71,26 +72,10 @@ def bridged_planes(
     max_distance : float
         Largest distance of a bridge's points from the plane [m].
     """
-    rows, first = rows_of_planes(labels[seam], len(equations))
+    rows, first = rows_by_group(labels[seam].astype(np.int64), len(equations))
     is_bridged = np.zeros((len(equations), len(equations)), dtype=bool)
     _bridge(cloud, labels, seam[rows], first, equations, bridge, max_distance, is_bridged)
     return np.argwhere(is_bridged)
-
-
-@kernel
-def rows_of_planes(labels: NDArray[np.int32], size: int) -> tuple[IntArray, IntArray]:
-    """Return the rows plane by plane: those of plane k are ``rows[first[k]:first[k + 1]]``, rising."""
-    first = np.zeros(size + 1, np.int64)
-    for label in labels:
-        first[label + 1] += 1
-    for k in range(size):
-        first[k + 1] += first[k]
-    place = first.copy()
-    rows = np.empty(len(labels), np.int64)
-    for i in range(len(labels)):
-        rows[place[labels[i]]] = i
-        place[labels[i]] += 1
-    return rows, first
 
 
 @kernel

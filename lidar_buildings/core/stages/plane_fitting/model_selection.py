@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.union_find import root
 from lidar_buildings.core.stages.plane_fitting.adjacency import (
     bridged_planes,
-    rows_of_planes,
     touching_planes,
 )
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
@@ -96,7 +96,7 @@ def select_planes(
     parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
     labels = parent[labels].astype(np.int32)
     first, beside = _neighbours_of_planes(parent[touching], size)
-    rows, begin = rows_of_planes(labels, size)
+    rows, begin = rows_by_group(labels.astype(np.int64), size)
     moments = plane_sums(cloud.points, labels, size)
     by_size = np.argsort(moments[:, 0], kind="stable")
     return _dissolved(cloud.points, labels, moments, by_size, first, beside, rows, begin, prices)

@@ -89,7 +89,8 @@ def best_plane(points: FloatArray, samples: FloatArray, tolerance: float, enough
             n += distance_of(trial, points, i) <= tolerance
         if n > most:
             most = n
-            best[:] = trial
+            for k in range(4):
+                best[k] = trial[k]
         if most >= enough:
             break
     members = np.zeros(len(points), np.bool_)

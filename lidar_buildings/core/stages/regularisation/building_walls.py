@@ -90,10 +90,9 @@ def _divided_at_turns(
 ) -> tuple[tuple[float, ...], list[Division]]:
     """Find the directions of the long walls, and all walls, as published."""
     max_turn = np.deg2rad(config.max_turn_deg)
-    consecutive = config.division == "slope_changes"
 
     def divided(angles: NDArray[np.float64]) -> list[Division]:
-        return [divide_at_turns(ring.points, angles, max_turn, consecutive=consecutive) for ring in samples]
+        return [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
 
     directions = _long_directions(samples, divided(np.zeros(0)), spacing, config, config.max_directions)
     return directions, divided(both_ways(directions))

@@ -25,15 +25,14 @@ class RegularisationConfig(StageConfig):
 
     division: str = parameter(
         "optimal",
-        "How a ring is divided into walls: the best division of all; where an edge turns from its wall; or, "
-        "as published by Sampath & Shan (2007), where it turns from the edge before.",
-        choices=("optimal", "turns", "slope_changes"),
+        "How a ring is divided into walls: the best division of all; or, as published by Sampath & Shan "
+        "(2007), where an edge turns from the one before.",
+        choices=("optimal", "slope_changes"),
         advanced=True,
     )
     max_turn_deg: float = parameter(
         40.0,
-        "Largest angle between an edge and its wall, or the edge before, if the ring is divided there; "
-        "raising it gives fewer walls.",
+        "Largest angle between two edges of one wall, with slope_changes; raising it gives fewer walls.",
         unit="deg",
         minimum=1.0,
         maximum=90.0,

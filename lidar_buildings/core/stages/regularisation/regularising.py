@@ -40,15 +40,13 @@ class _Fitted(NamedTuple):
     """
     One ring on its way: samples about the building's centre, walls, and vertices.
 
-    `bearing` are the walls on the bearing points, `walled` those where they are drawn; in the mean these lie
-    `move` further out [m].
+    `bearing` are the walls on the bearing points, `walled` those where they are drawn.
     """
 
     samples: RingSamples
     bearing: WalledRing
     walled: WalledRing
     drawn: DrawnRing
-    move: float
 
 
 def regularise_outline(traced: Outline, config: RegularisationConfig | None = None) -> RegularisedOutline:
@@ -104,13 +102,12 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)
     ]
-    empty = estimated_bias(samples, ring_spacing(checked))
-    bias = empty - _mean_move(rings)
-    result = _result(traced, rings, centre, directions, bias)
+    result = _result(traced, rings, centre, directions)
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
+    empty = estimated_bias(samples, ring_spacing(checked))
     corrected = [_corrected(ring, empty, fit, config.chord_error * spacing) for ring in rings]
-    moved = _result(traced, corrected, centre, directions, bias)
+    moved = _result(traced, corrected, centre, directions)
     if moved.status is not BuildingStatus.OK:
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
         return replace(result, reason="; ".join(filter(None, (result.reason, reason))))
@@ -173,21 +170,15 @@ def _checked(outline: Outline) -> Outline:
 def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
     """Fit one ring's walls and draw them."""
     bearing = assemble(samples, division, fit)
-    walled, move = through_all_points(samples, bearing, fit)
-    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error), move)
+    walled = through_all_points(samples, bearing, fit)
+    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error))
 
 
 def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> _Fitted:
     """Move one ring's walls out from the bearing points and draw them anew."""
     walled = offset_outwards(ring.samples, ring.bearing, fit, distance)
     drawn = draw_ring(ring.samples.points, walled, chord_error)
-    return ring._replace(walled=walled, drawn=drawn, move=distance)
-
-
-def _mean_move(rings: list[_Fitted]) -> float:
-    """Return how far the walls lie outside the bearing points, over all rings [m]."""
-    lengths = [ring.samples.length for ring in rings]
-    return float(np.average([ring.move for ring in rings], weights=lengths)) if sum(lengths) > 0 else 0.0
+    return ring._replace(walled=walled, drawn=drawn)
 
 
 def _result(
@@ -195,7 +186,6 @@ def _result(
     rings: list[_Fitted],
     centre: NDArray[np.float64],
     directions: tuple[float, ...],
-    bias: float,
 ) -> RegularisedOutline:
     """Put the rings together, measure them, and say what is out of the ordinary."""
     exterior = rings[0].drawn.vertices + centre
@@ -204,7 +194,7 @@ def _result(
     outline = Outline(exterior, holes)
     problem = _problem(outline, traced)
     if problem:
-        return _as_traced(traced, directions, problem, bias)
+        return _as_traced(traced, directions, problem)
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
@@ -215,7 +205,7 @@ def _result(
         for wall in outline_walls(number, ring.walled, centre)
     )
     status, notes = BuildingStatus.OK, _notes(rings, kept)
-    return RegularisedOutline(outline, sigma, max_offset, directions, status, notes, walls, bias)
+    return RegularisedOutline(outline, sigma, max_offset, directions, status, notes, walls)
 
 
 def _notes(rings: list[_Fitted], kept: list[int]) -> str:
@@ -259,8 +249,6 @@ def _problem(outline: Outline, traced: Outline) -> str:
     return ""
 
 
-def _as_traced(
-    traced: Outline, directions: tuple[float, ...], reason: str, bias: float = 0.0
-) -> RegularisedOutline:
+def _as_traced(traced: Outline, directions: tuple[float, ...], reason: str) -> RegularisedOutline:
     """Return the traced outline as the result."""
-    return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason, bias=bias)
+    return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason)

@@ -57,9 +57,6 @@ class RegularisedOutline:
         Why it is the traced outline, or what else was out of the ordinary; else empty.
     walls : tuple of OutlineWall
         Ring by ring, in order, without those of courtyards left as traced.
-    bias : float
-        How far the lines through the points lie inside the building's edge, as estimated from how points lie
-        along it [m]. With `correct_bias` the walls were moved out by so much.
     """
 
     outline: Outline
@@ -69,4 +66,3 @@ class RegularisedOutline:
     status: BuildingStatus
     reason: str
     walls: tuple[OutlineWall, ...] = ()
-    bias: float = 0.0

@@ -10,15 +10,12 @@ from lidar_buildings.core.surfaces.ring_division.division import FREE, Division
 from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
 
 
-def divide_at_turns(
-    points: NDArray[np.float64], angles: NDArray[np.float64], max_turn: float, *, consecutive: bool = False
-) -> Division:
+def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], max_turn: float) -> Division:
     """
     Divide a ring into segments of consecutive edges with similar slopes (Sampath & Shan, 2007).
 
-    An edge that deviates from the chord of the segment so far, or from the edge before, by more than the
-    given angle begins the next segment. Each segment then goes along that of the given directions which is
-    nearest to its own.
+    An edge that deviates from the edge before by more than the given angle begins the next segment. Each
+    segment then goes along that of the given directions which is nearest to its own.
 
     Parameters
     ----------
@@ -27,9 +24,7 @@ def divide_at_turns(
     angles : ndarray of shape (n_directions,)
         Directions of the walls' normals [rad]; without any, every segment has its own.
     max_turn : float
-        Largest angle between an edge and its segment [rad].
-    consecutive : bool
-        Whether an edge is compared with the one before.
+        Largest angle between consecutive edges of a segment [rad].
 
     Returns
     -------
@@ -37,13 +32,13 @@ def divide_at_turns(
         Its cost is 0: nothing was weighed.
     """
     n = len(points)
-    first = _turns(points, max_turn, consecutive)
+    first = _turns(points, max_turn)
     last = np.append(first[1:], first[0] + n)
     return Division(first, last, _nearest(running_sums(points, np.ones(n)), first, last, angles), 0.0)
 
 
 @kernel
-def _turns(points, max_turn, consecutive):  # type: ignore[no-untyped-def]
+def _turns(points, max_turn):  # type: ignore[no-untyped-def]
     """Return the first point of each segment, from the sharpest turn of the ring on."""
     n = len(points)
     sharpest, start = -1.0, 0
@@ -53,8 +48,7 @@ def _turns(points, max_turn, consecutive):  # type: ignore[no-untyped-def]
             sharpest, start = turn, i
     first = [start]
     for i in range(start + 1, start + n):
-        origin = i - 1 if consecutive else first[-1]
-        if _between(points, origin % n, i % n, i % n, (i + 1) % n) > max_turn:
+        if _between(points, (i - 1) % n, i % n, i % n, (i + 1) % n) > max_turn:
             first.append(i)
     return np.array(first)
 

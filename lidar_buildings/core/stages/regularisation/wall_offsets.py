@@ -16,18 +16,15 @@ _MOVED = 1.5
 _LEAST_LEFT = 0.7
 
 
-def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> tuple[WalledRing, float]:
+def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> WalledRing:
     """
-    Move walls from the bearing points to the middle of all points on them; also return how far, in the mean.
+    Move walls from the bearing points to the middle of all points on them.
 
     Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
     all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
     """
     offsets = _mean_offsets(samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:4])
-    lengths = np.hypot(*(walled.joints[:, 0] - np.roll(walled.joints[:, 1], 1, axis=0)).T)
-    moved = _moved(samples.points, *walled[:4], offsets, fit.min_step)
-    whole = float(lengths.sum())
-    return WalledRing(*moved), float(offsets @ lengths) / whole if whole > 0 else 0.0
+    return WalledRing(*_moved(samples.points, *walled[:4], offsets, fit.min_step))
 
 
 def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:

@@ -45,11 +45,6 @@ class Borders(NamedTuple):
     start: IntArray
     cell: float
 
-    @property
-    def n_pairs(self) -> int:
-        """Number of pairs of planes that border on one another."""
-        return len(self.start) - 1
-
 
 def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     """

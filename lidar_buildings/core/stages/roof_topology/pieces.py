@@ -48,8 +48,6 @@ class Pieces(NamedTuple):
         Length of the border along it [m].
     convex : ndarray of shape (n,), bool
         Whether the planes descend away from the line.
-    n_points : ndarray of shape (n,), int64
-        Distinct points nearest to the border.
     on_line : ndarray of shape (n_sides,), bool
         Which sides of the borders are accounted for by a piece.
     """
@@ -60,7 +58,6 @@ class Pieces(NamedTuple):
     t: FloatArray
     length: FloatArray
     convex: BoolArray
-    n_points: IntArray
     on_line: BoolArray
 
 
@@ -82,28 +79,26 @@ def find_pieces(
         Point spacing [m].
     """
     n = len(borders.first)
-    numbers = np.empty((n, 2), dtype=np.int64)
+    pairs = np.empty(n, dtype=np.int64)
     values = np.empty((n, 4))
     on_line = np.zeros(n, dtype=np.bool_)
     lines = intersection_lines(
         borders.first[borders.start[:-1]], borders.second[borders.start[:-1]], gradients
     )
-    seen = np.full((1 + max(borders.near_first.max(initial=-1), borders.near_second.max(initial=-1)), 2), -1)
     n_pieces = _all_pieces(
-        borders.upright, borders.first, borders.second, borders.near_first, borders.near_second,
-        borders.gap, borders.start, borders.cell, lines, borders.xy, spacing, raster.label,
-        raster.west - centre[0], raster.south - centre[1], seen, numbers, values, on_line,
+        borders.upright, borders.first, borders.second, borders.gap, borders.start, borders.cell, lines,
+        borders.xy, spacing, raster.label, raster.west - centre[0], raster.south - centre[1],
+        pairs, values, on_line,
     )  # fmt: skip
-    numbers, values = numbers[:n_pieces], values[:n_pieces]
-    at = borders.start[numbers[:, 0]]
+    pairs, values = pairs[:n_pieces], values[:n_pieces]
+    at = borders.start[pairs]
     return Pieces(
-        numbers[:, 0],
+        pairs,
         borders.first[at],
         borders.second[at],
         np.ascontiguousarray(values[:, :2]),
         values[:, 2],
         values[:, 3] > 0,
-        numbers[:, 1],
         on_line,
     )
 
@@ -144,13 +139,10 @@ def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def
 
 @kernel
 def _all_pieces(  # type: ignore[no-untyped-def]
-    upright, first, second, near_first, near_second, gap, start, cell, lines, xy, spacing, label,
-    west, south, seen, numbers, values, on_line
+    upright, first, second, gap, start, cell, lines, xy, spacing, label, west, south, pairs, values, on_line
 ):  # fmt: skip
     """
-    Write pair and number of points, ends, length and vote on convexity of each piece; return how many.
-
-    The sides are ordered by pair; `seen` has -1 for every point, twice.
+    Write pair, ends, length and vote on convexity of each piece; return how many. Sides are ordered by pair.
     """
     n_pieces = 0
     rows, t, off, along = np.empty(len(xy), np.int64), np.empty(len(xy)), np.empty(len(xy)), np.empty(len(xy))
@@ -185,15 +177,13 @@ def _all_pieces(  # type: ignore[no-untyped-def]
                 length += cell * (abs(uy) if upright[rows[at]] else abs(ux))
             if length < _LEAST_LENGTH * spacing or length < _LEAST_SUPPORT * (t1 - t0):
                 continue
-            n_points, votes = 0, 0
+            votes = 0
             for at in range(low, high + 1):
                 k = rows[at]
                 on_line[k] = True
-                n_points += (seen[near_first[k], 0] != n_pieces) + (seen[near_second[k], 1] != n_pieces)
-                seen[near_first[k], 0] = seen[near_second[k], 1] = n_pieces
                 votes += _convexity(fx + t[k] * ux, fy + t[k] * uy, ux, uy, first[a], second[a],
                                     label, west, south, cell)  # fmt: skip
-            numbers[n_pieces, 0], numbers[n_pieces, 1] = pair, n_points
+            pairs[n_pieces] = pair
             values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
             values[n_pieces, 3] = votes
             n_pieces += 1

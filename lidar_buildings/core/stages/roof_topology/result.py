@@ -28,8 +28,6 @@ class IntersectionSegment:
         Its ends, exactly on both planes [m].
     length : float
         Length in plan of the border between the two planes' regions that lies along it [m].
-    n_points : int
-        Points of the two planes near the border.
     """
 
     first: int
@@ -37,7 +35,6 @@ class IntersectionSegment:
     kind: str
     segment: FloatArray
     length: float
-    n_points: int
 
 
 @dataclass(frozen=True, eq=False)

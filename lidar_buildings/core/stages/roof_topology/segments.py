@@ -166,8 +166,7 @@ def _segments(
     steepness = np.maximum(np.hypot(p[:, 0], p[:, 1]), np.hypot(q[:, 0], q[:, 1]))
     kinds = [_kind(*each) for each in zip(pieces.convex[kept], rise, steepness, strict=True)]
     columns = (first.tolist(), second.tolist(), kinds, segments, pieces.length[kept].tolist())
-    n_points = pieces.n_points[kept].tolist()
-    return [IntersectionSegment(*each) for each in zip(*columns, n_points, strict=True)]
+    return [IntersectionSegment(*each) for each in zip(*columns, strict=True)]
 
 
 def _kind(convex: bool, rise: float, steepness: float) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 
 #: Share of cells of the spacing's size that random points fill: 1 − 1/e.
 FILLED_SHARE = 0.632
@@ -36,24 +37,8 @@ def occupied_areas(
     if n_cells > MAX_TABLE_CELLS * (len(points) + 1024):
         ranked, numbers = np.unique(numbers, return_inverse=True)
         n_cells = len(ranked)
-    count = _cells_of_each(numbers, n_cells, *by_component(component, n_components))
+    count = _cells_of_each(numbers, n_cells, *rows_by_group(component, n_components))
     return count * (spacing**2 / FILLED_SHARE)
-
-
-@kernel
-def by_component(component, n_components):  # type: ignore[no-untyped-def]
-    """Return the rows component by component, in rising order within each, and where each begins."""
-    first = np.zeros(n_components + 1, dtype=np.int64)
-    for number in component:
-        first[number + 1] += 1
-    for k in range(n_components):
-        first[k + 1] += first[k]
-    place = first[:-1].copy()
-    rows = np.empty(len(component), dtype=np.intp)
-    for i in range(len(component)):
-        rows[place[component[i]]] = i
-        place[component[i]] += 1
-    return rows, first
 
 
 @kernel

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.segmentation.part_shape import rectangle_width, spread_width
 
 #: A part with less than this share of its perimeter in the open stands on another roof.
@@ -129,7 +130,7 @@ def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
         if abs(step) == 1 and not 0 <= column + far * step < n_columns:
             return -1
         wanted = numbers[cell] + far * step
-        found = np.searchsorted(numbers, wanted)
+        found = first_from(numbers, wanted)
         if found < len(numbers) and numbers[found] == wanted:
             return found
     return -1

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.neighbours.scan_pattern import (
@@ -20,7 +21,6 @@ from lidar_buildings.core.neighbours.scan_pattern import (
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.members import (
     anchor_rows,
-    by_component,
     distinct_ids,
     occupied_areas,
     sizes,
@@ -182,7 +182,7 @@ def _by_unit(
     ]
     is_general = np.array([unit == general for unit in units], dtype=bool)
     groups = [(general, np.flatnonzero(is_general[chains.component]))] if is_general.any() else []
-    rows, first = by_component(chains.component, chains.n_components)
+    rows, first = rows_by_group(chains.component, chains.n_components)
     groups += [(units[k], rows[first[k] : first[k + 1]]) for k in np.flatnonzero(~is_general)]
     return groups
 

@@ -72,10 +72,6 @@ class Division:
     kind: NDArray[np.int64]
     cost: float
 
-    def rows(self, wall: int, n_samples: int) -> NDArray[np.int64]:
-        """Return the rows of a wall's samples."""
-        return np.arange(self.first[wall], self.last[wall]) % n_samples
-
 
 def divide_ring(
     points: NDArray[np.float64],

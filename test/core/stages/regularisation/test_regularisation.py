@@ -266,7 +266,6 @@ def test_the_bias_correction_moves_walls_to_where_they_are():
             result = regularise_outline(traced, RegularisationConfig(correct_bias=correct))
             missing = scene.truth.area - polygon(result.outline).area
             found.append(missing / scene.truth.length / scene.spacing)
-            assert 0 < result.bias < 0.5 * scene.spacing
     assert np.mean(errors[False]) > 0.05
     assert abs(np.mean(errors[True])) < 0.05
 
@@ -326,7 +325,6 @@ def test_repeated_vertices_types_and_orientation_make_no_difference():
     for other in (np.repeat(ring, 2, axis=0), ring.tolist(), np.vstack([ring, ring[:1]])):
         again = regularise_outline(Outline(other))
         assert again.outline.same_as(expected.outline)
-        assert again.bias == expected.bias
     turned_round = regularise_outline(Outline(ring[::-1])).outline
     assert overlap(polygon(turned_round), polygon(expected.outline)) > 0.995
 

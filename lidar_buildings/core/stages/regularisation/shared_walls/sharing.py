@@ -141,8 +141,7 @@ def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
     """
     Return a polygon as an outline, each ring from the vertex on that the one before began with, if it can.
     """
-    rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-    after = Outline(rings[0], tuple(rings[1:])).oriented()
+    after = Outline.of(polygon)
     first = np.array([ring[0] for ring in before.rings])
     exterior, *holes = [_begun(ring, first) for ring in after.rings]
     holes.sort(key=lambda ring: (*_places(ring[:1], first), *ring.min(axis=0)))

@@ -73,7 +73,8 @@ def _vote(points, near, max_distance, min_upward, votes, normals, begin, end):  
     away = np.empty((near.shape[1], 3))
     for i in range(begin, end):
         for k in range(near.shape[1]):
-            away[k] = points[near[i, k]] - points[i]
+            for axis in range(3):
+                away[k, axis] = points[near[i, k], axis] - points[i, axis]
         for a in range(1, len(away)):
             for b in range(a + 1, len(away)):
                 (ax, ay, az), (bx, by, bz) = away[a], away[b]
