@@ -160,3 +160,15 @@ def test_parameters_that_were_changed_come_first_with_their_default():
     changed, other = limits.lines(["regularisation.noise", "segmentation.window"])
     assert changed.startswith("segmentation.window = 9.0 spacings, 4.50 m here, the default is 4.5: Sides of")
     assert other.startswith("regularisation.noise = 0.3 spacings, 0.15 m here: Scatter")
+
+
+def test_what_was_changed_is_told_even_where_no_line_leads_to_it():
+    parameters = {"plane_fitting": {"max_plane_distance": 0.9}, "segmentation": {"window": 9.0}}
+    limits = Limits({"parameters": parameters}, SPACING)
+    (line,) = limits.other_changes(["segmentation.window"])
+    assert line == "plane_fitting.max_plane_distance = 0.9 m, the default is 0.18 m"
+
+
+def test_a_building_tells_what_was_changed_beside_what_bears_on_it(capsys, result):
+    last = explained(capsys, result, 5).split("Also changed in this run\n")[1]
+    assert last.startswith("  roof_selection.min_building_area = 25.0 m")

@@ -135,6 +135,9 @@ def _text(head: list[str], sections: dict[str, list[Finding]], limits: Limits) -
         parameters += [name for one in findings for name in one.parameters]
     if parameters:
         lines += ["", "What would change it", *(f"  {one}" for one in limits.lines(parameters))]
+    others = limits.other_changes(parameters)
+    if others:
+        lines += ["", "Also changed in this run", *(f"  {one}" for one in others)]
     return "\n".join(lines)
 
 

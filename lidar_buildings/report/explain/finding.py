@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
+from lidar_buildings.report.summary_words import changed_parameters
 
 
 class Finding(NamedTuple):
@@ -50,6 +51,15 @@ class Limits:
         """Return a line on each of some parameters, those first that differ from their defaults."""
         once = dict.fromkeys(parameters)
         return [self._line(one) for one in sorted(once, key=lambda one: not self._is_changed(one))]
+
+    def other_changes(self, parameters: Iterable[str]) -> list[str]:
+        """Return a line on each stage's parameter that differs from its default and is not among these."""
+        known = set(parameters)
+        return [
+            f"{name} = {value}, the default is {default}"
+            for name, value, default in changed_parameters({"parameters": self._told})
+            if name not in known and name.split(".")[0] in STAGE_CONFIGS
+        ]
 
     def _is_changed(self, parameter: str) -> bool:
         value, member = self._of(parameter)
