@@ -30,7 +30,7 @@ def test_the_ring_of_a_virtual_house_follows_its_truth(name, rotation_deg):
     assert_sound(traced, points)
     assert (traced.status, traced.reason) == (BuildingStatus.OK, "")
     truth = scene.buildings[0]
-    assert len(traced.outline.holes) == len(truth.holes)
+    assert len(traced.outline.holes) == len(truth.polygon.interiors)
     # The ring lies inside the roof's edge by about half a spacing, and may cut across concave corners.
     assert overlap(polygon(traced.outline), truth.polygon) > 0.93
     assert truth.polygon.buffer(traced.point_spacing).contains(polygon(traced.outline))
