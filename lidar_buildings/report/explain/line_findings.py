@@ -38,19 +38,18 @@ def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
     columns = read_layer(path, _LAYER).columns
     numbers: Counter[str] = Counter()
     lengths: Counter[str] = Counter()
-    longest: dict[str, float] = {}
     for owner, kind, length in zip(columns[READABLE_ID], columns["kind"], columns["length"], strict=True):
         if owner == name:
             numbers[kind] += 1
             lengths[kind] += float(length) * unit
-            longest[kind] = max(longest.get(kind, 0.0), float(length) * unit)
     if not numbers:
         return
     told = (f"{n} {kind} ({lengths[kind]:.1f} m)" for kind, n in numbers.most_common())
     yield Finding(f"Lines: {', '.join(told)}")
-    if longest.get("step", 0.0) >= _LONG_STEP:
+    if lengths["step"] >= _LONG_STEP:
         yield Finding(
-            f"Steps of up to {longest['step']:.1f} m part the roof: maybe buildings that touch.",
+            f"Steps of {lengths['step']:.1f} m part the roof: maybe buildings that touch, or planes that "
+            "should meet.",
             _STEPS,
         )
     elif numbers["ridge"] >= _RIDGES:
