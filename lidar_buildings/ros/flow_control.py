@@ -24,8 +24,8 @@ class Flight:
     ----------
     tile : PointTile
         As it was sent last.
-    order : int
-        Place of that among all that was sent.
+    order, order_of_points : int
+        Place of that among all that was sent, and of its points, where later only its bounds were sent.
     attempt : int
         How many times it was sent, the first included; what got lost on its way does not count.
     is_lost, has_ended_a_node : bool
@@ -40,6 +40,7 @@ class Flight:
 
     tile: PointTile
     order: int
+    order_of_points: int
     attempt: int = 1
     is_lost: bool = False
     has_ended_a_node: bool = False
@@ -131,12 +132,19 @@ class FlowControl:
         return None if flight is None else flight.tile
 
     def sent(self, tile: PointTile) -> None:
-        """Note that a tile was sent, for the first time or with other points or bounds."""
+        """
+        Note that a tile was sent, for the first time or with other points or bounds.
+
+        Where the revision stays only its bounds were sent: they keep no order with other tiles' points, so
+        that its end says nothing of tiles that were sent between its points and its bounds.
+        """
         if self.is_counting:
             before = self._flights.get(tile_of(tile.stamp))
-            flight = self._flights[tile_of(tile.stamp)] = Flight(tile, self._n_sent)
+            flight = self._flights[tile_of(tile.stamp)] = Flight(tile, self._n_sent, self._n_sent)
             if before is not None:
                 flight.attempt, flight.since = before.attempt, before.since
+                if before.tile.stamp == tile.stamp:
+                    flight.order_of_points = before.order_of_points
             self._note_event()
 
     def done(self, stamp: int) -> bool:
@@ -148,7 +156,8 @@ class FlowControl:
         self._n_done += 1
         if self._keeps_order:
             for flight in self._flights.values():
-                flight.is_lost |= flight.order < done.order and not self.is_held(flight.tile.stamp)
+                is_passed = flight.order < done.order_of_points
+                flight.is_lost |= is_passed and not self.is_held(flight.tile.stamp)
         self._last_event = self._now()
         return True
 
@@ -182,7 +191,8 @@ class FlowControl:
         """Return the flights that are lost and get another attempt, as flights that begin anew."""
         late = [one for one in self._flights.values() if self._is_due(one) and not self._is_over(one)]
         for one in late:
-            again = Flight(one.tile, self._n_sent, one.attempt + one.counts, since=one.since)
+            attempt = one.attempt + one.counts
+            again = Flight(one.tile, self._n_sent, self._n_sent, attempt, since=one.since)
             self._flights[tile_of(one.tile.stamp)] = again
             self._note_event()
         return [self._flights[tile_of(one.tile.stamp)] for one in late]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -190,6 +192,15 @@ def test_a_larger_tile_takes_the_place_of_the_smaller_one_behind_all_others(flow
     assert not flow.has_losses
     assert flow.tile(A) is larger
     assert flow.tile(5) is None
+
+
+def test_a_tile_of_which_it_is_only_said_that_there_is_no_more_passes_none(flow):
+    flow.sent(tile(A))
+    flow.sent(tile(B))
+    flow.sent(replace(tile(A), bounds=None))
+    assert flow.done(A)
+    assert not flow.has_losses
+    assert flow.overdue() == []
 
 
 def test_a_recording_plays_at_a_multiple_of_its_own_speed(clock):
