@@ -15,7 +15,7 @@ from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
-from lidar_buildings.io.results.cloud_sample import CloudSample, every_stretch
+from lidar_buildings.io.results.cloud_sample import cloud_sample, every_stretch
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
 
@@ -221,9 +221,8 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)
-            sample = CloudSample(job.every)
-            per_class = write_classified(cloud, results.rows, job.folder / output, sample.add)
-            sample.save(job.folder / output)
+            with cloud_sample(job.folder / output, job.every) as keep:
+                per_class = write_classified(cloud, results.rows, job.folder / output, keep)
             written = WrittenCloud(output, None, "", per_class, results.n_known())
         return _with_copc(job, written) if job.copc else written
     except InputError as error:

@@ -6,7 +6,8 @@ Of large surveys every so many stretches one, each as long as a chunk that LAZ f
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.run_folder import PARTIAL
 
 #: About so many points at most are read for a page, as that takes longest.
@@ -36,29 +38,32 @@ def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]
         yield from cloud.chunks(first=first, last=min(first + _STRETCH, cloud.point_count))
 
 
-class CloudSample:
+@contextmanager
+def cloud_sample(cloud: Path, every: int) -> Iterator[Callable[[int, NDArray[Any]], None]]:
     """
-    The points of such stretches of a cloud that is being written.
+    Give a function that is told a cloud's points as they are written, and keeps those of such stretches.
+
+    They are where `kept_points` finds them as long as the run is not finished.
 
     Parameters
     ----------
+    cloud : Path
+        The classified cloud.
     every : int
-        Of so many stretches one.
+        Of so many stretches one is kept.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written.
     """
+    with atomic_file(_place(cloud)) as temporary, open(temporary, "wb") as file:
 
-    def __init__(self, every: int) -> None:
-        self._every = every
-        self._kept: list[NDArray[Any]] = []
+        def add(first: int, points: NDArray[Any]) -> None:
+            row = np.arange(first, first + len(points))
+            points[row // _STRETCH % every == 0].tofile(file)
 
-    def add(self, first: int, points: NDArray[Any]) -> None:
-        """Keep what is wanted of a chunk that begins at point `first`."""
-        row = np.arange(first, first + len(points))
-        self._kept.append(points[row // _STRETCH % self._every == 0])
-
-    def save(self, cloud: Path) -> None:
-        """Put the points where `kept_points` finds them as long as the run is not finished."""
-        if self._kept:
-            np.save(_place(cloud), np.concatenate(self._kept))
+        yield add
 
 
 def kept_points(cloud: Cloud) -> laspy.ScaleAwarePointRecord | None:
@@ -67,14 +72,15 @@ def kept_points(cloud: Cloud) -> laspy.ScaleAwarePointRecord | None:
     if not path.is_file():
         return None
     header = cloud.header
-    return laspy.ScaleAwarePointRecord(np.load(path), header.point_format, header.scales, header.offsets)
+    records = np.fromfile(path, header.point_format.dtype())
+    return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
 
 
 def forget_points(folder: Path) -> None:
     """Delete what was kept of a result's clouds."""
-    for path in (folder / PARTIAL).glob("*.shown.npy"):
+    for path in (folder / PARTIAL).glob("*.shown"):
         path.unlink()
 
 
 def _place(cloud: Path) -> Path:
-    return cloud.parents[1] / PARTIAL / f"{cloud.name}.shown.npy"
+    return cloud.parents[1] / PARTIAL / f"{cloud.name}.shown"
