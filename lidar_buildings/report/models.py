@@ -96,8 +96,9 @@ def _triangles(
     (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
     cut: list[tuple[int, int, int]] = []
     labels: list[tuple[int, int]] = []
-    for number, (rings, surface) in enumerate(zip(shell, values, strict=True)):
-        of_face = triangles_of(face_pieces(vertices, tuple(tuple(ring) for ring in rings)))
+    faces = [tuple(map(tuple, rings)) for rings in shell]
+    for number, (pieces, surface) in enumerate(zip(face_pieces(vertices, faces), values, strict=True)):
+        of_face = triangles_of(pieces)
         cut += of_face
         labels += [(number, surfaces[surface])] * len(of_face)
     return cut, labels

@@ -7,24 +7,23 @@ with other diagonals.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import accumulate, chain, pairwise
 
 import mapbox_earcut
 import numpy as np
 
-from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.solids.face_shape import area_vector
-from lidar_buildings.core.solids.shell import Face, ring_edges
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.solids.shell import Face, cross, ring_edges
 
 #: Rows of three vertices, counter-clockwise as their face is.
 Triangle = tuple[int, int, int]
 _Edge = tuple[int, int]
 
 
-def face_pieces(vertices: FloatArray, face: Face) -> list[tuple[int, ...]]:
+def face_pieces(vertices: FloatArray, faces: Sequence[Face]) -> list[list[tuple[int, ...]]]:
     """
-    Divide a face into convex pieces that have every edge of its rings as an edge.
+    Divide each face of a solid into convex pieces that have every edge of its rings as an edge.
 
     Ears are cut off in the plane that shows the face largest (mapbox-earcut). That leaves out vertices in the
     middle of a straight edge, at which the next face would not match; the triangles beside them are divided.
@@ -33,18 +32,23 @@ def face_pieces(vertices: FloatArray, face: Face) -> list[tuple[int, ...]]:
     ----------
     vertices : ndarray of shape (n_vertices, 3)
         The solid's vertices [m].
-    face : Face
-        Its rings as rows of `vertices`.
+    faces : sequence of Face
+        Their rings as rows of `vertices`.
 
     Returns
     -------
-    list of tuple of int
-        Rows of `vertices`: the face itself if it is a triangle or a convex quadrilateral, else triangles;
-        empty for a face without area.
+    list of list of tuple of int
+        Rows of `vertices`, face by face: the face itself if it is a triangle or a convex quadrilateral, else
+        triangles; empty for a face without area.
     """
-    if len(face) == 1 and (len(face[0]) == 3 or _is_convex_quadrilateral(vertices, face[0])):
-        return [face[0]]
-    return list(_triangles(vertices, face))
+    pieces: list[list[tuple[int, ...]]] = [list(face) for face in faces]
+    fours = [k for k, face in enumerate(faces) if len(face) == 1 and len(face[0]) == 4]
+    corners = np.array([faces[k][0] for k in fours], dtype=np.intp).reshape(-1, 4)
+    whole = {k for k, is_convex in zip(fours, _are_convex(vertices[corners]), strict=True) if is_convex}
+    others = [k for k, face in enumerate(faces) if k not in whole and (len(face) > 1 or len(face[0]) != 3)]
+    for k, triangles in zip(others, _triangles(vertices, [faces[k] for k in others]), strict=True):
+        pieces[k] = list(triangles)
+    return pieces
 
 
 def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
@@ -52,55 +56,57 @@ def triangles_of(pieces: Sequence[tuple[int, ...]]) -> list[Triangle]:
     return [(piece[0], piece[k], piece[k + 1]) for piece in pieces for k in range(1, len(piece) - 1)]
 
 
-def _triangles(vertices: FloatArray, face: Face) -> list[Triangle]:
-    rows = list(chain.from_iterable(face))
-    plan = _largest_view(vertices, face)
-    ends = np.array(list(accumulate(map(len, face))), dtype=np.uint32)
-    cut = mapbox_earcut.triangulate_float64(plan, ends).reshape(-1, 3).tolist()
-    places = plan.tolist()
-    turned = [_counter_clockwise(places, *corners) for corners in cut]
-    triangles = [(rows[a], rows[b], rows[c]) for a, b, c in turned]
-    is_whole = len(face) == 1 and len(triangles) == len(rows) - 2
-    return triangles if is_whole else _split_at_vertices(triangles, face, vertices)
+def _are_convex(corners: FloatArray) -> BoolArray:
+    """Whether all four corners turn the same way, for rings of shape (n, 4, 3)."""
+    sides = np.roll(corners, -1, axis=1) - corners
+    first = cross(sides[:, 3], sides[:, 0])
+    turns = [cross(sides[:, k], sides[:, k + 1]) for k in range(3)]
+    return np.all([(first * turn).sum(axis=1) > 0.0 for turn in turns], axis=0)
 
 
-def _is_convex_quadrilateral(vertices: FloatArray, ring: Sequence[int]) -> bool:
-    """Whether a ring has four corners, all of which turn the same way."""
-    if len(ring) != 4:
-        return False
-    a, b, c, d = vertices[list(ring)].tolist()
-    sides = [_step(a, b), _step(b, c), _step(c, d), _step(d, a)]
-    x, y, z = _cross(sides[3], sides[0])
-    for k in range(3):
-        u, v, w = _cross(sides[k], sides[k + 1])
-        if not x * u + y * v + z * w > 0.0:
-            return False
-    return True
+def _triangles(vertices: FloatArray, faces: Sequence[Face]) -> Iterable[list[Triangle]]:
+    """Yield each face's triangles."""
+    if not faces:
+        return
+    rows = np.fromiter(chain.from_iterable(chain.from_iterable(faces)), dtype=np.intp)
+    plan = _largest_views(vertices, faces, rows)
+    cuts, first = [], 0
+    for face in faces:
+        ends = np.array(list(accumulate(map(len, face))), dtype=np.uint32)
+        last = first + int(ends[-1])
+        cuts.append(mapbox_earcut.triangulate_float64(plan[first:last], ends).reshape(-1, 3) + first)
+        first = last
+    cut = np.concatenate(cuts)
+    (ax, ay), (bx, by), (cx, cy) = (plan[cut[:, k]].T for k in range(3))
+    is_turned = (bx - ax) * (cy - ay) < (cx - ax) * (by - ay)
+    cut[is_turned] = cut[is_turned][:, [0, 2, 1]]
+    triangles = list(map(tuple, rows[cut].tolist()))
+    for face, (start, end) in zip(faces, pairwise(accumulate(map(len, cuts), initial=0)), strict=True):
+        own = triangles[start:end]
+        is_whole = len(face) == 1 and len(own) == len(face[0]) - 2
+        yield own if is_whole else _split_at_vertices(own, face, vertices)
 
 
-def _step(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    return b[0] - a[0], b[1] - a[1], b[2] - a[2]
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _largest_view(vertices: FloatArray, face: Face) -> FloatArray:
+def _largest_views(vertices: FloatArray, faces: Sequence[Face], rows: IntArray) -> FloatArray:
     """
-    Return all rings' vertices without the coordinate along which the face looks, exterior counter-clockwise.
+    Return the vertices of faces, ring by ring, without the coordinate along which their face looks.
+
+    Exteriors are counter-clockwise. Normals are those of `face_shape.area_vector`, all at once.
     """
-    rings = [vertices[list(ring)] for ring in face]
-    normal = area_vector(rings)
-    axis = max(range(3), key=lambda k: abs(normal[k]))
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    columns = [first, second] if normal[axis] >= 0 else [second, first]
-    return np.ascontiguousarray(np.concatenate(rings)[:, columns])
-
-
-def _counter_clockwise(places: Sequence[Sequence[float]], a: int, b: int, c: int) -> Triangle:
-    (ax, ay), (bx, by), (cx, cy) = places[a], places[b], places[c]
-    return (a, b, c) if (bx - ax) * (cy - ay) >= (cx - ax) * (by - ay) else (a, c, b)
+    sizes = [len(ring) for face in faces for ring in face]
+    start = np.repeat(list(accumulate(sizes[:-1], initial=0)), sizes)
+    number = np.repeat(np.arange(len(faces)), [sum(map(len, face)) for face in faces])
+    follows = np.arange(1, len(rows) + 1)
+    is_last = np.cumsum(sizes) - 1
+    follows[is_last] = start[is_last]
+    corners = vertices[rows] - vertices[rows[start]]
+    areas = cross(corners, corners[follows])
+    normals = np.column_stack([np.bincount(number, areas[:, k]) for k in range(3)])
+    axis = np.abs(normals).argmax(axis=1)
+    looks_back = normals[np.arange(len(faces)), axis] < 0.0
+    first, second = (axis + 1 + looks_back) % 3, (axis + 2 - looks_back) % 3
+    columns = np.column_stack([first, second])[number]
+    return np.take_along_axis(vertices[rows], columns, axis=1)
 
 
 def _split_at_vertices(triangles: list[Triangle], face: Face, vertices: FloatArray) -> list[Triangle]:

@@ -25,6 +25,10 @@ _FLAT = 0.0875
 _SHORTEST = 0.01
 
 
+#: A line's two ends, x, y and z of each [m].
+_Ends = list[list[float]]
+
+
 class RoofLine(NamedTuple):
     """
     A straight line in which a roof's face ends.
@@ -79,24 +83,26 @@ def roof_lines(solid: Solid) -> list[RoofLine]:
     number_of = np.cumsum(is_roof)
     above_wall = is_roof[edges.face] & is_wall[edges.other]
     falls_behind = _fall_behind(edges)
-    lower: dict[int, list[FloatArray]] = defaultdict(list)
+    ends: list[_Ends] = edges.ends.tolist()
+    other, number = edges.other.tolist(), number_of[edges.face].tolist()
+    lower: dict[int, list[_Ends]] = defaultdict(list)
     for k in np.flatnonzero(above_wall & ~falls_behind).tolist():
-        lower[int(edges.other[k])].append(edges.ends[k])
+        lower[other[k]].append(ends[k])
     level = _are_level(edges, edges.face)
-    found: dict[tuple[tuple[int, ...], str], list[FloatArray]] = defaultdict(list)
+    found: dict[tuple[tuple[int, ...], str], list[_Ends]] = defaultdict(list)
     for k in np.flatnonzero(above_wall & falls_behind).tolist():
         outer = EAVE if level[k] else VERGE
-        for kind, piece in _parted(edges.ends[k], lower.get(int(edges.other[k]), []), outer):
-            found[(int(number_of[edges.face[k]]),), kind].append(piece)
-    folds = _folds(edges, level)
-    between = is_roof[edges.face] & is_roof[edges.other] & (edges.face < edges.other) & (folds != "")
+        for kind, piece in _parted(ends[k], lower.get(other[k], []), outer):
+            found[(number[k],), kind].append(piece)
+    folds = _folds(edges, level).tolist()
+    between = is_roof[edges.face] & is_roof[edges.other] & (edges.face < edges.other)
     for k in np.flatnonzero(between).tolist():
-        faces = int(number_of[edges.face[k]]), int(number_of[edges.other[k]])
-        found[faces, str(folds[k])].append(edges.ends[k])
+        if folds[k]:
+            found[(number[k], int(number_of[other[k]])), folds[k]].append(ends[k])
     return [
-        RoofLine(kind, ends, faces)
+        RoofLine(kind, np.array(line), faces)
         for (faces, kind), pieces in sorted(found.items())
-        for ends in _joined(pieces)
+        for line in _joined(pieces)
     ]
 
 
@@ -141,40 +147,49 @@ def _are_level(edges: _Edges, faces: IntArray) -> NDArray[np.bool_]:
     return np.asarray(z < np.maximum(_LEVEL_SHARE * steepness, _FLAT) * np.hypot(x, y))
 
 
-def _parted(ends: FloatArray, lower: list[FloatArray], outer: str) -> list[tuple[str, FloatArray]]:
+def _parted(ends: _Ends, lower: list[_Ends], outer: str) -> list[tuple[str, _Ends]]:
     """Part a line above a wall into steps, where the wall's foot stands on roofs, and the outer rest."""
-    start, along = ends[0], ends[1] - ends[0]
-    length = float(np.hypot(along[0], along[1]))
+    (x, y, z), end = ends
+    along = (end[0] - x, end[1] - y, end[2] - z)
+    length = math.hypot(along[0], along[1])
     if length < _SHORTEST:
         return []
     if not lower:
         return [(outer, ends)]
-    spans = sorted(sorted(((low - start)[:, :2] @ along[:2] / length**2).clip(0, 1)) for low in lower)
+    spans = sorted(
+        sorted(_share((px - x) * along[0] + (py - y) * along[1], length) for px, py, _ in foot)
+        for foot in lower
+    )
     pieces, done = [], 0.0
     for low, high in [*spans, (1.0, 1.0)]:
         first = max(low, done)
         pieces += [(outer, done, first), (STEP, first, max(high, first))]
         done = max(high, done)
     return [
-        (kind, start + np.outer([low, high], along))
+        (kind, [[x + k * along[0], y + k * along[1], z + k * along[2]] for k in (low, high)])
         for kind, low, high in pieces
         if (high - low) * length >= _SHORTEST
     ]
 
 
-def _joined(pieces: list[FloatArray]) -> list[FloatArray]:
+def _share(product: float, length: float) -> float:
+    """Return how far along a line of a length something lies, from its product with the line: 0 to 1."""
+    return min(max(product / length**2, 0.0), 1.0)
+
+
+def _joined(pieces: list[_Ends]) -> list[_Ends]:
     """Join pieces that go on straight where others end."""
-    lines = [piece.tolist() for piece in pieces]
+    lines = list(pieces)
     for k in range(len(lines) - 1, -1, -1):
         for j, before in enumerate(lines):
             if j != k and _goes_on(before, lines[k]):
                 lines[j] = [before[0], lines[k][1]]
                 del lines[k]
                 break
-    return [np.array(line) for line in lines]
+    return lines
 
 
-def _goes_on(before: list[list[float]], after: list[list[float]]) -> bool:
+def _goes_on(before: _Ends, after: _Ends) -> bool:
     if math.dist(before[1], after[0]) >= _SHORTEST:
         return False
     (ax, ay, az), (bx, by, bz) = (map(sub, end, start) for start, end in (before, after))

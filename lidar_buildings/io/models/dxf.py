@@ -18,9 +18,10 @@ from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import (
     FIRST_HANDLE,
     OWNER,
-    Corner,
+    CornerText,
     DxfEntities,
-    corner_text,
+    coordinate_text,
+    corner_texts,
     dxf_frame,
 )
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
@@ -98,19 +99,20 @@ class _Drawing:
         ground = building.attributes.get("ground_elevation") or 0.0
         drawn = []
         for layer, ring in zip((OUTLINE, *(COURTYARD,) * len(outline.holes)), outline.rings, strict=True):
-            places = self._in_source(ring)
+            places = self._corners(ring)
             if len(ring) >= 3:
                 rows, bulges = ring_arcs(ring)
-                corners = [(places[k][0], places[k][1]) for k in rows.tolist()]
+                corners = [places[k] for k in rows.tolist()]
                 drawn.append(self._entities.closed_polyline(layer, corners, bulges.tolist(), ground, data))
             elif layer == OUTLINE:
-                drawn.append(self._entities.point(layer, (*places[0][:2], ground), data))
+                x, y, _ = places[0]
+                drawn.append(self._entities.point(layer, (x, y, coordinate_text(ground)), data))
         return drawn
 
     def _faces(self, building: SurveyBuilding, solid: Solid) -> list[str]:
         """Draw a solid's faces; edges within a face are hidden."""
         data = self._entities.extended_data([building.readable_id])
-        corners = [corner_text(corner) for corner in self._in_source(solid.vertices)]
+        corners = self._corners(solid.vertices)
         layers = {kind: layer_name(building.lod, kind) for kind in _SURFACES}
         drawn = []
         for face, pieces, kind in zip(solid.faces, building.pieces, solid.semantics, strict=True):
@@ -124,7 +126,7 @@ class _Drawing:
         """Draw the lines of a building's roof."""
         data = self._entities.extended_data([building.readable_id])
         ends = np.array([line.ends for line in building.lines]).reshape(-1, 3)
-        corners = [corner_text(corner) for corner in self._in_source(ends)]
+        corners = self._corners(ends)
         return [
             self._entities.line(LINES[line.kind], start, end, data)
             for line, start, end in zip(building.lines, corners[::2], corners[1::2], strict=True)
@@ -132,15 +134,15 @@ class _Drawing:
 
     def _terrain(self, mesh: TerrainMesh) -> Iterator[str]:
         data = self._entities.extended_data([mesh.name])
-        corners = [corner_text(corner) for corner in self._in_source(mesh.vertices)]
+        corners = self._corners(mesh.vertices)
         for rows in mesh.triangles.tolist():
             yield self._entities.face(TERRAIN, [corners[k] for k in rows], data, [])
 
-    def _in_source(self, vertices: NDArray[np.float64]) -> list[Corner]:
-        """Return vertices of 2 or 3 coordinates in source coordinates."""
+    def _corners(self, vertices: NDArray[np.float64]) -> list[CornerText]:
+        """Return vertices of 2 or 3 coordinates as text, in source coordinates."""
         full = np.zeros((len(vertices), 3))
         full[:, : vertices.shape[1]] = vertices
-        return [(x, y, z) for x, y, z in self._frame.to_source(full).tolist()]
+        return corner_texts(self._frame.to_source(full))
 
 
 def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:

@@ -10,6 +10,9 @@ from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
 
 #: Decimals of coordinates: a tenth of a millimetre, and finer in feet; and of bulges.
@@ -17,7 +20,6 @@ _DECIMALS, _DECIMALS_OF_BULGES = 4, 9
 #: Most characters of one text of an entity's data.
 _LONGEST_TEXT = 255
 
-Corner = tuple[float, float, float]
 #: A corner's coordinates as text: one corner belongs to many faces.
 CornerText = tuple[str, str, str]
 #: A drawing without entities; written by ``python -m bench.common.empty_drawing`` with ezdxf, whose import
@@ -68,10 +70,11 @@ class DxfEntities:
         # three corners are written as four, of which the last two are one
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[:3]
         dx, dy, dz = corners[-1]
-        flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one)
-        # with three corners the last edge is the fourth, and the third has no length
-        flags |= 8 if hidden and hidden[-1] else 0
-        mark = f" 70\n{flags}\n" if flags else ""
+        mark = ""
+        if any(hidden):
+            # with three corners the last edge is the fourth, and the third has no length
+            flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one) | 8 * hidden[-1]
+            mark = f" 70\n{flags}\n"
         return (
             f"{self._begun('3DFACE', layer)}100\nAcDbFace\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n"
             f" 11\n{bx}\n 21\n{by}\n 31\n{bz}\n 12\n{cx}\n 22\n{cy}\n 32\n{cz}\n"
@@ -81,7 +84,7 @@ class DxfEntities:
     def closed_polyline(
         self,
         layer: str,
-        corners: Sequence[tuple[float, float]],
+        corners: Sequence[CornerText],
         bulges: Sequence[float],
         elevation: float,
         data: str,
@@ -92,7 +95,7 @@ class DxfEntities:
         Parameters
         ----------
         layer : str
-        corners : sequence of (x, y)
+        corners : sequence of CornerText
             Open.
         bulges : sequence of float
             Of the segment from each corner to the next: tangent of a quarter of its angle, 0 for a line.
@@ -102,12 +105,12 @@ class DxfEntities:
             What `extended_data` returns.
         """
         places = "".join(
-            f" 10\n{_text(x)}\n 20\n{_text(y)}\n"
+            f" 10\n{x}\n 20\n{y}\n"
             + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
-            for (x, y), bulge in zip(corners, bulges, strict=True)
+            for (x, y, _), bulge in zip(corners, bulges, strict=True)
         )
         begun = self._begun("LWPOLYLINE", layer)
-        height = f" 38\n{_text(elevation)}\n"
+        height = f" 38\n{coordinate_text(elevation)}\n"
         return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
 
     def line(self, layer: str, start: CornerText, end: CornerText, data: str) -> str:
@@ -118,9 +121,9 @@ class DxfEntities:
             f"{begun}100\nAcDbLine\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n 11\n{bx}\n 21\n{by}\n 31\n{bz}\n{data}"
         )
 
-    def point(self, layer: str, place: Corner, data: str) -> str:
+    def point(self, layer: str, place: CornerText, data: str) -> str:
         """Return a point."""
-        x, y, z = corner_text(place)
+        x, y, z = place
         begun = self._begun("POINT", layer)
         return f"{begun}100\nAcDbPoint\n 10\n{x}\n 20\n{y}\n 30\n{z}\n{data}"
 
@@ -135,13 +138,14 @@ class DxfEntities:
         return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"
 
 
-def corner_text(corner: Corner) -> CornerText:
-    """Return a corner as text."""
-    x, y, z = corner
-    return _text(x), _text(y), _text(z)
+def corner_texts(corners: NDArray[np.float64]) -> list[CornerText]:
+    """Return corners, shape (n, 3), as text."""
+    rounded = np.round(corners, _DECIMALS) + 0.0  # no minus zero
+    x, y, z = (map(repr, column) for column in rounded.T.tolist())
+    return list(zip(x, y, z, strict=True))
 
 
-def _text(coordinate: float) -> str:
+def coordinate_text(coordinate: float) -> str:
     """Return a coordinate as text, the same for the same value everywhere."""
     return repr(round(coordinate, _DECIMALS) + 0.0)  # no minus zero
 

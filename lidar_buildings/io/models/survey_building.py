@@ -49,12 +49,9 @@ class SurveyBuilding:
     roof_faces: tuple[dict[str, Any], ...] = ()
 
     @cached_property
-    def pieces(self) -> tuple[tuple[tuple[int, ...], ...], ...]:
+    def pieces(self) -> list[list[tuple[int, ...]]]:
         """The convex pieces of three or four corners of each face of the solid, as rows of its vertices."""
-        if self.solid is None:
-            return ()
-        vertices = self.solid.vertices
-        return tuple(tuple(face_pieces(vertices, face)) for face in self.solid.faces)
+        return [] if self.solid is None else face_pieces(self.solid.vertices, self.solid.faces)
 
     @cached_property
     def lines(self) -> list[RoofLine]:

@@ -39,7 +39,7 @@ def area_of(vertices, rings):
 def test_pieces_have_the_rings_edges_and_the_faces_area(name, axis):
     vertices, face = rotated(PLAN, axis), FACES[name]
     for rings in (face, tuple(ring[::-1] for ring in face)):
-        triangles = triangles_of(face_pieces(vertices, rings))
+        triangles = triangles_of(*face_pieces(vertices, [rings]))
         edges = Counter(edges_of(triangles))
         assert set(edges.values()) == {1}
         open_edges = {edge for edge in edges if edge[::-1] not in edges}
@@ -49,15 +49,15 @@ def test_pieces_have_the_rings_edges_and_the_faces_area(name, axis):
 
 
 def test_a_square_stays_whole_and_an_arrow_does_not():
-    assert face_pieces(PLAN, FACES["square"]) == [(0, 2, 4, 5)]
-    assert [len(piece) for piece in face_pieces(PLAN, ((0, 2, 7, 4),))] == [3, 3]
+    assert face_pieces(PLAN, [FACES["square"]]) == [[(0, 2, 4, 5)]]
+    assert [len(piece) for piece in face_pieces(PLAN, [((0, 2, 7, 4),)])[0]] == [3, 3]
 
 
 @pytest.mark.parametrize("build", [b for b in model_survey.BUILDINGS.values() if b is not model_survey.ruin])
 def test_a_closed_shell_stays_closed_and_keeps_its_volume(build):
     _, model = build()
     for solid in model.solids.values():
-        triangles = [t for face in solid.faces for t in triangles_of(face_pieces(solid.vertices, face))]
+        triangles = [t for pieces in face_pieces(solid.vertices, solid.faces) for t in triangles_of(pieces)]
         edges = Counter(edges_of(triangles))
         assert all(n == 1 and edges[edge[::-1]] == 1 for edge, n in edges.items())
         corners = solid.vertices[np.array(triangles)]
@@ -72,7 +72,7 @@ def test_random_walls_with_many_vertices_amid_edges_stay_closed():
         ring = np.array([*((x, 0.0, 0.0) for x in low), *((x, 0.0, 9.0) for x in high[::-1])])
         ring = np.vstack([ring, [[ring[0, 0] - 1.0, 0.0, z] for z in (7.0, 3.0, 1.0)]])
         face = (tuple(range(len(ring))),)
-        edges = Counter(edges_of(triangles_of(face_pieces(ring, face))))
+        edges = Counter(edges_of(triangles_of(*face_pieces(ring, [face]))))
         assert {edge for edge in edges if edge[::-1] not in edges} == set(edges_of(face))
 
 
