@@ -105,8 +105,7 @@ class DxfEntities:
             What `extended_data` returns.
         """
         places = "".join(
-            f" 10\n{x}\n 20\n{y}\n"
-            + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
+            f" 10\n{x}\n 20\n{y}\n" + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
             for (x, y, _), bulge in zip(corners, bulges, strict=True)
         )
         begun = self._begun("LWPOLYLINE", layer)
