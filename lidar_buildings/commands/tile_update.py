@@ -18,7 +18,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.tile_products import load_shapes
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.io.tiling.tile_grid import Buffer, Rectangle
 from lidar_buildings.pipeline.reconstruct import TileResult
 
 #: What beside a saved tile tells of the points that it was made from.
@@ -40,7 +40,7 @@ def digest_of(tile: PointTile) -> str:
     return digest.hexdigest()
 
 
-def write_digests(saved: Path, digests: Iterable[str]) -> None:
+def write_digests(saved: Path, digests: Iterable[tuple[Buffer, str]]) -> None:
     """Note beside a saved tile from which points it was made, those of each buffer that it grew to."""
     with atomic_file(saved.with_suffix(_ENDING), has_rivals=True) as temporary:
         temporary.write_text(json.dumps(list(digests)))
@@ -52,11 +52,8 @@ def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
         digests = json.loads(saved.with_suffix(_ENDING).read_text())
     except (OSError, ValueError):
         return False
-    growing = replace(tile)
-    same = saved.exists() and bool(digests)
-    for number, digest in enumerate(digests):
-        same = same and (number == 0 or growing.grow()) and digest_of(growing.read()) == digest
-    return same
+    grown = ((replace(tile, buffer=Buffer(*buffer)), digest) for buffer, digest in digests)
+    return saved.exists() and bool(digests) and all(digest_of(one.read()) == digest for one, digest in grown)
 
 
 @dataclass(frozen=True, eq=False)

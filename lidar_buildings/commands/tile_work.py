@@ -24,6 +24,7 @@ from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_grid import Buffer
 from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
 from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
@@ -75,7 +76,7 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
     """Take a tile from its points to its saved products; return what ends the whole run."""
     if work.earlier is not None and is_unchanged(work.tile, work.path):
         return TileOutcome({}, is_unchanged=True)
-    digests: list[str] | None = None if work.earlier is None else []
+    digests: list[tuple[Buffer, str]] | None = None if work.earlier is None else []
     frame = work.tile.store.frame
     rasters: list[Future[TerrainRasters | None]] = []
     try:
@@ -110,7 +111,7 @@ def whole_result(
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
     on_classified: Callable[[PointTile], object] | None = None,
-    digests: list[str] | None = None,
+    digests: list[tuple[Buffer, str]] | None = None,
 ) -> TileResult:
     """
     Process a tile, with a larger buffer as long as one of its buildings is not whole.
@@ -120,7 +121,7 @@ def whole_result(
     while True:
         tile = spooled.read()
         if digests is not None:
-            digests.append(digest_of(tile))
+            digests.append((spooled.buffer, digest_of(tile)))
         result = reconstruct_tile(
             tile,
             config,
@@ -128,7 +129,7 @@ def whole_result(
             footprints=footprints,
             pool=pool,
             on_classified=on_classified,
-            is_all=lambda: not spooled.grow(),
+            is_all=lambda sides: not spooled.grow(sides),
         )
         if not result.clipped:
             return result

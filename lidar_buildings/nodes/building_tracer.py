@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from std_msgs.msg import Header
+from std_msgs.msg import String
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
@@ -20,7 +20,7 @@ from lidar_buildings.ros.polygons import outline_rings
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of
+from lidar_buildings.ros.tile_info import CLIPPED, clipped_message
 from lidar_buildings.ros.tile_join import Parts, TileJoin
 
 _EDGES, _ALL = "edge_points", "classified_points"
@@ -34,7 +34,7 @@ class BuildingTracer(StageNode):
         self._pool = pool or BuildingPool(0)
         self._building_points = self.create_tile_outlet("building_points")
         self._traced = self.create_ring_outlet("traced_outlines")
-        self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
+        self._clipped = self.create_publisher(String, CLIPPED, EVENT)
         self._map: FrameListener | None = None
         if self.parameters[FootprintNodeConfig].file:
             self._map = FrameListener(
@@ -65,7 +65,7 @@ class BuildingTracer(StageNode):
     def _trace(self, stamp: int, parts: Parts) -> None:
         traced = self._traced_tile(parts)
         if traced.clipped and self._clipped.get_subscription_count():
-            self._clipped.publish(header_of(stamp))
+            self._clipped.publish(clipped_message(stamp, traced.clipped))
             self.tile_infos.when_told_more(stamp, lambda: self._go_on_if_whole(stamp, traced))
         else:
             self._hand_on(stamp, traced)

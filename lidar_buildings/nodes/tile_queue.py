@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 
 
@@ -39,5 +40,5 @@ class TileQueue(Protocol):
     def take(self) -> PointTile | None:
         """Return the next tile, None if none is ready."""
 
-    def grown(self, tile: PointTile) -> PointTile | None:
-        """Return a tile with a larger buffer, None if there is none."""
+    def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
+        """Return a tile with a larger buffer on some sides, None if there is none."""

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.ros.stamps import tile_of
@@ -65,10 +66,10 @@ class TileReader:
         except queue.Empty:
             return None
 
-    def grown(self, tile: PointTile) -> PointTile | None:
-        """Return a tile with a larger buffer, None if there is none."""
+    def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
+        """Return a tile with a larger buffer on some sides, None if there is none."""
         stamp = tile_of(tile.stamp)
-        return self._source.grown(stamp - self._shifts.get(stamp, 0))
+        return self._source.grown(stamp - self._shifts.get(stamp, 0), sides)
 
     def stop(self) -> None:
         """Stop reading and wait for the thread."""

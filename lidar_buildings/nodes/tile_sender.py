@@ -25,7 +25,7 @@ from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.receipts import receipt_of
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
-from lidar_buildings.ros.tile_info import info_message, over_message
+from lidar_buildings.ros.tile_info import CLIPPED, clipped_of, info_message, over_message
 
 #: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
 _TICK = 0.1
@@ -79,7 +79,7 @@ class TileSender(StageNode):
         self.create_service(Trigger, "~/pause", self.on_pause)
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
-        self.create_subscription(Header, "tile_clipped", self.on_clipped, EVENT)
+        self.create_subscription(String, CLIPPED, self.on_clipped, EVENT)
         self.create_subscription(String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
@@ -161,15 +161,20 @@ class TileSender(StageNode):
         if not self._watch.is_past(receipt):
             self._flow.hear(receipt)
 
-    def on_clipped(self, message: Header) -> None:
+    def on_clipped(self, message: String) -> None:
         """
         Send the next revision of a tile, with a larger buffer; only say so if there is nothing more to send.
         """
-        tile = self._flow.tile(to_stamp(message.stamp))
-        if tile is None or tile.stamp != to_stamp(message.stamp):
+        try:
+            stamp, sides = clipped_of(message)
+        except MessageError as error:
+            self.get_logger().error(str(error))
+            return
+        tile = self._flow.tile(stamp)
+        if tile is None or tile.stamp != stamp:
             return  # of an earlier revision
         with self.reporting(tile.stamp, quiet=True):
-            grown = self.tiles.grown(tile)
+            grown = self.tiles.grown(tile, sides)
             if grown is not None:
                 grown = replace(grown, stamp=tile.stamp + 1)
                 self._info.publish(over_message(tile.stamp))

@@ -149,7 +149,12 @@ TILE_INFO = Topic(
     "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; null where nothing "
     "lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, if it has two)",
 )
-TILE_CLIPPED = Topic("tile_clipped", _HEADER, "EVENT", "a building of this tile is not whole")
+TILE_CLIPPED = Topic(
+    "tile_clipped",
+    "std_msgs/String",
+    "EVENT",
+    "JSON: `stamp` of a tile, whether a building reaches beyond its `west`, `south`, `east`, `north` side",
+)
 TILE_DONE = Topic(
     "tile_done", _HEADER, "LATCHED_HISTORY", "this revision of a tile is done, or safely on disk"
 )

@@ -11,6 +11,7 @@ from typing import Any
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
@@ -103,8 +104,8 @@ class TileResult:
         Before and after regularisation, by rising building id.
     models : tuple of TileModel
         One per outline.
-    clipped : bool
-        Whether a building of this tile reaches beyond it; the chain then ends after tracing.
+    clipped : Sides
+        On which sides a building of this tile reaches beyond it; the chain then ends after tracing.
     seconds : dict
         Stage name → seconds it took.
     """
@@ -114,7 +115,7 @@ class TileResult:
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
     models: tuple[TileModel, ...] = ()
-    clipped: bool = False
+    clipped: Sides = NONE
     seconds: dict[str, float] = field(default_factory=dict)
 
 
@@ -126,7 +127,7 @@ def reconstruct_tile(
     footprints: Footprints | None = None,
     pool: Sharing | None = None,
     on_classified: Callable[[PointTile], object] | None = None,
-    is_all: Callable[[], bool] = lambda: False,
+    is_all: Callable[[Sides], bool] = lambda _: False,
 ) -> TileResult:
     """
     Take one tile from raw points to models.
@@ -144,9 +145,10 @@ def reconstruct_tile(
     pool : Sharing, optional
         Processes that share the buildings; one after the other here without.
     on_classified : callable, optional
-        Called with the tile as soon as its points have their classes.
+        Called with the tile when its points have their classes and it is sure to be large enough.
     is_all : callable
-        Asked when a building reaches beyond the tile: whether nothing lies there, so that the chain goes on.
+        Asked when a building reaches beyond some sides of the tile: whether nothing lies there, so that the
+        chain goes on.
 
     Returns
     -------
@@ -172,13 +174,14 @@ def reconstruct_tile(
         return TileResult(classified, seconds=is_last.seconds)
 
     classified = select_roof_points(classified, config.roof_selection)
-    tell(classified)
     roofs = roof_points(classified)
     if is_last("roof_selection"):
+        tell(classified)
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     roofs = label_roof_edges(roofs, config.edge_labelling).tile
     if is_last("edge_labelling"):
+        tell(classified)
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     if footprints is None:
@@ -186,7 +189,9 @@ def reconstruct_tile(
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
-    clipped = found.clipped and not is_all()
+    clipped = NONE if found.clipped and is_all(found.clipped) else found.clipped
+    if not clipped:
+        tell(classified)
     if is_last("boundary_tracing") or clipped:
         return TileResult(classified, roofs, traced, clipped=clipped, seconds=is_last.seconds)
 

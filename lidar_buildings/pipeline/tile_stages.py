@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace, trace_boundary
@@ -62,13 +65,13 @@ class TracedTile:
         The roof points with `building_id`; 0 for those of no building and of the neighbours' buildings.
     outlines : tuple of BuildingOutline
         One per building of this tile, by rising id.
-    clipped : bool
-        Whether one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
+    clipped : Sides
+        On which sides one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
     """
 
     tile: PointTile
     outlines: tuple[BuildingOutline, ...]
-    clipped: bool
+    clipped: Sides
 
 
 def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
@@ -167,7 +170,8 @@ def trace_buildings(
         jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
-    clipped = any(_reaches(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned)
+    reached = [_reached(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned]
+    clipped = reduce(or_, reached, NONE)
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
 
@@ -290,11 +294,11 @@ def _square(job: _TracingJob) -> Outline:
     return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()
 
 
-def _reaches(
+def _reached(
     bounds: tuple[float, float, float, float] | None, points: NDArray[np.float64], window: float
-) -> bool:
-    """Whether points come within a window of the tile's outer limits."""
+) -> Sides:
+    """Return on which sides points come within a window of the tile's outer limits."""
     if bounds is None:
-        return False
+        return NONE
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    return bool((low - bounds[:2] < window).any() or (bounds[2:] - high < window).any())
+    return Sides(*(low - bounds[:2] < window).tolist(), *(bounds[2:] - high < window).tolist())

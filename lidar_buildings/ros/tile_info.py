@@ -12,12 +12,13 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED_TILE
 
-TOPIC = "tile_info"
+TOPIC, CLIPPED = "tile_info", "tile_clipped"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
 #: How many tiles are remembered: twice what the topic keeps, far more than are in flight.
 _MAX_TILES = 2 * CLOUD_DEPTH
@@ -48,6 +49,27 @@ def info_of(message: String) -> tuple[int, dict[str, Any]]:
         If the text is not of the form that `info_message` gives.
     """
     return read_json(TOPIC, message, lambda said: (int(said["stamp"]), dict(said)))
+
+
+def clipped_message(stamp: int, sides: Sides) -> String:
+    """Return the message that a building reaches beyond some sides of a tile."""
+    return String(data=json.dumps({"stamp": stamp, **sides._asdict()}))
+
+
+def clipped_of(message: String) -> tuple[int, Sides]:
+    """
+    Return a tile's stamp [ns] and beyond which sides of it a building reaches.
+
+    Raises
+    ------
+    MessageError
+        If the text is not of the form that `clipped_message` gives.
+    """
+    return read_json(
+        CLIPPED,
+        message,
+        lambda said: (int(said["stamp"]), Sides(*(bool(said[side]) for side in Sides._fields))),
+    )
 
 
 class TileInfos:

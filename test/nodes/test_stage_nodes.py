@@ -27,6 +27,7 @@ from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes import building_tracer
@@ -45,7 +46,7 @@ from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.tile_info import info_message
+from lidar_buildings.ros.tile_info import clipped_of, info_message
 
 pytestmark = pytest.mark.graph
 
@@ -87,11 +88,12 @@ def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
 # the tracer
 
 
+EAST = Sides(east=True)
 TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
 TRACER_HEARS = {
     "building_points": (PointCloud2, CLOUD),
     "traced_outlines": (PolygonInstanceStamped, BUILDING),
-    "tile_clipped": (Header, EVENT),
+    "tile_clipped": (String, EVENT),
 }
 
 
@@ -106,7 +108,7 @@ def tracing(monkeypatch):
 
     def trace(tile, *_, pool):
         seen.append(tile.bounds)
-        return TracedTile(tile, outlines(HOUSE), tile.bounds is not None)
+        return TracedTile(tile, outlines(HOUSE), NONE if tile.bounds is None else EAST)
 
     monkeypatch.setattr(building_tracer, "trace_buildings", trace)
     return seen
@@ -117,7 +119,7 @@ def test_a_clipped_tile_is_held_back_and_asked_for(context, bench, tracing):
     other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     other.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["tile_clipped"])
-    assert to_stamp(other.heard["tile_clipped"][0].stamp) == STAMP
+    assert clipped_of(other.heard["tile_clipped"][0]) == (STAMP, EAST)
     assert tracing == [(0.0, 0.0, 9.0, 9.0)]
     other.send("tile_info", info_of_tile(None))
     time.sleep(0.2)

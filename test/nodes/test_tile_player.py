@@ -17,6 +17,7 @@ from std_srvs.srv import Trigger
 from support.cloud_files import random_cloud
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.sides import ALL
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.node_summary import ERROR
@@ -25,6 +26,7 @@ from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATC
 from lidar_buildings.ros.receipts import ReceiptSender
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
+from lidar_buildings.ros.tile_info import clipped_message
 
 pytestmark = pytest.mark.graph
 
@@ -38,7 +40,7 @@ class GraphEnd(StageNode):
         self.received, self.done, self.failed, self.bounds, self.survey_done = [], [], [], {}, []
         self._numbers, self._held, self.over = {}, set(), []
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
-        self._clipped = self.create_publisher(Header, "tile_clipped", EVENT)
+        self._clipped = self.create_publisher(String, "tile_clipped", EVENT)
         self.create_subscription(String, "tile_info", self.on_info, LATCHED_TILE)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
@@ -54,7 +56,7 @@ class GraphEnd(StageNode):
         elif self.clips[number] > 0:
             self.clips[number] -= 1
             self._held.add(tile.stamp)
-            self._clipped.publish(header_of(tile.stamp))
+            self._clipped.publish(clipped_message(tile.stamp, ALL))
         else:
             self._finish(tile.stamp)
 

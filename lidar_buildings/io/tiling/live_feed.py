@@ -15,6 +15,7 @@ from typing import Any
 
 from lidar_buildings.core.model.errors import MessageError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
@@ -177,9 +178,9 @@ class LiveFeed:
             self._has_work.set()
         return tile
 
-    def grown(self, tile: PointTile) -> PointTile | None:
+    def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
-        return None if self._survey is None else self._survey.grown(tile)
+        return None if self._survey is None else self._survey.grown(tile, sides)
 
     @property
     def fullness(self) -> float:

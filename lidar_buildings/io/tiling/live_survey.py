@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import TileGrid
+from lidar_buildings.io.tiling.tile_grid import Buffer, TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -175,22 +176,24 @@ class LiveSurvey:
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
-            return self._store.tile(self._plan(tile), self.config.buffer)
+            tile.buffer = Buffer.of(self.config.buffer)
+            return self._store.tile(self._plan(tile), tile.buffer)
 
-    def grown(self, sent: PointTile) -> PointTile | None:
-        """Return the tile once more with its buffer doubled, None if that brings no more points."""
+    def grown(self, sent: PointTile, sides: Sides = ALL) -> PointTile | None:
+        """Return the tile once more, its buffer doubled on some sides; None if there is no more."""
         with self._lock:
             if (tile := self._tiles.of_stamp(sent.stamp)) is None:
                 return None
-            plan, buffer = self._plan(tile), self.config.buffer
-            while buffer < self.config.max_buffer:
-                buffer = min(2 * buffer or self._grid.cell_size, self.config.max_buffer)
-                self._tiles.widen(tile, buffer, self._store.count_in)
-                if self._store.count(plan, buffer) > len(sent):
-                    tile.revision += 1
-                    self._note(tile, tile.revision, -1)
-                    return self._store.tile(plan, buffer)
-            return None
+            plan = self._plan(tile)
+            most = self.config.max_buffer
+            buffer = self._store.wider(plan, tile.buffer, sides, most)
+            # what comes there later counts, too, where there is nothing now
+            self._tiles.widen(tile, buffer or tile.buffer.doubled(sides, most, most), self._store.count_in)
+            if buffer is None:
+                return None
+            tile.revision += 1
+            self._note(tile, tile.revision, -1)
+            return self._store.tile(plan, buffer)
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """

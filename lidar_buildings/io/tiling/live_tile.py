@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
@@ -36,8 +36,10 @@ class LiveTile:
         Its key: the stamp of its first revision [ns].
     block : Block
         Its spool cells.
+    buffer : Buffer
+        With which it was sent last.
     near : tuple of Cell
-        Its spool cells and those of its buffer, as wide as it has grown.
+        Its spool cells and those of its buffer, as wide as it has ever been.
     n_sent : int
         Points near it when it was sent last; −1 = never.
     revision : int
@@ -47,6 +49,7 @@ class LiveTile:
     place: Cell
     stamp: int
     block: Block
+    buffer: Buffer
     near: tuple[Cell, ...]
     n_sent: int = -1
     revision: int = -1
@@ -79,7 +82,7 @@ class LiveTiles:
         self._by_place: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
         self._touched: dict[Cell, float] = {}
-        self._widest = config.buffer
+        self._widest = max(Buffer.of(config.buffer))
         self.changed: set[Cell] = set()
 
     def __len__(self) -> int:
@@ -101,17 +104,19 @@ class LiveTiles:
     def make(self, place: Cell, gps_time: float) -> None:
         """Make a tile of which the first point has come; neighbours' points may have come before."""
         block = self._grid.block_of(place)
-        near = self._near(block, self._config.buffer)
+        buffer = Buffer.of(self._config.buffer)
+        near = self._near(block, buffer)
         stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
-        tile = LiveTile(place, self._free(stamp), block, near)
+        tile = LiveTile(place, self._free(stamp), block, buffer, near)
         self._by_place[place] = self._by_stamp[tile.stamp] = tile
 
-    def widen(self, tile: LiveTile, buffer: float, count_in: Callable[[Iterable[Cell]], int]) -> None:
+    def widen(self, tile: LiveTile, buffer: Buffer, count_in: Callable[[Iterable[Cell]], int]) -> None:
         """Have points count for a tile that fall into a wider buffer, as it was made with that."""
         n_before = count_in(tile.near)
-        tile.near = self._near(tile.block, buffer)
+        tile.buffer = buffer
+        tile.near = tuple(dict.fromkeys([*tile.near, *self._near(tile.block, buffer)]))
         tile.n_sent += count_in(tile.near) - n_before
-        self._widest = max(self._widest, buffer)
+        self._widest = max(self._widest, *buffer)
 
     def touch(self, cells: Iterable[Cell], now: float) -> None:
         """Note that points fell into cells."""
@@ -151,7 +156,7 @@ class LiveTiles:
         config, tile = self._config, self._by_place[place]
         if tile.revision >= 0 or sensor is None or not config.leave_distance:
             return False
-        area = self._grid.area_of(tile.block).buffered(config.buffer).grown(config.leave_distance)
+        area = self._grid.area_of(tile.block).buffered(Buffer.of(config.buffer)).grown(config.leave_distance)
         return not area.touches(Rectangle(*sensor[:2], *sensor[:2]))
 
     def take_up(self, last: dict[Cell, dict[str, Any]]) -> None:
@@ -164,7 +169,7 @@ class LiveTiles:
             tile.stamp = self._free(tile.stamp)
             self._by_stamp[tile.stamp] = tile
 
-    def _near(self, block: Block, buffer: float) -> tuple[Cell, ...]:
+    def _near(self, block: Block, buffer: Buffer) -> tuple[Cell, ...]:
         return tuple(self._grid.cells_in(self._grid.area_of(block).buffered(buffer)))
 
     def _free(self, stamp: int) -> int:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.io.tiling.tile_grid import Buffer, Rectangle
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 
 
@@ -20,13 +21,13 @@ class SpooledTile:
         Its place and core points.
     store : TileStore
         Where its points are.
-    buffer, max_buffer : float
-        Width of the strip of neighbours that comes with it, and how wide it may grow [m].
+    buffer, max_buffer : Buffer, float
+        The strip of neighbours that comes with it, and how wide it may grow [m].
     """
 
     plan: TilePlan
     store: TileStore
-    buffer: float
+    buffer: Buffer
     max_buffer: float
 
     @property
@@ -37,28 +38,25 @@ class SpooledTile:
     @property
     def reach(self) -> Rectangle:
         """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
-        return self.store.local_area(self.plan, self.max_buffer)
+        return self.store.local_area(self.plan, Buffer.of(self.max_buffer))
 
     @property
     def core(self) -> Rectangle:
         """Where the tile's core points lie in the map frame [m]."""
-        return self.store.local_area(self.plan, 0.0)
+        return self.store.local_area(self.plan, Buffer.of(0.0))
 
     def alone(self) -> SpooledTile:
         """Return the tile without what lies beyond its reach: little to send to another process."""
-        return replace(self, store=self.store.near(self.plan, self.max_buffer))
+        return replace(self, store=self.store.near(self.plan, Buffer.of(self.max_buffer)))
 
     def read(self) -> PointTile:
         """Return the tile."""
         return self.store.tile(self.plan, self.buffer)
 
-    def grow(self) -> bool:
+    def grow(self, sides: Sides = ALL) -> bool:
         """
-        Double the buffer, up to the largest, until it brings more points; False if none does.
+        Double the buffer on some sides, up to the largest, until it brings more points; False if none does.
         """
-        n_before = self.store.count(self.plan, self.buffer)
-        while self.buffer < self.max_buffer:
-            self.buffer = min(2 * self.buffer or self.store.grid.cell_size, self.max_buffer)
-            if self.store.count(self.plan, self.buffer) > n_before:
-                return True
-        return False
+        wider = self.store.wider(self.plan, self.buffer, sides, self.max_buffer)
+        self.buffer = wider or self.buffer
+        return wider is not None

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_stamps import LATEST
@@ -25,6 +26,34 @@ _MOST_TILES = 100_000
 #: holds its westernmost point: it reaches farthest beyond it eastwards, and not at all westwards, where it is
 #: only seen that nothing touches it, and what the ground around is.
 BUFFER_SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0, 2.0 / 3.0)
+
+
+class Buffer(NamedTuple):
+    """How far a tile's buffer reaches on each side [m]."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @classmethod
+    def of(cls, width: float) -> Buffer:
+        """Return a buffer of a width, see `BUFFER_SHARES` [m]."""
+        return cls(*(share * width for share in BUFFER_SHARES))
+
+    def doubled(self, sides: Sides, least: float, most: float) -> Buffer:
+        """
+        Return it twice as wide on some sides.
+
+        Parameters
+        ----------
+        sides : Sides
+            On which it grows.
+        least, most : float
+            Width of the buffer that takes the place of none, and of the largest [m].
+        """
+        limits = zip(self, Buffer.of(least), Buffer.of(most), sides, strict=True)
+        return Buffer(*(min(2.0 * own or low, high) if wider else own for own, low, high, wider in limits))
 
 
 @dataclass(frozen=True)
@@ -60,9 +89,9 @@ class Rectangle:
             self.x_min - distance, self.y_min - distance, self.x_max + distance, self.y_max + distance
         )
 
-    def buffered(self, width: float) -> Rectangle:
-        """Return the rectangle of a tile with a buffer of a width, see `BUFFER_SHARES`."""
-        west, south, east, north = (share * width for share in BUFFER_SHARES)
+    def buffered(self, buffer: Buffer) -> Rectangle:
+        """Return the rectangle of a tile with its buffer."""
+        west, south, east, north = buffer
         return Rectangle(self.x_min - west, self.y_min - south, self.x_max + east, self.y_max + north)
 
     def moved(self, x: float, y: float) -> Rectangle:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.cloud import Cloud
@@ -23,7 +24,7 @@ from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import RECORD, Cell, Head, Pieces, Spool, order_key
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
-from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
 
 
 class ReadPart(NamedTuple):
@@ -136,10 +137,10 @@ class TileStore:
         """Return what was read of a single file, for the store of another process."""
         return ReadPart(self.spool.with_heads(), self.brightness.given(source, self.spool.folder))
 
-    def near(self, plan: TilePlan, width: float) -> TileStore:
-        """Return the store as if it held what a tile with a buffer so wide [m] needs: little to send."""
+    def near(self, plan: TilePlan, buffer: Buffer) -> TileStore:
+        """Return the store as if it held what a tile with such a buffer needs: little to send."""
         part = copy(self)
-        area = self.grid.area_of(plan.block).buffered(width)
+        area = self.grid.area_of(plan.block).buffered(buffer)
         part.spool = self.spool.near([*plan.core, *self.grid.cells_touching(area)])
         part._planned, part._dropped = {}, list(self._dropped)
         return part
@@ -195,11 +196,33 @@ class TileStore:
                 inside = local.holds(block["x"], block["y"])
                 yield block[inside if source is None else inside & (block["source"] == source)]
 
-    def count(self, plan: TilePlan, buffer: float) -> int:
+    def count(self, plan: TilePlan, buffer: Buffer) -> int:
         """Count a tile's points, buffer included."""
         return sum(len(block) for block, _ in self._tile_blocks(plan, buffer))
 
-    def tile(self, plan: TilePlan, buffer: float) -> PointTile:
+    def wider(self, plan: TilePlan, buffer: Buffer, sides: Sides, most: float) -> Buffer | None:
+        """
+        Return a tile's buffer doubled on some sides until it brings more points, None if none does.
+
+        Parameters
+        ----------
+        plan : TilePlan
+            The tile.
+        buffer : Buffer
+            As it is.
+        sides : Sides
+            On which it may grow.
+        most : float
+            Width of the largest buffer [m].
+        """
+        n_before = self.count(plan, buffer)
+        while (wider := buffer.doubled(sides, self.grid.cell_size, most)) != buffer:
+            if self.count(plan, wider) > n_before:
+                return wider
+            buffer = wider
+        return None
+
+    def tile(self, plan: TilePlan, buffer: Buffer) -> PointTile:
         """Put a tile together, rows in the order of (source, index)."""
         records, is_buffer = self._gathered(plan, buffer)
         order = np.argsort(order_key(records), kind="stable")
@@ -224,7 +247,7 @@ class TileStore:
             **kept,
         )
 
-    def _gathered(self, plan: TilePlan, buffer: float) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+    def _gathered(self, plan: TilePlan, buffer: Buffer) -> tuple[NDArray[Any], NDArray[np.uint8]]:
         """Read a tile's records with its buffer, and 1 for each that belongs to the buffer."""
         area = self.grid.area_of(plan.block).buffered(buffer)
         cells = {*plan.core, *self.grid.cells_touching(area)}
@@ -237,7 +260,7 @@ class TileStore:
             n += len(block)
         return records[:n], is_buffer[:n]
 
-    def local_area(self, plan: TilePlan, buffer: float) -> Rectangle:
+    def local_area(self, plan: TilePlan, buffer: Buffer) -> Rectangle:
         """Return where a tile and its buffer lie in the map frame [m]."""
         return self._local(self.grid.area_of(plan.block).buffered(buffer))
 
@@ -245,7 +268,7 @@ class TileStore:
         """Move an area from the source's position into the map frame [m]."""
         return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
-    def _tile_blocks(self, plan: TilePlan, buffer: float) -> Iterator[tuple[NDArray[Any], int]]:
+    def _tile_blocks(self, plan: TilePlan, buffer: Buffer) -> Iterator[tuple[NDArray[Any], int]]:
         """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
         near = self.local_area(plan, buffer)
         area = self.grid.area_of(plan.block).buffered(buffer)

@@ -13,6 +13,7 @@ from pathlib import Path
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
@@ -20,7 +21,7 @@ from lidar_buildings.io.tiling.file_parts import Submit, read_files
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Cell, Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, Rectangles, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, Rectangles, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
@@ -141,7 +142,7 @@ class TileSource:
                 tile = self._tiles[number]
                 number += 1
             if tile.stamp not in self._skip:
-                yield replace(tile, buffer=self.config.buffer)
+                yield replace(tile, buffer=Buffer.of(self.config.buffer))
 
     @property
     def tile_count(self) -> int:
@@ -163,9 +164,9 @@ class TileSource:
         with self._lock:
             return list(self._by_stamp)
 
-    def grown(self, stamp: int) -> PointTile | None:
+    def grown(self, stamp: int, sides: Sides = ALL) -> PointTile | None:
         """
-        Return the tile of a stamp once more with its buffer doubled, None if that brings no more points.
+        Return the tile of a stamp once more, its buffer doubled on some sides; None if there is no more.
 
         Raises
         ------
@@ -176,7 +177,7 @@ class TileSource:
             tile = self._by_stamp.get(stamp)
             if tile is None or self._closed.is_set():
                 raise ValueError(f"stamp = {stamp}: must be that of a tile that was given out")
-            return tile.read() if tile.grow() else None
+            return tile.read() if tile.grow(sides) else None
 
     def close(self) -> None:
         """Stop iterating, from whatever thread, and delete the temporary folder."""
@@ -244,11 +245,11 @@ class TileSource:
         """
         if read is None:
             return
-        reach = self.config.max_buffer
-        near = self._grid.tiles_touching([read.grown(reach)]) or self._waiting
+        most = self.config.max_buffer
+        near = self._grid.tiles_touching([read.grown(most)]) or self._waiting
         for tile in sorted((self._waiting & near) - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
-            surroundings = square.buffered(reach)
+            surroundings = square.buffered(Buffer.of(most))
             if not surroundings.touches(read) or self._bounds.near(surroundings) & self._unread:
                 continue
             if self._bounds.near(square):
@@ -278,7 +279,7 @@ class TileSource:
         if first_point is None:
             return
         plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.brightness.dark_limit)
-        tile = SpooledTile(plan, self._store, self.config.buffer, self.config.max_buffer)
+        tile = SpooledTile(plan, self._store, Buffer.of(self.config.buffer), self.config.max_buffer)
         self._tiles.append(tile)
         self._by_stamp[tile.stamp] = tile
 

@@ -15,6 +15,7 @@ from support import cloud_files
 from support.long_survey import peak_of_surveys
 
 from lidar_buildings.core.model.errors import InputError, OutputError, ParameterError
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.tiling.spool import RECORD, Spool
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -239,6 +240,18 @@ def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
         assert {larger.stamp for larger in grown} == {tile.stamp}
         assert all(names(larger, larger.is_core) == names(tile, tile.is_core) for larger in grown)
         assert source.grown(tile.stamp) is None
+
+
+def test_a_tile_grows_on_the_sides_that_are_asked_for(tmp_path):
+    paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=12.0, max_buffer=30.0)) as source:
+        tile = max(source, key=len)
+        north = source.grown(tile.stamp, Sides(north=True))
+        both = source.grown(tile.stamp, Sides(east=True, north=True))
+        assert np.subtract(north.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 0.0, 8.0])
+        assert np.subtract(both.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 12.0, 12.0])
+        assert set(names(tile)) < set(names(north)) < set(names(both))
+        assert source.grown(tile.stamp, Sides(north=True)) is None
 
 
 def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):

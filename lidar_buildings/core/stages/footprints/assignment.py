@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.footprints.footprints import Footprints
@@ -40,13 +41,13 @@ class AssignedPoints:
         0 for points of no footprint of this tile.
     outlines : tuple of BuildingOutline
         The footprints of this tile as they are given, by rising id.
-    clipped : bool
-        Whether one of them reaches beyond the tile's `bounds`.
+    clipped : Sides
+        On which sides one of them reaches beyond the tile's `bounds`.
     """
 
     building_id: NDArray[np.uint32]
     outlines: tuple[BuildingOutline, ...]
-    clipped: bool
+    clipped: Sides
 
 
 def assign_footprints(
@@ -71,12 +72,12 @@ def assign_footprints(
     config = config or FootprintConfig()
     building_id = np.zeros(len(tile), dtype=np.uint32)
     if not len(tile) or not len(footprints):
-        return AssignedPoints(building_id, (), False)
+        return AssignedPoints(building_id, (), NONE)
     places = footprints.touching(_box(tile.points, _SEARCH_DISTANCE))
     owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
     is_core, is_roof, stands = tile.is_core, tile.is_roof, _may_stand(tile, config.min_height)
     tile_spacing = tile.point_spacing
-    outlines, clipped = [], False
+    outlines, clipped = [], NONE
     surroundings = _Surroundings(tile.points, _SEARCH_DISTANCE)
     for place, rows in zip(places, _rows_of(owner, len(places)), strict=True):
         outline, number = footprints.outlines[place], int(footprints.building_id[place])
@@ -84,7 +85,7 @@ def assign_footprints(
         if not len(near) or not is_core[near[anchor_row(tile.points[near])]]:
             continue
         reach = 0.0 if len(rows) else _SEARCH_DISTANCE
-        clipped |= not _is_within(footprints.bounds[place], tile.bounds, reach)
+        clipped |= _reached(footprints.bounds[place], tile.bounds, reach)
         chosen = _building_rows(tile, rows, is_roof[rows], stands[rows], tile_spacing, config)
         building_id[chosen] = number
         next_to_it = rows if len(rows) else surroundings.nearest(near, outline.polygon)
@@ -144,19 +145,14 @@ def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
     return np.split(order, np.searchsorted(owner[order], np.arange(n_owners)))[1:]
 
 
-def _is_within(
+def _reached(
     bounds: NDArray[np.float64], limits: tuple[float, float, float, float] | None, reach: float
-) -> bool:
-    """Whether a footprint with what is around it lies within a tile's limits."""
+) -> Sides:
+    """Return on which sides a footprint with what is around it reaches beyond a tile's limits."""
     if limits is None:
-        return True
-    west, south, east, north = limits
-    return bool(
-        bounds[0] - reach >= west
-        and bounds[1] - reach >= south
-        and bounds[2] + reach <= east
-        and bounds[3] + reach <= north
-    )
+        return NONE
+    beyond = (bounds[:2] - reach < limits[:2]).tolist(), (bounds[2:] + reach > limits[2:]).tolist()
+    return Sides(*beyond[0], *beyond[1])
 
 
 def _may_stand(tile: PointTile, min_height: float) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ import shapely
 
 from lidar_buildings.core.model.ids import CELL, anchor_near
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints import (
     FootprintConfig,
@@ -279,11 +280,11 @@ def test_of_two_tiles_just_one_has_a_footprint_on_their_border(edge):
 
 def test_a_footprint_that_reaches_beyond_the_tile_asks_for_more_of_it():
     given = footprints(HOUSE)
-    for east, clipped in ((19.0, True), (21.0, False)):
+    for east, is_clipped in ((19.0, True), (21.0, False)):
         tile = town(HOUSE)
         cut = tile.select(tile.points[:, 0] <= east)
         bounded = PointTile(cut.points, **cut.columns, bounds=(-5.0, -5.0, east, 45.0))
-        assert assign_footprints(bounded, given).clipped == clipped
+        assert assign_footprints(bounded, given).clipped == Sides(east=is_clipped)
 
 
 def test_tiles_of_one_or_no_point_and_points_without_classes_are_legal():
