@@ -84,8 +84,6 @@ bench: setup
 	@echo "Models of buildings:"
 	@$(BIN)/python -m bench.models.solids
 	@$(BIN)/python -m bench.models.run
-	@echo "Speed and memory of ground filters:"
-	@$(BIN)/python -m bench.ground.speed
 	@echo "Speed of the whole chain:"
 	@$(BIN)/python -m bench.chain.run
 

@@ -46,10 +46,8 @@ TEST = [
     "mypy",
     "matplotlib",
 ]
-# peers of the benchmarks, all of permissive licences (bench/ground/peers.py, bench/*/peers.py)
+# peers of the benchmarks, all of permissive licences (bench/*/peers.py)
 BENCH = [
-    "cloth-simulation-filter",
-    "whitebox-workflows",
     # jakteristics has no wheel for later ones
     "jakteristics; python_version < '3.13'",
     "pgeof",

@@ -18,8 +18,6 @@ ROOT = Path(__file__).resolve().parents[2]
 DEFAULT_DATA = ROOT / ".." / "shared" / "data"
 #: What `classify_ground` can be told of the scan.
 SCAN_COLUMNS = ("gps_time", "scan_angle", "scan_direction_flag", "point_source_id")
-#: Seconds between the copies of a cloud, as if they had been flown one after the other.
-PAUSE = 10.0
 
 
 class Cloud(NamedTuple):
@@ -70,24 +68,3 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
 def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:
     """Return the cloud elsewhere in the map frame, so that grids cut it in other places."""
     return cloud._replace(points=cloud.points + np.array([*offset, 0.0]))
-
-
-def replicated(cloud: Cloud, copies: int) -> Cloud:
-    """Return the cloud laid out `copies` × `copies` times, shifted by its extent, copy after copy in time."""
-    extent = np.append(np.ptp(cloud.points[:, :2], axis=0), 0.0)
-    shifts = [(column, row, 0) * extent for row in range(copies) for column in range(copies)]
-    scan = {name: np.tile(column, len(shifts)) for name, column in cloud.scan.items()}
-    if "gps_time" in scan:
-        duration = np.ptp(cloud.scan["gps_time"]) + PAUSE
-        scan["gps_time"] += np.repeat(np.arange(len(shifts)) * duration, len(cloud.points))
-    points = np.concatenate([cloud.points + shift for shift in shifts])
-    return Cloud(points, scan, np.tile(cloud.is_ground, len(shifts)))
-
-
-def middle_of(cloud: Cloud, side: float) -> Cloud:
-    """Return what lies in a square of this side in the cloud's middle."""
-    xy = cloud.points[:, :2]
-    middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
-    rows = (abs(xy - middle) < side / 2).all(axis=1)
-    scan = {name: column[rows] for name, column in cloud.scan.items()}
-    return Cloud(cloud.points[rows], scan, cloud.is_ground[rows])

@@ -13,7 +13,7 @@ from bench.common.tables import table
 from bench.generalise.disturbances import disturbances
 from bench.generalise.figures import FIGURE_HEADINGS, Score, rows_of
 from bench.ground.isprs import read_samples
-from bench.ground.peers import GroundFilter, filters, installed, own_methods
+from bench.ground.methods import METHODS
 from bench.ground.scores import score_of
 
 #: Least share of ground in a disturbed cloud that is judged: without any the lowest surface is ground.
@@ -49,22 +49,14 @@ def versions(clouds: Mapping[str, Cloud], quick: bool, seed: int) -> Iterator[tu
                 yield f"{name} {one.name}", one.kind, Cloud(one.points, one.columns, is_ground)
 
 
-def scores_of(
-    ground_filter: GroundFilter, clouds: Mapping[str, Cloud], quick: bool, seed: int
-) -> list[Score]:
-    """Return the total error of a filter on each version of each cloud."""
-    return [
-        Score(case, kind, score_of(ground_filter, cloud).total_error)
-        for case, kind, cloud in versions(clouds, quick, seed)
-    ]
-
-
 def report(data: Path, options: argparse.Namespace) -> str:
     """Return the table of this part."""
-    methods = installed(options.methods or own_methods()[:1])
-    clouds = read_clouds(data, options.clouds)
+    clouds, settings = read_clouds(data, options.clouds), settings_of(options.set)
     rows: list[list[str]] = []
-    with filters(methods, settings_of(options.set)) as chosen:
-        for method, ground_filter in chosen.items():
-            rows += rows_of(method, scores_of(ground_filter, clouds, options.quick, options.seed))
+    for method in options.methods or METHODS[:1]:
+        scores = [
+            Score(case, kind, score_of(cloud, method, settings).total_error)
+            for case, kind, cloud in versions(clouds, options.quick, options.seed)
+        ]
+        rows += rows_of(method, scores)
     return table(("method", "total error", *FIGURE_HEADINGS), rows)

@@ -23,7 +23,7 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from bench.common.arguments import add_pictures, parser_of, picture_folder, settings_of
 from bench.common.clouds import Cloud, data_folder, read_cloud
 from bench.common.tables import percent, table
-from bench.ground.peers import filter_names, filters, ground_mask, installed
+from bench.ground.methods import METHODS, ground_mask
 from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, score_of_mask
 
 #: Folder → classes that count as ground there.
@@ -71,28 +71,27 @@ def rows_of(
 ) -> list[list[list[str]]]:
     """Lines of the three tables: all points, where the reference is dense, without what it left out."""
     tables: list[list[list[str]]] = [[], [], []]
-    with filters(methods, settings) as chosen:
-        for name, cloud in clouds.items():
-            near = near_reference(cloud)
-            parts = (np.ones(len(near), dtype=bool), dense_rows(cloud, near), cloud.is_ground | ~near)
-            shares = [cloud.is_ground[near].mean(), *(part.mean() for part in parts[1:])]
-            for method, ground_filter in chosen.items():
-                mask = ground_mask(ground_filter, cloud)
-                for rows, part, share in zip(tables, parts, shares, strict=True):
-                    cells = cells_of(score_of_mask(mask[part], cloud.is_ground[part]))
-                    rows.append([method, name, percent(share), *cells])
-                draw_errors(pictures, method, name, cloud, mask)
+    for name, cloud in clouds.items():
+        near = near_reference(cloud)
+        parts = (np.ones(len(near), dtype=bool), dense_rows(cloud, near), cloud.is_ground | ~near)
+        shares = [cloud.is_ground[near].mean(), *(part.mean() for part in parts[1:])]
+        for method in methods:
+            mask = ground_mask(cloud, method, settings)
+            for rows, part, share in zip(tables, parts, shares, strict=True):
+                cells = cells_of(score_of_mask(mask[part], cloud.is_ground[part]))
+                rows.append([method, name, percent(share), *cells])
+            draw_errors(pictures, method, name, cloud, mask)
     return tables
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
-    parser = parser_of(__doc__, filter_names())
+    parser = parser_of(__doc__, METHODS)
     add_pictures(parser)
     options = parser.parse_args(arguments)
     clouds = read_folders(data_folder(options.data))
-    methods, settings = installed(options.methods), settings_of(options.set)
-    tables = rows_of(clouds, methods, settings, picture_folder(options.pictures))
+    settings = settings_of(options.set)
+    tables = rows_of(clouds, options.methods, settings, picture_folder(options.pictures))
     titles = (
         "All points:",
         f"\nWhere the provider's ground is dense (at least {100 * MIN_DENSITY:.0f} % of what lies on it):",

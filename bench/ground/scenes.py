@@ -16,7 +16,7 @@ from typing import Any
 from bench.common.arguments import add_pictures, parser_of, settings_of
 from bench.common.clouds import Cloud
 from bench.common.tables import percent, table
-from bench.ground.peers import filter_names, filters, ground_mask, installed
+from bench.ground.methods import METHODS, ground_mask
 from bench.ground.scores import SCORE_HEADINGS, cells_of, draw_errors, mean_cells, score_of_mask
 from bench.scenes.terrain import TERRAIN_SCENES
 
@@ -37,24 +37,23 @@ def rows_of(
 ) -> list[list[str]]:
     """Lines of the table: every method on every scene, its mean and its worst."""
     rows = []
-    with filters(methods, settings) as chosen:
-        for method, ground_filter in chosen.items():
-            scores = {}
-            for name, cloud in clouds.items():
-                mask = ground_mask(ground_filter, cloud)
-                scores[name] = score_of_mask(mask, cloud.is_ground)
-                rows.append([method, name, *cells_of(scores[name])])
-                draw_errors(pictures, method, name, cloud, mask)
-            rows.append([method, "mean", *mean_cells(list(scores.values()))])
-            worst = max(scores, key=lambda name: scores[name].total_error)
-            rows.append([method, f"worst: {worst}", percent(scores[worst].total_error), "", "", ""])
+    for method in methods:
+        scores = {}
+        for name, cloud in clouds.items():
+            mask = ground_mask(cloud, method, settings)
+            scores[name] = score_of_mask(mask, cloud.is_ground)
+            rows.append([method, name, *cells_of(scores[name])])
+            draw_errors(pictures, method, name, cloud, mask)
+        rows.append([method, "mean", *mean_cells(list(scores.values()))])
+        worst = max(scores, key=lambda name: scores[name].total_error)
+        rows.append([method, f"worst: {worst}", percent(scores[worst].total_error), "", "", ""])
     return rows
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the scenes, run the filters, print the table."""
     every = tuple(TERRAIN_SCENES)
-    parser = parser_of(__doc__, filter_names())
+    parser = parser_of(__doc__, METHODS)
     parser.add_argument(
         "--scenes", nargs="+", choices=every, default=every, metavar="SCENE", help=", ".join(every)
     )
@@ -72,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     }
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
-    rows = rows_of(clouds, installed(options.methods), settings_of(options.set), options.pictures)
+    rows = rows_of(clouds, options.methods, settings_of(options.set), options.pictures)
     print(table(("method", "scene", *SCORE_HEADINGS), rows))
 
 

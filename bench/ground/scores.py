@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.clouds import Cloud
 from bench.common.tables import percent
-from bench.ground.peers import GroundFilter, ground_mask
+from bench.ground.methods import ground_mask
 from lidar_buildings.evaluation.scores.ground import GroundScore, score_ground
 
 #: Heading → member of GroundScore, and whether it is shown in percent.
@@ -22,9 +23,9 @@ def score_of_mask(mask: NDArray[np.bool_], is_ground: NDArray[np.bool_]) -> Grou
     return score_ground(np.where(mask, 2, 1), np.where(is_ground, 2, 1))
 
 
-def score_of(ground_filter: GroundFilter, cloud: Cloud) -> GroundScore:
-    """Run a filter and score it."""
-    return score_of_mask(ground_mask(ground_filter, cloud), cloud.is_ground)
+def score_of(cloud: Cloud, method: str, settings: Mapping[str, Any] | None = None) -> GroundScore:
+    """Run a method and score it."""
+    return score_of_mask(ground_mask(cloud, method, settings), cloud.is_ground)
 
 
 def cells_of(score: GroundScore) -> list[str]:

@@ -1,11 +1,6 @@
 """The benchmarks, on clouds small enough for a test; nothing here looks at how fast anything was."""
 
-import json
-import math
-import os
 import re
-import subprocess
-import sys
 
 import laspy
 import numpy as np
@@ -13,15 +8,13 @@ import pytest
 from support.source_tree import ROOT
 
 from bench.common import arguments, clouds, pictures, tables
-from bench.ground import isprs, optimisation, providers
-from bench.ground import peers as filters
+from bench.ground import isprs, providers
 from bench.ground import scenes as terrain_bench
 from bench.ground import scores as agreement
-from bench.ground import speed as ground
+from bench.ground.methods import METHODS, ground_mask
 from bench.scenes.terrain_site import GROUND, TerrainSite
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 
-METHOD = filters.own_methods()[0]
+METHOD = METHODS[0]
 
 
 def small_scene(seed=0):
@@ -74,122 +67,11 @@ def test_files_are_read_as_one_cloud_near_the_map_s_origin_with_time_and_truth(d
     np.testing.assert_array_equal(cloud.scan["gps_time"], times)
 
 
-def test_copies_lie_side_by_side_and_follow_one_another_in_time():
-    cloud = small_scene()
-    copies = clouds.replicated(cloud, 2)
-    n_points = len(cloud.points)
-    assert len(copies.points) == len(copies.is_ground) == 4 * n_points
-    shifts = [copies.points[k * n_points] - cloud.points[0] for k in range(4)]
-    width, depth, _ = np.ptp(cloud.points, axis=0)
-    np.testing.assert_allclose(
-        shifts, [(0, 0, 0), (width, 0, 0), (0, depth, 0), (width, depth, 0)], atol=1e-9
-    )
-    assert (np.diff(copies.scan["gps_time"]) > 0).all()
-    np.testing.assert_array_equal(copies.is_ground[n_points : 2 * n_points], cloud.is_ground)
-
-
-def test_the_middle_of_a_cloud_keeps_its_rows_together():
-    cloud = small_scene()
-    middle = clouds.middle_of(cloud, 12.0)
-    rows = np.flatnonzero((cloud.points[:, None] == middle.points[None, ::40]).all(axis=2).any(axis=1))
-    np.testing.assert_array_equal(cloud.is_ground[rows], middle.is_ground[::40])
-    assert np.ptp(middle.points[:, :2], axis=0).max() <= 12
-    assert len(middle.scan["gps_time"]) == len(middle.points)
-
-
-@pytest.mark.parametrize("method", filters.own_methods())
+@pytest.mark.parametrize("method", METHODS)
 def test_every_method_of_the_package_is_scored(method):
-    score = agreement.score_of(filters.own_filter(method), small_scene())
+    score = agreement.score_of(small_scene(), method)
     assert score.total_error < 0.1
     assert score.n_points == len(small_scene().points)
-
-
-@pytest.mark.parametrize("name", filters.PEERS)
-def test_a_peer_finds_the_ground_of_a_simple_scene(name):
-    cloud = small_scene()
-    with filters.filters([name]) as chosen:
-        if not chosen[name].installed:
-            pytest.skip(f"{name} is not installed")
-        mask = filters.ground_mask(chosen[name], cloud)
-    assert mask.dtype == bool
-    assert agreement.score_of_mask(mask, cloud.is_ground).total_error < 0.2
-
-
-def test_a_peer_that_is_absent_is_left_out_and_named(monkeypatch, capsys):
-    monkeypatch.setattr(filters.importlib.util, "find_spec", lambda package: None)
-    assert filters.installed([METHOD, "csf"]) == [METHOD]
-    assert "csf: not installed" in capsys.readouterr().err
-
-
-def test_what_libraries_print_is_kept_off_the_output(capfd):
-    with filters.quiet():
-        os.write(1, b"noise")
-    os.write(1, b"figures")
-    assert capfd.readouterr().out == "figures"
-
-
-#: Measures a run that needs 80 MB, in a process of its own: what another test has freed would be used again.
-HUNGRY = """
-import json
-import sys
-import numpy as np
-from bench.ground import peers as filters
-from bench.ground import measuring
-from bench.common.clouds import Cloud
-points = np.random.default_rng(0).uniform(0.0, 20.0, (2000, 3))
-run = lambda cloud: np.ones(80_000_000, dtype=np.uint8)[: len(cloud.points)]
-hungry = filters.GroundFilter(lambda cloud: cloud, run, lambda output, n: output.astype(bool), "numpy")
-print(json.dumps(measuring.measure(hungry, Cloud(points, {}, np.ones(2000, dtype=bool)))))
-"""
-
-
-def test_peak_memory_above_the_input_is_that_of_the_run():
-    done = subprocess.run(
-        [sys.executable, "-c", HUNGRY], cwd=ROOT, capture_output=True, text=True, check=True, timeout=120
-    )
-    figures = json.loads(done.stdout)
-    assert figures["bytes_above_input"] == pytest.approx(80_000_000, rel=0.15)
-    assert figures["ground"] == figures["points"] == 2000
-    assert figures["seconds"] > 0
-
-
-def test_speed_is_measured_in_processes_of_their_own(capsys):
-    cloud = small_scene()
-    runs = ground.run_all(cloud, [METHOD], [1, 2], repeats=1)
-    assert [len(records) for records in runs.values()] == [1, 1]
-    assert runs[METHOD, 2][0]["points"] == 4 * len(cloud.points)
-    text = tables.table(ground.HEADINGS, ground.rows_of(runs, [METHOD], [2, 1]))
-    assert [words[1] for words in lines_of(text, METHOD)] == [str(k * len(cloud.points)) for k in (1, 4)]
-    assert "round 1" in capsys.readouterr().err
-
-
-def test_a_run_that_fails_says_why_in_the_table(tmp_path):
-    record = ground.run_one(tmp_path / "absent.npz", METHOD, 1)
-    assert "absent.npz" in record["failed"]
-    assert "absent.npz" in ground.row_of({(METHOD, 1): [record]}, METHOD, 1, None)[2]
-
-
-def test_ratio_and_growth_are_medians_over_rounds():
-    def records(points, *seconds):
-        return [{"points": points, "seconds": s, "cpu_seconds": s, "bytes_above_input": 5} for s in seconds]
-
-    runs = {
-        ("csf", 1): records(100, 1.0, 1.0, 4.0),
-        ("mine", 1): records(100, 2.0, 2.0, 2.0),
-        ("mine", 2): records(400, 16.0, 8.0, 16.0),
-    }
-    assert ground.speed_ratio(runs, "mine", 1) == 0.5
-    assert math.isnan(ground.speed_ratio(runs, "mine", 2))
-    assert ground.growth(runs, "mine", 2, 1) == pytest.approx(1.5)
-    assert math.isnan(ground.growth(runs, "mine", 1, None))
-
-
-def test_the_speed_of_delft_is_printed_with_absent_peers(data, monkeypatch, capsys):
-    monkeypatch.setattr(ground, "installed", lambda names: [METHOD])
-    ground.main(["--data", str(data), "--methods", METHOD, "csf", "--copies", "1", "--repeats", "1"])
-    output = capsys.readouterr().out
-    assert len(lines_of(output, METHOD)) == 1
-    assert lines_of(output, "csf") == [["csf", "not", "installed"]]
 
 
 def test_every_sample_there_is_is_scored_and_the_mean(data, capsys):
@@ -206,31 +88,6 @@ def test_every_sample_there_is_is_scored_and_the_mean(data, capsys):
 def test_a_folder_without_samples_is_refused_in_one_line(tmp_path):
     with pytest.raises(SystemExit, match=re.escape("holds no sampNN.laz")):
         isprs.main(["--data", str(tmp_path), "--methods", METHOD])
-
-
-def test_optimised_figures_are_those_of_the_best_settings(data, monkeypatch, capsys):
-    monkeypatch.setattr(optimisation, "GRIDS", {METHOD: {"ground_distance": (0.1, 1.0)}})
-    monkeypatch.setattr(isprs, "GRIDS", {METHOD: {}})
-    isprs.main(["--data", str(data), "--methods", METHOD, "--optimise"])
-    last = lines_of(capsys.readouterr().out.split("2 tried:")[1], METHOD)
-    for words in last:
-        default, optimised, single = map(float, words[2:5])
-        assert optimised <= single <= default or words[1] != "mean"
-
-
-def test_settings_are_chosen_per_cloud_for_all_and_on_the_others():
-    errors = np.array([[1.0, 5.0, 5.0], [4.0, 2.0, 3.0], [9.0, 1.0, 1.0]])
-    best = optimisation.optimum_of(errors)
-    assert best.per_cloud.tolist() == [0, 2, 2]
-    assert best.single == 1
-    assert best.left_out.tolist() == [2, 0, 0]
-
-
-@pytest.mark.parametrize("method", optimisation.GRIDS)
-def test_the_settings_tried_are_allowed_and_begin_with_the_defaults(method):
-    settings = optimisation.settings_grid(method)
-    assert GroundFilterConfig(**settings[0]) == GroundFilterConfig()
-    assert len({GroundFilterConfig(method=method, **chosen) for chosen in settings}) == len(settings)
 
 
 def test_providers_are_compared_in_three_tables(data, capsys):
@@ -291,8 +148,8 @@ def test_parameters_given_are_used_and_unknown_ones_refused():
         arguments.settings_of(["ground_distance=wide"])
     with pytest.raises(SystemExit, match="no such parameter"):
         arguments.settings_of(["distance=0.5"])
-    tolerant = filters.own_filter(METHOD, {"ground_distance": 5.0, "iteration_distance": 20.0})
-    masks = [filters.ground_mask(f, small_scene()) for f in (filters.own_filter(METHOD), tolerant)]
+    tolerant = {"ground_distance": 5.0, "iteration_distance": 20.0}
+    masks = [ground_mask(small_scene(), METHOD, settings) for settings in (None, tolerant)]
     assert masks[1].sum() > masks[0].sum()
 
 
