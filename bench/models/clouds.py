@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import math
 import re
 from collections import Counter
@@ -156,11 +155,6 @@ def points_of(output: Path, files: Sequence[Path]) -> ModelPointScore | None:
         return None
     buildings = read_city_model(output).buildings
     return score_model_points([one.finest(LODS[0])[1] for one in buildings], points)
-
-
-def seconds_of(output: Path) -> dict[str, float]:
-    """Return the seconds that a run says its stages took."""
-    return dict(json.loads((output / "run.json").read_text())["seconds"])
 
 
 def clouds_table(clouds: Sequence[CloudModels]) -> str:

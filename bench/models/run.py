@@ -1,17 +1,16 @@
 """
-Roof planes and building models: against exact truth, on bad input, on every real cloud, and how fast.
+Roof planes and building models: against exact truth, on bad input, and on every real cloud.
 
     python -m bench.models.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...] [--roofs NAME ...]
                            [--rotations N] [--density D] [--noise M] [--seeds N ...]
-                           [--clouds NAME ...] [--keep DIR] [--repeats N]
+                           [--clouds NAME ...] [--keep DIR]
 
-Parts (all by default; the last two need the real clouds):
+Parts (all by default; the last needs the real clouds):
 
 scenes    virtual roofs of every type in N orientations: type, planes, angles, ridges, volume, vertices
 bad       input that is hard or bad: which levels come out, and why not more
 clouds    every cloud of the data folder through the chain: levels of detail, reasons, validity, RMSE; Delft
           with given footprints, too, and with roofer beside where its program is installed
-speed     planes and models of Delft and of the virtual village and roofs: buildings/s, same bytes in all runs
 """
 
 from __future__ import annotations
@@ -23,22 +22,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bench.common.areas import read_tile
 from bench.common.arguments import settings_of
 from bench.common.clouds import data_folder
 from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
 from bench.models.peers import PROGRAM, is_installed, roofer_models
-from bench.models.speed import speed_of, speed_table
 from bench.models.truth import Configs, bad_scenes, bad_table, judged, truth_table
 from bench.scenes.models import SHAPES, model_scene
 from lidar_buildings.core.stages.building_model import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
-from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
-from lidar_buildings.simulation import simulate_tile
 
-#: Virtual surveys whose speed is taken.
-VIRTUAL = ("village", "roof_types", "special_roofs", "dense_block")
-DELFT, FOOTPRINTS = "delft", "buildings_nw.gpkg"
+FOOTPRINTS = "buildings_nw.gpkg"
 
 
 def run_scenes(options: argparse.Namespace) -> None:
@@ -82,24 +75,10 @@ def run_clouds(options: argparse.Namespace) -> None:
     print(f"invalid solids: {invalid or 'none'}\n")
 
 
-def run_speed(options: argparse.Namespace) -> None:
-    """Take the times of planes and models."""
-    speeds = [speed_of(name, simulate_tile(name)[0], options.repeats) for name in VIRTUAL]
-    folder = options.data_folder / DELFT
-    if folder.is_dir():
-        tile, frame = read_tile(folder)
-        speeds.append(speed_of(DELFT, tile, options.repeats))
-        if (folder / FOOTPRINTS).is_file():
-            given = read_footprints(FootprintSource(folder / FOOTPRINTS), frame).footprints
-            speeds.append(speed_of(f"{DELFT}, footprints", tile, options.repeats, given))
-    print(speed_table(speeds), end="\n\n")
-
-
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "scenes": run_scenes,
     "bad": run_bad,
     "clouds": run_clouds,
-    "speed": run_speed,
 }
 
 
@@ -107,8 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for."""
     options = _parser().parse_args(arguments)
     options.configs = configs_of(options.set)
-    if {"clouds", "speed"} & set(options.parts):
-        options.data_folder = data_folder(options.data)
+    options.data_folder = data_folder(options.data)
     if "clouds" in options.parts and not is_installed():
         print(f"{PROGRAM}: not installed (a program of this name on the path)", file=sys.stderr)
     for part in options.parts:
@@ -168,9 +146,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: rounds (0)")
     parser.add_argument("--clouds", nargs="+", metavar="NAME", help="clouds: folders of the data (all)")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="clouds: leave the results in this folder")
-    parser.add_argument(
-        "--repeats", type=int, default=3, metavar="N", help="speed: runs, the fastest counts (3)"
-    )
     return parser
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from bench.models import clouds as model_clouds
 from bench.models import run as models
-from bench.models import speed as model_speed
 from bench.models import truth as model_truth
 from bench.scenes.models import model_scene
 from lidar_buildings.core.solids.raising import extrude
@@ -92,17 +91,3 @@ def test_the_command_compares_roofs_that_are_named(capsys):
     with pytest.raises(SystemExit, match=r"--set roofs.x=1: must be STAGE.NAME=VALUE"):
         models.main(["--parts", "bad", "--set", "roofs.x=1"])
     assert models.rotations(3) == [0.0, 30.0, 60.0]
-
-
-def test_a_fingerprint_changes_with_a_vertex(gable):
-    class Built:
-        building_id = 1
-
-    _, verdict = gable
-    one, other = Built(), Built()
-    one.model = verdict.model
-    solid = max(verdict.model.solids.items())[1]
-    moved = Solid(solid.vertices + np.array([0, 0, 0.001]), solid.faces, solid.semantics)
-    other.model = replace(verdict.model, solids={**verdict.model.solids, max(verdict.model.solids): moved})
-    assert model_speed.fingerprint([one]) == model_speed.fingerprint([one])
-    assert model_speed.fingerprint([one]) != model_speed.fingerprint([other])
