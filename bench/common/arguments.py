@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from bench.common.clouds import ROOT
-from lidar_buildings.core.model.parameters import StageConfig
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.commands.settings import read_settings
+from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
 
 
 def parser_of(description: str | None, names: Sequence[str]) -> argparse.ArgumentParser:
@@ -51,25 +51,20 @@ def picture_folder(folder: Path | None) -> Path | None:
     return folder
 
 
-def settings_of(texts: Sequence[str], config: type[StageConfig] = GroundFilterConfig) -> dict[str, Any]:
-    """Turn NAME=VALUE into values of the types that a stage's parameters have."""
-    defaults = {field.name: field.default for field in fields(config)}
-    settings = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if name not in defaults:
-            raise SystemExit(f"--set {text}: no such parameter; there are {', '.join(defaults)}")
-        try:
-            settings[name] = _value_of(value, type(defaults[name]))
-        except ValueError:
-            raise SystemExit(f"--set {text}: must be of type {type(defaults[name]).__name__}") from None
-    return settings
+def config_of(texts: Sequence[str], **defaults: Mapping[str, Any]) -> PipelineConfig:
+    """Read STAGE.NAME=VALUE, as a run does; `defaults` are settings by stage."""
+    given = _stage_settings(texts)
+    settings = {stage: {**defaults.get(stage, {}), **given.get(stage, {})} for stage in STAGE_CONFIGS}
+    return PipelineConfig.from_settings(settings)
 
 
-def _value_of(text: str, kind: type) -> Any:
-    """Read a value of a parameter's type; items of a list are parted by commas."""
-    if kind is bool:
-        if text not in ("true", "false"):
-            raise ValueError(text)
-        return text == "true"
-    return tuple(filter(None, text.split(","))) if kind is tuple else kind(text)
+def settings_of(texts: Sequence[str], stage: str = "ground_filter") -> dict[str, Any]:
+    """Read NAME=VALUE of one stage."""
+    return _stage_settings([f"{stage}.{text}" for text in texts]).get(stage, {})
+
+
+def _stage_settings(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
+    try:
+        return read_settings(None, list(texts), {"bench": STAGE_CONFIGS})
+    except ParameterError as error:
+        raise SystemExit(str(error)) from None

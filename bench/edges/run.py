@@ -172,7 +172,7 @@ def parser_of_edges() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     options = parser_of_edges().parse_args(arguments)
-    settings = settings_of(options.set, EdgeLabellingConfig)
+    settings = settings_of(options.set, "edge_labelling")
     chosen = {field.name for field in fields(EdgeLabellingConfig)} & {"method", "features"} & settings.keys()
     if chosen:
         raise SystemExit(f"--set {chosen.pop()}: is what --methods chooses")

@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the edge labelling"
     )
     options = parser.parse_args(arguments)
-    settings = settings_of(options.set, EdgeLabellingConfig)
+    settings = settings_of(options.set, "edge_labelling")
     for variant in options.variants:
         rows = rows_of(configs_of(variant, options.methods, settings), options.scenes, options.density)
         print(f"{variant.capitalize()}:")

@@ -123,7 +123,7 @@ def scene_scores(method: str, settings: Mapping[str, Any]) -> list[Score]:
 
 def report(data: Path, options: argparse.Namespace) -> str:
     """Return the table of this part."""
-    settings = settings_of(options.set, RoofSelectionConfig)
+    settings = settings_of(options.set, "roof_selection")
     methods = options.methods or METHODS[:1]
     configs = {method: RoofSelectionConfig(**{**settings, "method": method}) for method in methods}
     rows: list[list[str]] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.arguments import settings_of
+from bench.common.arguments import config_of
 from bench.common.tables import table
 from bench.generalise.disturbances import disturbances
 from lidar_buildings.core.model.classes import PointClass
@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.building_model.surface_distance import distance
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import match_corners, score_wireframes
 from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Below the data folder: clouds and wireframes (.obj) of the same names.
 FOLDER = "tallinn"
@@ -138,16 +138,6 @@ def report(data: Path, options: argparse.Namespace) -> str:
             found.setdefault(one.kind, []).append(counts)
     disturbed = [one for kind in KINDS for one in found.get(kind, [])]
     return corner_table(found | {"all disturbed": disturbed})
-
-
-def config_of(texts: Sequence[str]) -> PipelineConfig:
-    """Return the config that STAGE.NAME=VALUE give, as the command line's --set."""
-    settings: dict[str, list[str]] = {}
-    for text in texts:
-        stage, _, setting = text.partition(".")
-        settings.setdefault(stage, []).append(setting)
-    values = {stage: settings_of(own, STAGE_CONFIGS[stage]) for stage, own in settings.items()}
-    return PipelineConfig.from_settings(values)
 
 
 def corner_table(counts: Mapping[str, list[Counts]]) -> str:

@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bench.common.areas import read_files
 from bench.common.tables import percent, table
-from bench.outlines.clouds import ADJOINING, ROOFS_ONLY, UNREADABLE
+from bench.outlines.clouds import ROOFS_ONLY
 from lidar_buildings.cli import main as command
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
@@ -103,17 +103,6 @@ class CloudModels(NamedTuple):
             for part in parts
             if (codes := check_solid(part))
         ]
-
-
-def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
-    """Yield every cloud of the data folder: its name and its files."""
-    for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
-        files = sorted(folder.glob("*.laz"))
-        if files and folder.name in ADJOINING:
-            yield folder.name, files
-            continue
-        for file in files:
-            yield folder.name if len(files) == 1 else f"{folder.name}/{file.stem}", [file]
 
 
 def models_of_cloud(

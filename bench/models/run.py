@@ -22,14 +22,13 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bench.common.arguments import settings_of
+from bench.common.arguments import config_of
 from bench.common.clouds import data_folder
-from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
+from bench.models.clouds import clouds_table, models_of_cloud, reasons_table
 from bench.models.peers import PROGRAM, is_installed, roofer_models
-from bench.models.truth import Configs, bad_scenes, bad_table, judged, truth_table
+from bench.models.truth import bad_scenes, bad_table, judged, truth_table
+from bench.outlines.clouds import clouds_in
 from bench.scenes.models import SHAPES, model_scene
-from lidar_buildings.core.stages.building_model import BuildingModelConfig
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
 
 FOOTPRINTS = "buildings_nw.gpkg"
 
@@ -85,7 +84,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for."""
     options = _parser().parse_args(arguments)
-    options.configs = configs_of(options.set)
+    options.configs = config_of(options.set)
     options.data_folder = data_folder(options.data)
     if "clouds" in options.parts and not is_installed():
         print(f"{PROGRAM}: not installed (a program of this name on the path)", file=sys.stderr)
@@ -96,20 +95,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def rotations(n: int) -> list[float]:
     """Return so many orientations of the quadrant, along the axes first; shapes have two different sides."""
     return [90.0 * k / n for k in range(n)]
-
-
-def configs_of(texts: Sequence[str]) -> Configs:
-    """Read STAGE.NAME=VALUE, as the command line's --set."""
-    own: dict[str, list[str]] = {"plane_fitting": [], "building_model": []}
-    for text in texts:
-        stage, point, setting = text.partition(".")
-        if not point or stage not in own:
-            raise SystemExit(f"--set {text}: must be STAGE.NAME=VALUE, STAGE one of {', '.join(own)}")
-        own[stage].append(setting)
-    return Configs(
-        PlaneFittingConfig(**settings_of(own["plane_fitting"], PlaneFittingConfig)),
-        BuildingModelConfig(**settings_of(own["building_model"], BuildingModelConfig)),
-    )
 
 
 @contextmanager

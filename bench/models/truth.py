@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from bench.common.tables import table
 from bench.scenes.models import BAD_SCENES, ModelScene, roof_words
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.stages.building_model import BuildingModel, BuildingModelConfig, build_model
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, RoofPlanes, fit_roof_planes
+from lidar_buildings.core.stages.building_model import BuildingModel, build_model
+from lidar_buildings.core.stages.plane_fitting import RoofPlanes, fit_roof_planes
 from lidar_buildings.evaluation.scores.models import ModelScore, score_models
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: The finest level; the others come in its place.
 FINEST = "2.2"
@@ -38,13 +39,6 @@ HEADINGS = (
     "vertices equal",
     "corners equal",
 )
-
-
-class Configs(NamedTuple):
-    """Settings of the two stages."""
-
-    plane_fitting: PlaneFittingConfig = PlaneFittingConfig()
-    building_model: BuildingModelConfig = BuildingModelConfig()
 
 
 class Verdict(NamedTuple):
@@ -103,12 +97,12 @@ class Verdict(NamedTuple):
         return self.has_finest and self.score.counts.same_corners == 1.0
 
 
-def judged(scenes: Iterable[ModelScene], configs: Configs | None = None) -> list[Verdict]:
+def judged(scenes: Iterable[ModelScene], configs: PipelineConfig | None = None) -> list[Verdict]:
     """Fit planes and build the model of every scene."""
-    return [verdict(scene, configs or Configs()) for scene in scenes]
+    return [verdict(scene, configs or PipelineConfig()) for scene in scenes]
 
 
-def modelled(scene: ModelScene, configs: Configs) -> tuple[RoofPlanes, BuildingModel]:
+def modelled(scene: ModelScene, configs: PipelineConfig) -> tuple[RoofPlanes, BuildingModel]:
     """Return a scene's planes and its model, from the true outline."""
     planes = fit_roof_planes(scene.points, configs.plane_fitting)
     model = build_model(
@@ -121,7 +115,7 @@ def modelled(scene: ModelScene, configs: Configs) -> tuple[RoofPlanes, BuildingM
     return planes, model
 
 
-def verdict(scene: ModelScene, configs: Configs) -> Verdict:
+def verdict(scene: ModelScene, configs: PipelineConfig) -> Verdict:
     """Compare one scene's model with its truth."""
     planes, model = modelled(scene, configs)
     pairs = matched_planes(planes.plane_id, scene)

@@ -5,35 +5,27 @@ From roof points to outlines: this package's three stages, each timed, and what 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from bench.common.arguments import settings_of
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
-from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.stages.boundary_tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation import regularise_outline
+from lidar_buildings.core.stages.segmentation import segment_buildings
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 #: Columns of a tile that segmentation can be told.
 SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")
 #: Steps whose time is taken.
 STEPS = ("segmentation", "tracing", "regularisation")
-
-
-class Configs(NamedTuple):
-    """Settings of the three stages."""
-
-    segmentation: SegmentationConfig = SegmentationConfig()
-    boundary_tracing: BoundaryTracingConfig = BoundaryTracingConfig()
-    regularisation: RegularisationConfig = RegularisationConfig()
 
 
 class Building(NamedTuple):
@@ -92,7 +84,7 @@ class Chain(NamedTuple):
         return np.array([building.polygon for building in self.buildings], dtype=object)
 
 
-def chain_of(roofs: PointTile, configs: Configs) -> Chain:
+def chain_of(roofs: PointTile, configs: PipelineConfig) -> Chain:
     """Run segmentation, tracing and regularisation on roof points, building after building."""
     seconds = dict.fromkeys(STEPS, 0.0)
     scan = {name: getattr(roofs, name) for name in SCAN_COLUMNS}
@@ -134,28 +126,10 @@ def chain_of(roofs: PointTile, configs: Configs) -> Chain:
     return Chain(buildings, seconds)
 
 
-def configs_of(texts: Sequence[str], **settings: Mapping[str, Any]) -> Configs:
-    """Read STAGE.NAME=VALUE, as the command line's --set; `settings` are defaults by stage."""
-    own: dict[str, list[str]] = {stage: [] for stage in Configs._fields}
-    for text in texts:
-        stage, point, setting = text.partition(".")
-        if not point or stage not in own:
-            raise SystemExit(f"--set {text}: must be STAGE.NAME=VALUE, STAGE one of {', '.join(own)}")
-        own[stage].append(setting)
-    return Configs(
-        *(
-            type(default)(**{**settings.get(stage, {}), **settings_of(own[stage], type(default))})
-            for stage, default in Configs()._asdict().items()
-        )
-    )
-
-
-def bias_variants(configs: Configs) -> dict[str, Configs]:
+def bias_variants(configs: PipelineConfig) -> dict[str, PipelineConfig]:
     """Return the configs to compare by name: with and without the correction of the lidar's bias."""
-    if "correct_bias" not in {field.name for field in fields(RegularisationConfig)}:
-        return {"as set": configs}
     return {
-        name: configs._replace(regularisation=replace(configs.regularisation, **{"correct_bias": corrected}))
+        name: replace(configs, regularisation=replace(configs.regularisation, correct_bias=corrected))
         for name, corrected in (("through the points", False), ("bias corrected", True))
     }
 

@@ -51,16 +51,15 @@ class RoofCloud(NamedTuple):
     classes: str
 
 
-def roof_clouds(data: Path, *, own_classes: bool = False) -> Iterator[RoofCloud]:
-    """Read every cloud of the data folder that is there, one after the other."""
+def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
+    """Yield every cloud of the data folder: its name and its files."""
     for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
         files = sorted(folder.glob("*.laz"))
         if files and folder.name in ADJOINING:
-            yield read_roofs(folder.name, files, own_classes=own_classes)
+            yield folder.name, files
             continue
         for file in files:
-            name = folder.name if len(files) == 1 else f"{folder.name}/{file.stem}"
-            yield read_roofs(name, [file], own_classes=own_classes)
+            yield folder.name if len(files) == 1 else f"{folder.name}/{file.stem}", [file]
 
 
 def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> RoofCloud:

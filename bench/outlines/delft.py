@@ -11,7 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from bench.outlines.chain import STEPS, Chain, Configs, chain_of
+from bench.outlines.chain import STEPS, Chain, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.peers import run_peer
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
@@ -19,6 +19,7 @@ from lidar_buildings.evaluation.scores.blocks import merge_touching
 from lidar_buildings.evaluation.scores.corners import score_corners
 from lidar_buildings.evaluation.scores.directions import score_directions
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_outlines
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Headings of what `quality_cells` gives.
 HEADINGS = (
@@ -85,7 +86,9 @@ def read_delft(data: Path, *, own_classes: bool = False) -> tuple[RoofCloud, Ref
     return cloud, Reference(blocks, area)
 
 
-def run_all(cloud: RoofCloud, configs: dict[str, Configs], peers: Sequence[str], repeats: int) -> Peered:
+def run_all(
+    cloud: RoofCloud, configs: dict[str, PipelineConfig], peers: Sequence[str], repeats: int
+) -> Peered:
     """Run every variant of ours and every peer in turns, after one run of each that does not count."""
     first = next(iter(configs.values()))
     clusters = [cloud.roofs.points[one.rows] for one in chain_of(cloud.roofs, first).buildings]

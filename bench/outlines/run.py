@@ -22,10 +22,10 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 
-from bench.common.arguments import add_pictures, picture_folder
+from bench.common.arguments import add_pictures, config_of, picture_folder
 from bench.common.clouds import data_folder
-from bench.outlines.chain import bias_variants, configs_of
-from bench.outlines.clouds import read_roofs, roof_clouds
+from bench.outlines.chain import bias_variants
+from bench.outlines.clouds import clouds_in, read_roofs
 from bench.outlines.delft import delft_tables, read_delft, run_all
 from bench.outlines.peers import PEERS, is_installed
 from bench.outlines.pictures import draw_map, draw_scenes, draw_table_1
@@ -84,7 +84,7 @@ def run_delft(options: argparse.Namespace) -> None:
 
 def run_table_1(options: argparse.Namespace) -> None:
     """Print the paper's Table 1 with ours."""
-    configs = configs_of(options.set, segmentation={"split_at_steps": True})
+    configs = config_of(options.set, segmentation={"split_at_steps": True})
     rows = []
     for name in TABLE_1_CLOUDS:
         files = sorted((options.data_folder / name).glob("*.laz"))
@@ -103,8 +103,8 @@ def run_table_1(options: argparse.Namespace) -> None:
 def run_validity(options: argparse.Namespace) -> None:
     """Check all outlines of all clouds."""
     checked = [
-        check(cloud, options.configs, options.repeats)
-        for cloud in roof_clouds(options.data_folder, own_classes=options.own_classes)
+        check(read_roofs(name, files, own_classes=options.own_classes), options.configs, options.repeats)
+        for name, files in clouds_in(options.data_folder)
     ]
     print(validity_table(checked))
     print(f"faults: {n_faulty(checked)}\n")
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts asked for."""
     options = _parser().parse_args(arguments)
     options.folder = picture_folder(options.pictures)
-    options.configs = configs_of(options.set)
+    options.configs = config_of(options.set)
     options.data_folder = data_folder(options.data)
     for name in [name for name in options.methods if name != OURS and not is_installed(name)]:
         print(f"{name}: not installed (pip install '.[bench]')", file=sys.stderr)

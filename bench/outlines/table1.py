@@ -10,11 +10,12 @@ import shapely
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from bench.outlines.chain import Building, Configs, chain_of
+from bench.outlines.chain import Building, chain_of
 from bench.outlines.clouds import RoofCloud
 from bench.outlines.truth import tile_of
 from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
 from lidar_buildings.evaluation.scores.adjustment import AdjustmentScore, score_adjustment
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Buildings per data set, as in the paper.
 N_BUILDINGS = 10
@@ -46,7 +47,7 @@ class Row(NamedTuple):
     score: AdjustmentScore
 
 
-def row_of_cloud(cloud: RoofCloud, configs: Configs) -> Row:
+def row_of_cloud(cloud: RoofCloud, configs: PipelineConfig) -> Row:
     """Take the ten largest buildings of a cloud that its edge does not cut."""
     chain = chain_of(cloud.roofs, configs)
     whole = [one for one in chain.buildings if not _is_cut(cloud, cloud.roofs.points[one.rows], one.spacing)]
@@ -54,7 +55,7 @@ def row_of_cloud(cloud: RoofCloud, configs: Configs) -> Row:
     return _row(cloud.name, largest)
 
 
-def row_of_survey(spacing: float, configs: Configs, *, noise: float, seed: int) -> Row:
+def row_of_survey(spacing: float, configs: PipelineConfig, *, noise: float, seed: int) -> Row:
     """Scan the ten largest rectilinear plans at this spacing, each in another orientation."""
     plans = {name: plan() for name, plan in PLANS.items()}
     rectilinear = [name for name, plan in plans.items() if plan.kind == "rectilinear"]

@@ -10,12 +10,13 @@ import shapely
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from bench.outlines.chain import Configs, chain_of, vertex_count
+from bench.outlines.chain import chain_of, vertex_count
 from bench.outlines.peers import run_peer
 from bench.scenes.outlines import OutlineScene
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.evaluation.scores.boundaries import BoundaryDistances, boundary_distances
 from lidar_buildings.evaluation.scores.directions import score_directions
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: A building counts as found, and a courtyard, from this intersection over union on.
 MIN_IOU = 0.5
@@ -77,9 +78,11 @@ class Verdict(NamedTuple):
         return None if self.scene.n_corners is None else self.n_vertices == self.scene.n_corners
 
 
-def judged(scenes: Iterable[OutlineScene], method: str, configs: Configs | None = None) -> list[Verdict]:
+def judged(
+    scenes: Iterable[OutlineScene], method: str, configs: PipelineConfig | None = None
+) -> list[Verdict]:
     """Run this package's chain (``"ours"``) or a peer on every scene."""
-    return [verdict(scene, _polygons(scene, method, configs or Configs())) for scene in scenes]
+    return [verdict(scene, _polygons(scene, method, configs or PipelineConfig())) for scene in scenes]
 
 
 def verdict(scene: OutlineScene, polygons: Sequence[shapely.Polygon]) -> Verdict:
@@ -149,7 +152,7 @@ def tile_of(scene: OutlineScene) -> PointTile:
     return tile.with_columns(point_spacing=scene.spacing)
 
 
-def _polygons(scene: OutlineScene, method: str, configs: Configs) -> Sequence[shapely.Polygon]:
+def _polygons(scene: OutlineScene, method: str, configs: PipelineConfig) -> Sequence[shapely.Polygon]:
     """Return a method's outlines."""
     if method != "ours":
         return list(run_peer(method, [scene.points]).polygons)

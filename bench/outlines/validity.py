@@ -15,9 +15,9 @@ import shapely
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from bench.outlines.chain import Configs
 from bench.outlines.clouds import RoofCloud
 from lidar_buildings.core.model.outline import Outline, signed_area
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import trace_buildings
 
@@ -83,7 +83,7 @@ class Validity(NamedTuple):
         return area[area > 0]
 
 
-def check(cloud: RoofCloud, configs: Configs, repeats: int = 1) -> Validity:
+def check(cloud: RoofCloud, configs: PipelineConfig, repeats: int = 1) -> Validity:
     """Make a cloud's outlines as a run does, and take the least time of so many runs."""
     times = []
     for _ in range(repeats):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from bench.outlines.chain import Building, Configs
+from bench.outlines.chain import Building
 from bench.outlines.clouds import read_roofs
 from bench.outlines.table1 import SPACINGS, row_of_cloud, row_of_survey, slope_through_origin, table_1
 from bench.papers.presets import config_of
@@ -20,8 +20,7 @@ N_DRAWN = 3
 
 def report(data: Path, folder: Path | None) -> None:
     """Print the table; draw the figure into a folder if one is given."""
-    found = config_of("sampath_shan")
-    configs = Configs(found.segmentation, found.boundary_tracing, found.regularisation)
+    configs = config_of("sampath_shan")
     files = {name: sorted((data / name).glob("*.laz")) for name in CLOUDS}
     rows = [row_of_cloud(read_roofs(name, paths), configs) for name, paths in files.items() if paths]
     rows += [row_of_survey(spacing, configs, noise=NOISE, seed=0) for spacing in SPACINGS]

@@ -148,7 +148,7 @@ def parser_of_planes() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     options = parser_of_planes().parse_args(arguments)
-    own = own_method(PlaneFittingConfig(**settings_of(options.set, PlaneFittingConfig)))
+    own = own_method(PlaneFittingConfig(**settings_of(options.set, "plane_fitting")))
     methods = {name: own if name == OWN else METHODS[name] for name in options.methods}
     for name in [name for name, method in methods.items() if not method.installed]:
         print(f"{name}: {methods.pop(name).package} is not installed", file=sys.stderr)

@@ -154,7 +154,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise SystemExit(
             f"{data}: holds none of {', '.join(options.areas)}: give the data folder with --data"
         )
-    settings = settings_of(options.set, RoofSelectionConfig)
+    settings = settings_of(options.set, "roof_selection")
     pictures = picture_folder(options.pictures)
     rows = rows_of(folders, options.methods, settings, pictures, options.provided_classes)
     shorts = method_headings(options.methods)

@@ -21,7 +21,6 @@ from bench.common.arguments import add_pictures, parser_of, settings_of
 from bench.common.tables import percent, table
 from bench.roofs.methods import METHODS, POINT_HEADINGS, method_headings, point_cells, point_score, roof_mask
 from bench.scenes.roofs import ROOF_SCENES
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.evaluation.scores.statistics import Confusion
 
 
@@ -105,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = {name: s._replace(is_judged=s.is_judged & ~s.is_facade) for name, s in found.items()}
     if options.pictures is not None:
         options.pictures.mkdir(parents=True, exist_ok=True)
-    settings = settings_of(options.set, RoofSelectionConfig)
+    settings = settings_of(options.set, "roof_selection")
     print(", ".join(f"{short} = {method}" for short, method in method_headings(options.methods).items()))
     headings = [f"{short} {name}" for short in method_headings(options.methods) for name in POINT_HEADINGS]
     print(table(("scene", "points", *headings), rows_of(found, options.methods, settings, options.pictures)))

@@ -110,7 +110,7 @@ def test_parameters_are_used_and_what_the_methods_choose_is_refused():
     assert edges.CONTROL not in edges.configs_of("default", ["k_means_linearity"], {"thinning": "none"})
     with pytest.raises(SystemExit, match="--set features: is what --methods chooses"):
         edges.main(["--set", "features=linearity"])
-    with pytest.raises(SystemExit, match="no such parameter"):
+    with pytest.raises(SystemExit, match="there is no parameter"):
         edges.main(["--set", "colour=red"])
 
 

@@ -10,7 +10,7 @@ from support.lawn import HOUSES, houses_on_a_lawn, write_las
 from support.score_files import write_polygons
 from support.source_tree import ROOT
 
-from bench.outlines import chain as outline_chain
+from bench.common import arguments
 from bench.outlines import clouds as outline_clouds
 from bench.outlines import peers as outline_peers
 from bench.outlines import run as outlines
@@ -20,6 +20,7 @@ from bench.outlines import validity as outline_validity
 from bench.scenes.outlines import outline_scene
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 CORNER = np.array([85_000.0, 447_000.0])
 
@@ -111,7 +112,8 @@ def test_delft_is_measured_on_the_same_clusters_for_all(data, tmp_path, capsys):
 
 
 def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
-    clouds = {cloud.name: cloud for cloud in outline_clouds.roof_clouds(data)}
+    found = dict(outline_clouds.clouds_in(data))
+    clouds = {name: outline_clouds.read_roofs(name, files) for name, files in found.items()}
     _, roof = houses_on_a_lawn()
     classes = {name: cloud.classes for name, cloud in clouds.items()}
     assert classes == {
@@ -123,8 +125,7 @@ def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
     assert len(clouds["delft"].roofs) == roof.sum()
     assert len(clouds["toronto"].roofs) == pytest.approx(roof.sum(), rel=0.05)
     np.testing.assert_allclose(np.ptp(clouds["delft"].extent, axis=0), (40, 24), atol=0.5)
-    again = next(outline_clouds.roof_clouds(data, own_classes=True))
-    assert (again.name, again.classes) == ("delft", "own")
+    assert outline_clouds.read_roofs("delft", found["delft"], own_classes=True).classes == "own"
 
 
 def test_all_outlines_of_all_clouds_are_checked_and_drawn(data, tmp_path, capsys):
@@ -167,14 +168,14 @@ def test_table_1_takes_buildings_that_the_edge_of_the_cloud_does_not_cut():
         outline_clouds.RoofCloud("x", tile, np.array([low - margin, high + 20]), np.zeros(2), "own")
         for margin in (20, 0.5)
     )
-    row = outline_table1.row_of_cloud(wide, outline_chain.Configs())
+    row = outline_table1.row_of_cloud(wide, PipelineConfig())
     assert row.score.n_buildings + row.score.n_as_traced == 1
     assert 0 < row.score.sigma < row.score.spacing
-    assert outline_table1.row_of_cloud(cut, outline_chain.Configs()).buildings == []
+    assert outline_table1.row_of_cloud(cut, PipelineConfig()).buildings == []
 
 
 def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
-    row = outline_table1.row_of_survey(1.2, outline_chain.Configs(), noise=0.03, seed=0)
+    row = outline_table1.row_of_survey(1.2, PipelineConfig(), noise=0.03, seed=0)
     assert len(row.buildings) == 10
     assert row.score.spacing == pytest.approx(1.2, rel=0.15)
     text = outline_table1.table_1([row])
@@ -205,14 +206,13 @@ def test_a_peer_makes_one_outline_per_cluster(name):
 
 
 def test_settings_name_their_stage():
-    configs = outline_chain.configs_of(["segmentation.min_points=5"], segmentation={"split_at_steps": True})
+    configs = arguments.config_of(["segmentation.min_points=5"], segmentation={"split_at_steps": True})
     assert (configs.segmentation.min_points, configs.segmentation.split_at_steps) == (5, True)
-    assert outline_chain.configs_of([]) == outline_chain.Configs()
-    for wrong in ("min_points=5", "colour.red=1"):
-        with pytest.raises(SystemExit, match=r"must be STAGE\.NAME=VALUE"):
-            outline_chain.configs_of([wrong])
-    with pytest.raises(SystemExit, match="no such parameter"):
-        outline_chain.configs_of(["segmentation.colour=red"])
+    assert arguments.config_of([]) == PipelineConfig()
+    with pytest.raises(SystemExit, match=r"must be STAGE\.NAME=VALUE"):
+        arguments.config_of(["min_points=5"])
+    with pytest.raises(SystemExit, match="there is no stage 'colour'"):
+        arguments.config_of(["colour.red=1"])
 
 
 def test_missing_clouds_are_named_and_pictures_stay_out_of_the_repository(tmp_path, capsys):
