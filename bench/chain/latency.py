@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench.chain.stages import processor_time
-from bench.common.areas import read_files
+from bench.common.clouds import read_files
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.table import nodes_until

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from bench.chain.decoding import decode
-from bench.common.areas import read_files
+from bench.common.clouds import read_files
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE

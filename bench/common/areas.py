@@ -4,15 +4,15 @@ Areas whose roof points are known well enough to be labelled: each point with th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.map_frame import MapFrame
+from bench.common.clouds import read_tile
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
@@ -26,21 +26,7 @@ from lidar_buildings.evaluation.scores.roofs import (
     roofs_of_polygons,
     split_at_steps,
 )
-from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
-from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
-
-#: Columns of a file that the ground filter and the selection of roofs look at.
-COLUMNS = (
-    "intensity",
-    "return_number",
-    "number_of_returns",
-    "classification",
-    "scan_angle",
-    "scan_direction_flag",
-    "point_source_id",
-    "gps_time",
-)
 
 
 class RoofArea(NamedTuple):
@@ -105,28 +91,6 @@ def _parts_of_own_selection(folder: Path) -> RoofArea:
     """Points that this package takes for roofs, by its defaults, each part that hangs together one roof."""
     tile = filter_ground(read_tile(folder)[0], GroundFilterConfig())
     return _parts(_class_6(select_roof_points(tile, RoofSelectionConfig())))
-
-
-def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
-    """Read a folder's clouds as one tile, and where its map frame lies."""
-    return read_files(sorted(folder.glob("*.laz")))
-
-
-def read_files(paths: Sequence[Path]) -> tuple[PointTile, MapFrame]:
-    """Read files as one tile, and where its map frame lies."""
-    inputs, problems = open_inputs(list(paths))
-    if problems:
-        raise SystemExit("\n".join(problems))
-    frame = frame_of(inputs)
-    parts = [
-        {"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
-        for source in inputs
-        for chunk in source.chunks()
-    ]
-    columns: dict[str, Any] = {
-        name: np.concatenate([part[name] for part in parts]) for name in ("points", *COLUMNS)
-    }
-    return PointTile(points=columns.pop("points"), **without_empty_columns(columns)), frame
 
 
 def _class_6(tile: PointTile) -> NDArray[np.float64]:

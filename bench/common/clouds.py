@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
 from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Where the real clouds lie unless --data or LIDAR_BUILDINGS_DATA says otherwise: beside the repository.
 DEFAULT_DATA = ROOT / ".." / "shared" / "data"
+#: Columns of a file that the ground filter and the selection of roofs look at.
+COLUMNS = (
+    "intensity",
+    "return_number",
+    "number_of_returns",
+    "classification",
+    "scan_angle",
+    "scan_direction_flag",
+    "point_source_id",
+    "gps_time",
+)
 #: What `classify_ground` can be told of the scan.
 SCAN_COLUMNS = ("gps_time", "scan_angle", "scan_direction_flag", "point_source_id")
 
@@ -44,10 +57,13 @@ def data_folder(argument: str | None) -> Path:
     return Path(argument or os.environ.get("LIDAR_BUILDINGS_DATA") or DEFAULT_DATA).resolve()
 
 
-def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) -> Cloud:
-    """
-    Read files as one cloud, in the order given; `reference_ground` are the classes that count as ground.
-    """
+def read_tile(folder: Path) -> tuple[PointTile, MapFrame]:
+    """Read a folder's clouds as one tile, and where its map frame lies."""
+    return read_files(sorted(folder.glob("*.laz")))
+
+
+def read_files(paths: Sequence[Path]) -> tuple[PointTile, MapFrame]:
+    """Read files as one tile, and where its map frame lies."""
     inputs, problems = open_inputs(list(paths))
     if problems:
         raise SystemExit("\n".join(problems))
@@ -57,12 +73,20 @@ def read_cloud(paths: Iterable[Path], reference_ground: Collection[int] = (2,)) 
         for source in inputs
         for chunk in source.chunks()
     ]
-    names = set.intersection(*(set(part) for part in parts))
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in sorted(names)}
-    points = columns.pop("points").astype(np.float32).astype(np.float64)
-    is_ground = np.isin(columns["classification"], list(reference_ground))
-    kept = without_empty_columns(columns)
-    return Cloud(points, {name: kept[name] for name in SCAN_COLUMNS if kept.get(name) is not None}, is_ground)
+    columns: dict[str, Any] = {
+        name: np.concatenate([part[name] for part in parts]) for name in ("points", *COLUMNS)
+    }
+    return PointTile(points=columns.pop("points"), **without_empty_columns(columns)), frame
+
+
+def read_cloud(paths: Sequence[Path], reference_ground: Collection[int] = (2,)) -> Cloud:
+    """
+    Read files as one cloud, in the order given; `reference_ground` are the classes that count as ground.
+    """
+    tile, _ = read_files(paths)
+    points = tile.points.astype(np.float32).astype(np.float64)
+    scan = {name: column for name in SCAN_COLUMNS if (column := getattr(tile, name)) is not None}
+    return Cloud(points, scan, np.isin(tile.classification, list(reference_ground)))
 
 
 def moved(cloud: Cloud, offset: Collection[float]) -> Cloud:

@@ -1,7 +1,8 @@
-"""Maps of where a filter and the reference disagree."""
+"""Maps of where a method and the reference disagree."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -9,16 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from bench.common.clouds import Cloud
-
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 #: Pixels along the longer side of the shaded map, and inches of the picture.
 MAP_PIXELS = 700
 PICTURE_SIZE = 10.0
-#: Inches of a picture of labels, which shows single points.
-EDGE_PICTURE_SIZE = 16.0
 #: What is steeper is shaded as if it were this steep, so that walls do not drown the terrain [m/m].
 MAX_SHADED_SLOPE = 1.0
 #: Elevations that differ less than this are drawn alike [m].
@@ -27,52 +24,41 @@ MIN_RELIEF = 2.0
 MAX_GAP = 3.0
 
 
-def draw_disagreement(path: Path, cloud: Cloud, mask: NDArray[np.bool_], title: str) -> None:
-    """
-    Draw ground taken for object (type I, red) and object taken for ground (type II, blue) over the relief.
-    """
-    xy, low = cloud.points[:, :2], cloud.points[:, :2].min(axis=0)
-    extent = np.ptp(xy, axis=0) + 1e-6
-    area = float(np.prod(extent))
-    pixel = max(extent.max() / MAP_PIXELS, np.sqrt(area / max(len(xy), 1)))
-    figure, axes = plt.subplots(figsize=(PICTURE_SIZE, PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.08)))
-    axes.imshow(
-        shaded_relief(cloud.points, pixel),
-        origin="lower",
-        extent=(low[0], low[0] + extent[0], low[1], low[1] + extent[1]),
-        cmap="gray",
-        vmin=0,
-        vmax=1,
-    )
-    size = np.clip(2e6 / max(len(xy), 1), 0.5, 20) / 2
-    for rows, colour, name in (
-        (cloud.is_ground & ~mask, "red", "type I: ground taken for object"),
-        (~cloud.is_ground & mask, "blue", "type II: object taken for ground"),
-    ):
-        axes.scatter(*xy[rows].T, s=size, c=colour, linewidths=0, label=f"{name} ({rows.sum()})")
-    axes.set_title(title)
-    axes.legend(loc="upper right", markerscale=3)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
-
-
-def draw_edges(
-    path: Path, points: NDArray[np.float64], edge: NDArray[np.bool_], truth: NDArray[np.bool_], title: str
+def draw_over_relief(
+    path: Path,
+    points: NDArray[np.float64],
+    groups: Sequence[tuple[str, str, NDArray[np.float64]]],
+    title: str,
+    side: float | None = None,
 ) -> None:
-    """Draw roof points in plan: edges found (black), missed (red), extra (blue), and the others (grey)."""
-    extent = np.ptp(points[:, :2], axis=0) + 1e-6
-    height = EDGE_PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.05)
-    figure, axes = plt.subplots(figsize=(EDGE_PICTURE_SIZE, min(height, 2 * EDGE_PICTURE_SIZE)))
-    size = np.clip(4e5 / len(points), 0.3, 12)
-    for rows, colour, name in (
-        (~edge & ~truth, "0.82", "no edge in either"),
-        (edge & truth, "black", "edge in both"),
-        (~edge & truth, "red", "edge missed"),
-        (edge & ~truth, "tab:blue", "edge too many"),
-    ):
-        axes.scatter(*points[rows, :2].T, s=size, c=colour, linewidths=0, label=f"{name} ({rows.sum()})")
-    axes.set(title=title, aspect="equal")
+    """
+    Draw groups of places over the relief of a cloud.
+
+    Parameters
+    ----------
+    path : Path
+    points : ndarray of shape (n_points, 3)
+        The cloud [m].
+    groups : sequence of (str, str, ndarray of shape (n, 2 or more))
+        Colour, name and coordinates of each [m].
+    title : str
+    side : float, optional
+        Of the squares that stand for the places [m]; without, dots, the larger the fewer points there are.
+    """
+    low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0) + 1e-6
+    pixel = max(extent.max() / MAP_PIXELS, np.sqrt(np.prod(extent) / len(points)))
+    size, marker = np.clip(1e6 / len(points), 0.25, 10), "o"
+    if side is not None:
+        # Points of a scatter are 1/72 inch wide.
+        size, marker = (72 * 0.95 * PICTURE_SIZE * side / extent[0]) ** 2, "s"
+    figure, axes = plt.subplots(figsize=(PICTURE_SIZE, PICTURE_SIZE * (extent[1] / extent[0] * 0.95 + 0.08)))
+    bounds = (low[0], low[0] + extent[0], low[1], low[1] + extent[1])
+    relief = shaded_relief(points, pixel)
+    axes.imshow(relief, origin="lower", extent=bounds, cmap="gray", vmin=0, vmax=1)
+    for colour, name, places in groups:
+        label = f"{name} ({len(places)})"
+        axes.scatter(*places[:, :2].T, s=size, c=colour, marker=marker, linewidths=0, label=label)
+    axes.set_title(title)
     axes.legend(loc="upper right", markerscale=3)
     figure.tight_layout()
     figure.savefig(path, dpi=110)

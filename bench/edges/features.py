@@ -21,8 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.areas import read_tile
-from bench.common.clouds import data_folder
+from bench.common.clouds import data_folder, read_tile
 from bench.common.tables import table
 from bench.edges.feature_agreement import differences
 from bench.edges.feature_peers import CHOSEN, FIXED, LABELS, OWN, Library, Task, edge_radii, task_of

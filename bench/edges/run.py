@@ -2,9 +2,7 @@
 Edge labels against the alpha shapes of roofs, by the protocol of Santos, Galo and others: their Figure 7.
 
     python -m bench.edges.run [--data DIR] [--methods METHOD ...] [--set NAME=VALUE ...]
-                          [--variants VARIANT ...]
-                          [--alpha-factor SPACINGS] [--split-steps]
-                          [--plot FILE] [--pictures DIR]
+                          [--variants VARIANT ...] [--split-steps] [--plot FILE]
 
 Four areas: Delft (AHN3, class 6 within the blocks of a map), Montpellier and fusa (class 6, parts that hang
 together in plan) and Toronto (unclassified: what this package takes for roofs). All roof points of an area
@@ -20,13 +18,13 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.areas import RoofArea, areas_in, split
-from bench.common.arguments import add_pictures, picture_folder, settings_of
+from bench.common.arguments import settings_of
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -60,27 +58,9 @@ PUBLISHED = (
 )
 
 
-class Protocol(NamedTuple):
-    """
-    How the reference is made.
-
-    Attributes
-    ----------
-    alpha_factor : float or None
-        Radius of the disc in point spacings; None for the paper's.
-    """
-
-    alpha_factor: float | None = None
-
-    def alpha(self, area: RoofArea) -> float:
-        """Return the radius in an area [m]."""
-        if self.alpha_factor is None:
-            return alpha_of_spacing(area.spacing)
-        return self.alpha_factor * area.spacing
-
-    def edges(self, area: RoofArea) -> NDArray[np.bool_]:
-        """Return the points on the alpha shapes of their roofs."""
-        return reference_edges(area.points, area.roof, self.alpha(area))
+def edges_of(area: RoofArea) -> NDArray[np.bool_]:
+    """Return the points on the alpha shapes of an area's roofs, the paper's radius."""
+    return reference_edges(area.points, area.roof, alpha_of_spacing(area.spacing))
 
 
 def configs_of(
@@ -103,21 +83,13 @@ def label_area(area: RoofArea, method: str, config: EdgeLabellingConfig) -> NDAr
 def scores_of(
     areas: Mapping[str, RoofArea],
     configs: Mapping[str, EdgeLabellingConfig],
-    protocol: Protocol | None = None,
-    pictures: Path | None = None,
 ) -> dict[str, dict[str, EdgeScore]]:
     """Score each method in each area: method → area → figures."""
     scores: dict[str, dict[str, EdgeScore]] = {method: {} for method in configs}
     for name, area in areas.items():
-        truth = (protocol or Protocol()).edges(area)
+        truth = edges_of(area)
         for method, config in configs.items():
-            edge = label_area(area, method, config)
-            scores[method][name] = score_edges(edge, truth)
-            if pictures is not None:
-                from bench.common.pictures import draw_edges
-
-                title = f"{name}, {method}: edge F {percent(scores[method][name].edge_f_score)} %"
-                draw_edges(pictures / f"{name}_{method}.png", area.points, edge, truth, title)
+            scores[method][name] = score_edges(label_area(area, method, config), truth)
     return scores
 
 
@@ -137,13 +109,13 @@ def rows_of(scores: Mapping[str, Mapping[str, EdgeScore]]) -> list[list[str]]:
     return rows
 
 
-def area_rows(areas: Mapping[str, RoofArea], protocol: Protocol) -> list[list[str]]:
+def area_rows(areas: Mapping[str, RoofArea]) -> list[list[str]]:
     """Lines that say what the areas are: roofs, points, spacing, radius of the disc, share of edges."""
     rows = []
     for name, area in areas.items():
         counts = (len(np.unique(area.roof)), len(area.points), area.n_left_out)
-        lengths = f"{area.spacing:.3f}", f"{protocol.alpha(area):.3f}"
-        rows.append([name, *map(str, counts), *lengths, percent(protocol.edges(area).mean())])
+        lengths = f"{area.spacing:.3f}", f"{alpha_of_spacing(area.spacing):.3f}"
+        rows.append([name, *map(str, counts), *lengths, percent(edges_of(area).mean())])
     return rows
 
 
@@ -159,13 +131,9 @@ def parser_of_edges() -> argparse.ArgumentParser:
         "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the edge labelling"
     )
     parser.add_argument(
-        "--alpha-factor", type=float, metavar="SPACINGS", help="the disc's radius (default: 1.342 spacings)"
-    )
-    parser.add_argument(
         "--split-steps", action="store_true", help="take for one roof what has no step in height within"
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the figures as bars")
-    add_pictures(parser)
     return parser
 
 
@@ -179,14 +147,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     areas = areas_in(data_folder(options.data))
     if options.split_steps:
         areas = {name: split(area) for name, area in areas.items()}
-    protocol, folder = Protocol(options.alpha_factor), picture_folder(options.pictures)
     headings = ("area", "roofs", "points", "left out", "spacing m", "alpha m", "edges %")
-    print(table(headings, area_rows(areas, protocol)))
+    print(table(headings, area_rows(areas)))
     scores = {}
     for variant in options.variants:
-        drawn = None if folder is None else picture_folder(folder / variant)
         configs = configs_of(variant, options.methods, settings)
-        scores[variant] = scores_of(areas, configs, protocol, drawn)
+        scores[variant] = scores_of(areas, configs)
         print(f"\n{variant.capitalize()}:")
         print(table(("method", "area", *FIGURES.values()), rows_of(scores[variant])))
     print(f"\n{PUBLISHED}")

@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from bench.common.areas import COLUMNS, read_files
 from bench.common.arguments import settings_of
+from bench.common.clouds import COLUMNS, read_files
 from bench.common.tables import table
 from bench.generalise.disturbances import disturbances
 from bench.generalise.figures import FIGURE_HEADINGS, Score, rows_of

@@ -44,11 +44,15 @@ def draw_errors(folder: Path | None, method: str, name: str, cloud: Cloud, mask:
     """Draw a cloud's disagreements into the folder, if there is one; matplotlib is needed only for this."""
     if folder is None:
         return
-    from bench.common.pictures import draw_disagreement
+    from bench.common.pictures import draw_over_relief
 
     total, type_1, type_2, _ = cells_of(score_of_mask(mask, cloud.is_ground))
     title = f"{name}, {method}: total {total} %, type I {type_1} %, type II {type_2} %"
-    draw_disagreement(folder / f"{name}_{method}.png", cloud, mask, title)
+    groups = (
+        ("red", "type I: ground taken for object", cloud.points[cloud.is_ground & ~mask]),
+        ("blue", "type II: object taken for ground", cloud.points[~cloud.is_ground & mask]),
+    )
+    draw_over_relief(folder / f"{name}_{method}.png", cloud.points, groups, title)
 
 
 #: Headings of the four columns that `cells_of` and `mean_cells` fill, all in percent.

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.areas import read_files
+from bench.common.clouds import read_files
 from bench.common.tables import percent, table
 from bench.outlines.clouds import ROOFS_ONLY
 from lidar_buildings.cli import main as command

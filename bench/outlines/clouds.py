@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.areas import read_files
+from bench.common.clouds import read_files
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
@@ -62,9 +62,9 @@ def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
             yield folder.name if len(files) == 1 else f"{folder.name}/{file.stem}", [file]
 
 
-def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> RoofCloud:
+def read_roofs(name: str, files: list[Path]) -> RoofCloud:
     """
-    Read one cloud: the provider's class 6 where there is one and it is wanted, else this package's choice.
+    Read one cloud: the provider's class 6 where there is one, else this package's choice.
     """
     tile, frame = read_files(files)
     spacing = steady_spacing(last_returns(tile.points, tile.return_number, tile.number_of_returns), None)
@@ -72,7 +72,7 @@ def read_roofs(name: str, files: list[Path], *, own_classes: bool = False) -> Ro
     extent = np.array([tile.points[:, :2].min(axis=0), tile.points[:, :2].max(axis=0)])
     if name.split("/")[0] in ROOFS_ONLY:
         roofs, classes = tile, "roofs"
-    elif not own_classes and (tile.classification == PointClass.BUILDING).any():
+    elif (tile.classification == PointClass.BUILDING).any():
         roofs, classes = tile.select(tile.is_roof), "provider"
     else:
         selected = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())

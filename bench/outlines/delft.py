@@ -15,7 +15,6 @@ from bench.outlines.chain import STEPS, Chain, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.peers import run_peer
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.evaluation.scores.blocks import merge_touching
 from lidar_buildings.evaluation.scores.corners import score_corners
 from lidar_buildings.evaluation.scores.directions import score_directions
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_outlines
@@ -73,10 +72,10 @@ class Peered(NamedTuple):
     steps: dict[str, float]
 
 
-def read_delft(data: Path, *, own_classes: bool = False) -> tuple[RoofCloud, Reference]:
+def read_delft(data: Path) -> tuple[RoofCloud, Reference]:
     """Read both halves as one cloud, and the map."""
     folder = data / "delft"
-    cloud = read_roofs("delft", sorted(folder.glob("*.laz")), own_classes=own_classes)
+    cloud = read_roofs("delft", sorted(folder.glob("*.laz")))
     blocks, area = (
         shapely.transform(
             read_metric_polygons(folder / f"{name}_nw.gpkg").polygons, lambda xy: xy - cloud.origin
@@ -112,14 +111,13 @@ def run_all(
     return Peered(len(clusters), polygons, seconds, fastest.seconds)
 
 
-def quality_cells(polygons: NDArray[Any], reference: Reference, *, merged: bool) -> list[str]:
+def quality_cells(polygons: NDArray[Any], reference: Reference) -> list[str]:
     """Score outlines in the order of `HEADINGS`."""
     n_valid = int(np.count_nonzero(shapely.is_valid(polygons) & ~shapely.is_empty(polygons)))
-    mine = merge_touching(polygons).polygons if merged else polygons
-    score = score_outlines(mine, reference.blocks, area=reference.area)
-    corners = score_corners(mine, reference.blocks, area=reference.area)
+    score = score_outlines(polygons, reference.blocks, area=reference.area)
+    corners = score_corners(polygons, reference.blocks, area=reference.area)
     found = np.flatnonzero(score.iou >= MIN_IOU)
-    pairs = shapely.make_valid(mine[score.partner[found]]), reference.blocks[found]
+    pairs = shapely.make_valid(polygons[score.partner[found]]), reference.blocks[found]
     angles = score_directions(*pairs, limits=shapely.union_all(reference.area))
     return [
         f"{score.area_iou:.3f}",
@@ -136,11 +134,11 @@ def quality_cells(polygons: NDArray[Any], reference: Reference, *, merged: bool)
     ]
 
 
-def delft_tables(peered: Peered, reference: Reference, *, merged: bool) -> str:
+def delft_tables(peered: Peered, reference: Reference) -> str:
     """Return quality by method, and times in multiples of ours."""
     quality = table(
         ("method", *HEADINGS),
-        ([name, *quality_cells(each, reference, merged=merged)] for name, each in peered.polygons.items()),
+        ([name, *quality_cells(each, reference)] for name, each in peered.polygons.items()),
     )
     ours = min(value for name, value in peered.seconds.items() if name.startswith("ours"))
     times = table(

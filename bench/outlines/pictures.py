@@ -1,4 +1,4 @@
-"""Outlines over their points and their truth, and Table 1 as a plot."""
+"""Outlines over their points and their truth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from bench.outlines.table1 import PAPER, PAPER_SIGMA, Row, slope_through_origin
 from bench.outlines.truth import Verdict
 
 matplotlib.use("Agg")
@@ -68,31 +67,3 @@ def draw_rings(axes: plt.Axes, polygons: Sequence[Any], **look: Any) -> None:
     """Draw all rings of some polygons."""
     for ring in shapely.get_rings(shapely.get_parts(np.array(polygons, dtype=object))):
         axes.plot(*shapely.get_coordinates(ring).T, **look)
-
-
-def draw_table_1(path: Path, rows: Sequence[Row]) -> None:
-    """Draw σ and largest offset over the spacing: the buildings, their means, the paper's, and a line."""
-    figure, panels = plt.subplots(1, 2, figsize=(12, 5), dpi=90)
-    longest = 1.1 * max(*(row.score.spacing for row in rows), *(s for s, _ in PAPER.values()))
-    for axes, figure_name, member, label in (
-        (panels[0], "sigma", "sigma", "σ [m]"),
-        (panels[1], "max_offset", "max_offset", "largest offset [m]"),
-    ):
-        for number, row in enumerate(rows):
-            fitted = [one for one in row.buildings if one.is_regular]
-            spacing = [one.spacing for one in fitted]
-            axes.plot(spacing, [getattr(one, member) for one in fitted], ".", color=f"C{number}", alpha=0.4)
-            mean = getattr(row.score, figure_name)
-            axes.plot(row.score.spacing, mean, "o", color=f"C{number}", markersize=9, label=row.name)
-        slope, _ = slope_through_origin(rows, figure_name)
-        axes.plot([0, longest], [0, slope * longest], color="0.4", label=f"{slope:.3f} · spacing")
-        axes.set(xlabel="point spacing [m]", ylabel=label, xlim=(0, longest), ylim=(0, None))
-    low, high = PAPER_SIGMA
-    ends = [0, longest]
-    panels[0].fill_between(ends, [0, low * longest], [0, high * longest], color="0.9", label="paper")
-    panels[1].plot(*zip(*PAPER.values(), strict=True), "k*", markersize=12, label="paper")
-    for axes in panels:
-        axes.legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(path, metadata={"Software": None})
-    plt.close(figure)

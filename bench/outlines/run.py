@@ -5,7 +5,7 @@ Building outlines: against exact truth, against a map beside peers, the paper's 
                              [--pictures DIR] [--methods METHOD ...] [--plans NAME ...]
                              [--density D] [--noise M] [--seeds N ...] [--strips N] [--anisotropy R]
                              [--drop-outs SHARE]
-                             [--own-classes] [--merge-touching] [--repeats N]
+                             [--repeats N]
 
 Parts (all by default; all but the first need the real clouds):
 
@@ -24,19 +24,17 @@ from collections.abc import Callable, Sequence
 
 from bench.common.arguments import add_pictures, config_of, picture_folder
 from bench.common.clouds import data_folder
+from bench.outlines import table1
 from bench.outlines.chain import bias_variants
 from bench.outlines.clouds import clouds_in, read_roofs
 from bench.outlines.delft import delft_tables, read_delft, run_all
 from bench.outlines.peers import PEERS, is_installed
-from bench.outlines.pictures import draw_map, draw_scenes, draw_table_1
-from bench.outlines.table1 import SPACINGS, row_of_cloud, row_of_survey, slope_through_origin, table_1
+from bench.outlines.pictures import draw_map, draw_scenes
 from bench.outlines.truth import judged, scenes_table, worst
 from bench.outlines.validity import check, n_faulty, validity_table
 from bench.scenes.outlines import PLANS, outline_scenes
 
 OURS = "ours"
-#: Real clouds of Table 1.
-TABLE_1_CLOUDS = ("toronto", "fusa", "delft")
 
 
 def run_scenes(options: argparse.Namespace) -> None:
@@ -69,12 +67,12 @@ def run_scenes(options: argparse.Namespace) -> None:
 
 def run_delft(options: argparse.Namespace) -> None:
     """Compare outlines of Delft with the map, ours and the peers'."""
-    cloud, reference = read_delft(options.data_folder, own_classes=options.own_classes)
+    cloud, reference = read_delft(options.data_folder)
     configs = bias_variants(options.configs) if OURS in options.methods else {}
     peers = [name for name in options.methods if name != OURS]
     peered = run_all(cloud, configs or {"as set": options.configs}, peers, options.repeats)
     print(f"Delft: {len(cloud.roofs)} roof points ({cloud.classes} classes), {peered.n_clusters} clusters")
-    print(delft_tables(peered, reference, merged=options.merge_touching), end="\n\n")
+    print(delft_tables(peered, reference), end="\n\n")
     if options.folder:
         for name, polygons in peered.polygons.items():
             path = options.folder / f"delft_{name.replace(', ', '_').replace(' ', '_')}.png"
@@ -85,25 +83,13 @@ def run_delft(options: argparse.Namespace) -> None:
 def run_table_1(options: argparse.Namespace) -> None:
     """Print the paper's Table 1 with ours."""
     configs = config_of(options.set, segmentation={"split_at_steps": True})
-    rows = []
-    for name in TABLE_1_CLOUDS:
-        files = sorted((options.data_folder / name).glob("*.laz"))
-        if files:
-            rows.append(row_of_cloud(read_roofs(name, files, own_classes=options.own_classes), configs))
-    rows += [row_of_survey(s, configs, noise=options.noise, seed=options.seeds[0]) for s in SPACINGS]
-    print(table_1(rows))
-    for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
-        slope, deviation = slope_through_origin(rows, figure)
-        print(f"{title} = {slope:.3f} · spacing, to {100 * deviation:.0f} %")
-    print()
-    if options.folder:
-        draw_table_1(options.folder / "table1.png", rows)
+    table1.report(options.data_folder, configs, noise=options.noise, seed=options.seeds[0])
 
 
 def run_validity(options: argparse.Namespace) -> None:
     """Check all outlines of all clouds."""
     checked = [
-        check(read_roofs(name, files, own_classes=options.own_classes), options.configs, options.repeats)
+        check(read_roofs(name, files), options.configs, options.repeats)
         for name, files in clouds_in(options.data_folder)
     ]
     print(validity_table(checked))
@@ -175,14 +161,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--drop-outs", type=float, default=0.0, metavar="SHARE", help="scenes: points lost (0)"
-    )
-    parser.add_argument(
-        "--own-classes",
-        action="store_true",
-        help="take roofs from this package, even where there is a class 6",
-    )
-    parser.add_argument(
-        "--merge-touching", action="store_true", help="delft: merge outlines that share a wall into blocks"
     )
     parser.add_argument(
         "--repeats", type=int, default=3, metavar="N", help="delft, validity: runs, the fastest counts (3)"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from bench.common.tables import table
 from bench.outlines.chain import Building, chain_of
-from bench.outlines.clouds import RoofCloud
+from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.truth import tile_of
 from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
 from lidar_buildings.evaluation.scores.adjustment import AdjustmentScore, score_adjustment
@@ -21,6 +22,8 @@ from lidar_buildings.pipeline.reconstruct import PipelineConfig
 N_BUILDINGS = 10
 #: Spacings of the paper's data, at which virtual buildings are scanned [m].
 SPACINGS = (2.7, 1.2, 1.0)
+#: Real clouds, the first of a city of the paper; and the height noise of the virtual surveys [m].
+CLOUDS, NOISE = ("toronto", "fusa", "delft"), 0.03
 #: A building is cut by the cloud's edge if it comes so near to it [spacings].
 CUT = 3.0
 #: The paper: data → spacing, mean largest offset [m]; of σ the text says 18 to 21 % of the spacing.
@@ -66,6 +69,19 @@ def row_of_survey(spacing: float, configs: PipelineConfig, *, noise: float, seed
         found = chain_of(tile_of(scene), configs).buildings
         buildings += sorted(found, key=lambda one: -one.outline.area)[:1]
     return _row(f"virtual, {spacing:g} m", buildings)
+
+
+def report(data: Path, configs: PipelineConfig, *, noise: float = NOISE, seed: int = 0) -> list[Row]:
+    """Print the paper's lines, those of the real clouds that are there, and those of virtual surveys."""
+    files = {name: sorted((data / name).glob("*.laz")) for name in CLOUDS}
+    rows = [row_of_cloud(read_roofs(name, paths), configs) for name, paths in files.items() if paths]
+    rows += [row_of_survey(spacing, configs, noise=noise, seed=seed) for spacing in SPACINGS]
+    print(table_1(rows))
+    for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
+        slope, deviation = slope_through_origin(rows, figure)
+        print(f"{title} = {slope:.3f} · spacing, to {100 * deviation:.0f} %")
+    print()
+    return rows
 
 
 def table_1(rows: Sequence[Row]) -> str:

@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from bench.outlines import table1
 from bench.outlines.chain import Building
-from bench.outlines.clouds import read_roofs
-from bench.outlines.table1 import SPACINGS, row_of_cloud, row_of_survey, slope_through_origin, table_1
 from bench.papers.presets import config_of
 
-#: Real clouds, the first of a city of the paper; and the height noise of the virtual surveys [m].
-CLOUDS, NOISE = ("toronto", "fusa", "delft"), 0.03
 #: Buildings of the figure, as in the paper.
 N_DRAWN = 3
 
@@ -21,16 +18,9 @@ N_DRAWN = 3
 def report(data: Path, folder: Path | None) -> None:
     """Print the table; draw the figure into a folder if one is given."""
     configs = config_of("sampath_shan")
-    files = {name: sorted((data / name).glob("*.laz")) for name in CLOUDS}
-    rows = [row_of_cloud(read_roofs(name, paths), configs) for name, paths in files.items() if paths]
-    rows += [row_of_survey(spacing, configs, noise=NOISE, seed=0) for spacing in SPACINGS]
     print("Table 1:")
-    print(table_1(rows))
-    for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
-        slope, deviation = slope_through_origin(rows, figure)
-        print(f"{title} = {slope:.3f} · spacing, to {100 * deviation:.0f} %")
-    print()
-    if folder is not None and rows:
+    rows = table1.report(data, configs)
+    if folder is not None:
         for row in rows[:3]:
             _draw(folder / f"sampath_shan_figure_4_{row.name.replace(' ', '_')}.png", row.buildings[:N_DRAWN])
 

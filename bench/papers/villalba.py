@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.common.areas import read_tile
+from bench.common.clouds import read_tile
 from bench.common.tables import percent, table
 from bench.papers.presets import config_of
 from lidar_buildings.core.model.classes import PointClass

@@ -2,7 +2,7 @@
 Planes of roofs as instances, beside other libraries: labelled by hand, and on virtual roofs.
 
     python -m bench.planes.run [--data DIR] [--methods METHOD ...] [--set NAME=VALUE ...] [--roofs]
-                           [--densities D ...] [--noises M ...] [--seeds N] [--repeats N] [--pictures DIR]
+                           [--densities D ...] [--noises M ...] [--seeds N] [--repeats N]
 
 Precision, recall and F1 are of planes whose points have an intersection over union of at least one half; the
 coverage is weighted by the planes' points, and is the mean over roofs. Seconds are the least of several runs
@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.arguments import add_pictures, picture_folder, settings_of
+from bench.common.arguments import settings_of
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.planes.peers import METHODS, Method, own_method
@@ -113,18 +113,12 @@ def print_labelled(
     n_planes = sum(int(roof.planes.max()) for roof in roofs)
     print(f"{len(roofs)} roofs labelled by hand, {n_planes} planes:")
     rows = []
-    folder = picture_folder(options.pictures)
     for name, method in methods.items():
         found, seconds = run_over(method, roofs, options.repeats)
         scores = [score_planes(f, roof.planes) for f, roof in zip(found, roofs, strict=True)]
         rows.append(row_of(name, scores, seconds))
         if options.roofs:
             print(f"\n{name}:\n{table(ROOF_HEADINGS, roof_rows(roofs, scores))}\n")
-        if folder is not None:
-            from bench.planes.pictures import draw_planes
-
-            for roof, planes in zip(roofs, found, strict=True):
-                draw_planes(folder / f"{roof.name}_{name.replace(' ', '_')}.png", roof, planes)
     print(table(HEADINGS, rows))
 
 
@@ -141,7 +135,6 @@ def parser_of_planes() -> argparse.ArgumentParser:
     parser.add_argument("--noises", nargs="*", type=float, default=[0.02, 0.05, 0.1], metavar="M")
     parser.add_argument("--seeds", type=int, default=2, metavar="N", help="samples of each virtual roof")
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="runs, the best of which counts")
-    add_pictures(parser)
     return parser
 
 

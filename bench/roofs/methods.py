@@ -49,6 +49,17 @@ def point_cells(score: Confusion) -> list[str]:
     return [percent(value) for value in (score.recall, score.precision, score.f1)]
 
 
+def groups_of(
+    places: NDArray[np.float64], mask: NDArray[np.bool_], is_building: NDArray[np.bool_]
+) -> tuple[tuple[str, str, NDArray[np.float64]], ...]:
+    """Part places into roof in both, found only and missed, with the colours of a map."""
+    return (
+        ("0.85", "roof in both", places[mask & is_building]),
+        ("red", "roof here only", places[mask & ~is_building]),
+        ("blue", "roof of the reference only", places[~mask & is_building]),
+    )
+
+
 def method_headings(methods: Sequence[str]) -> dict[str, str]:
     """Return a short name for each method: the first letters of its words."""
     return {"".join(word[0] for word in method.split("_")): method for method in methods}

@@ -2,12 +2,12 @@
 Building points on real clouds, from raw points, against a map and against the class that providers deliver.
 
     python -m bench.roofs.run [--data DIR] [--areas AREA ...] [--methods METHOD ...] [--set NAME=VALUE ...]
-                          [--provided-classes] [--pictures DIR]
+                          [--pictures DIR]
 
 Delft against the base map BGT within the area in which it is complete, in cells of 0.5 m; Montpellier, fusa
 and the sparse tiles against the provider's class 6, point by point. Each folder is read as one cloud; ground
 and heights are those of this package's own filter, and the classes that come with the points are not looked
-at, unless --provided-classes lets them keep what a run lets them keep. One set of parameters for all.
+at. One set of parameters for all.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from bench.common.areas import read_tile
 from bench.common.arguments import add_pictures, parser_of, picture_folder, settings_of
-from bench.common.clouds import data_folder
+from bench.common.clouds import data_folder, read_tile
 from bench.common.tables import percent, table
-from bench.roofs.methods import METHODS, method_headings, point_score
+from bench.roofs.methods import METHODS, groups_of, method_headings, point_score
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
@@ -67,7 +66,7 @@ class Reference(NamedTuple):
     area: NDArray[Any] | None = None
 
 
-def read_area(folder: Path, provided_classes: bool) -> tuple[PointTile, Reference]:
+def read_area(folder: Path) -> tuple[PointTile, Reference]:
     """Read a folder's cloud with heights above its own ground, and what it is judged by."""
     tile, frame = read_tile(folder)
     classes = tile.classification
@@ -78,8 +77,7 @@ def read_area(folder: Path, provided_classes: bool) -> tuple[PointTile, Referenc
         reference = reference._replace(
             name="BGT cells", cells=cells_of_polygons(blocks, DEFAULT_CELL), area=area
         )
-    if not provided_classes:
-        tile = replace(tile, classification=np.full(len(classes), PointClass.UNCLASSIFIED, dtype=np.uint8))
+    tile = replace(tile, classification=np.full(len(classes), PointClass.UNCLASSIFIED, dtype=np.uint8))
     return filter_ground(tile, GroundFilterConfig()), reference
 
 
@@ -98,12 +96,11 @@ def rows_of(
     methods: Sequence[str],
     settings: Mapping[str, Any] | None = None,
     pictures: Path | None = None,
-    provided_classes: bool = False,
 ) -> list[list[str]]:
     """Lines of the table: every area, all methods side by side."""
     rows = []
     for name, folder in folders.items():
-        tile, reference = read_area(folder, provided_classes)
+        tile, reference = read_area(folder)
         cells = []
         for method in methods:
             config = RoofSelectionConfig(**{**(settings or {}), "method": method})
@@ -121,19 +118,21 @@ def rows_of(
 
 def _draw(path: Path, tile: PointTile, mask: NDArray[np.bool_], reference: Reference, title: str) -> None:
     """Draw one area's disagreements; matplotlib is needed only for this."""
-    from bench.roofs.pictures import draw_cells, draw_roofs
+    from bench.common.pictures import draw_over_relief
 
     if reference.cells is None:
-        draw_roofs(path, tile.points, mask, reference.is_building, title)
+        draw_over_relief(path, tile.points, groups_of(tile.points, mask, reference.is_building), title)
         return
     found, true = (
         cells_inside(cells, reference.area, DEFAULT_CELL)
         for cells in (cells_of_points(tile.points, mask, DEFAULT_CELL), reference.cells)
     )
-    kinds = (np.intersect1d(found, true), np.setdiff1d(found, true), np.setdiff1d(true, found))
-    draw_cells(
-        path, tile.points, tuple(cell_centres(kind, DEFAULT_CELL) for kind in kinds), DEFAULT_CELL, title
-    )
+    either = np.union1d(found, true)
+    centres = cell_centres(either, DEFAULT_CELL)
+    low, high = centres.min(axis=0), centres.max(axis=0)
+    near = tile.points[((tile.points[:, :2] >= low) & (tile.points[:, :2] <= high)).all(axis=1)]
+    groups = groups_of(centres, np.isin(either, found), np.isin(either, true))
+    draw_over_relief(path, near, groups, title, DEFAULT_CELL)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -141,11 +140,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     areas = ("delft", "montpellier", "fusa", "lowdensity")
     parser = parser_of(__doc__, METHODS)
     parser.add_argument("--areas", nargs="+", choices=areas, default=areas, metavar="AREA")
-    parser.add_argument(
-        "--provided-classes",
-        action="store_true",
-        help="let water and other classes that a run keeps stay what the file says",
-    )
     add_pictures(parser)
     options = parser.parse_args(arguments)
     data = data_folder(options.data)
@@ -156,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
     settings = settings_of(options.set, "roof_selection")
     pictures = picture_folder(options.pictures)
-    rows = rows_of(folders, options.methods, settings, pictures, options.provided_classes)
+    rows = rows_of(folders, options.methods, settings, pictures)
     shorts = method_headings(options.methods)
     print(", ".join(f"{short} = {method}" for short, method in shorts.items()))
     print(table(("area", "reference", "points", *(f"{s} {h}" for s in shorts for h in HEADINGS)), rows))

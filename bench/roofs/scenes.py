@@ -15,11 +15,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.common.arguments import add_pictures, parser_of, settings_of
 from bench.common.tables import percent, table
-from bench.roofs.methods import METHODS, POINT_HEADINGS, method_headings, point_cells, point_score, roof_mask
+from bench.roofs.methods import (
+    METHODS,
+    POINT_HEADINGS,
+    groups_of,
+    method_headings,
+    point_cells,
+    point_score,
+    roof_mask,
+)
 from bench.scenes.roofs import ROOF_SCENES
 from lidar_buildings.evaluation.scores.statistics import Confusion
 
@@ -48,7 +55,11 @@ def rows_of(
             scores[method][name] = point_score(mask, scene.is_building, scene.is_judged)
             cells += point_cells(scores[method][name])
             if pictures is not None:
-                _draw(pictures / f"{name}_{method}.png", scene, mask, f"{name}, {method}")
+                from bench.common.pictures import draw_over_relief
+
+                groups = groups_of(scene.points, mask & scene.is_judged, scene.is_building & scene.is_judged)
+                path = pictures / f"{name}_{method}.png"
+                draw_over_relief(path, scene.points, groups, f"{name}, {method}")
         rows.append([name, str(len(scene.points)), *cells])
     return [*rows, _mean_row(scores), _worst_row(scores)]
 
@@ -70,14 +81,6 @@ def _worst_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
         name = min(of, key=lambda name: np.nan_to_num(of[name].f1))
         cells += ["", name, percent(of[name].f1)]
     return ["worst", "", *cells]
-
-
-def _draw(path: Path, scene: Any, mask: NDArray[np.bool_], title: str) -> None:
-    """Draw one scene's errors; matplotlib is needed only for this."""
-    from bench.roofs.pictures import draw_roofs
-
-    judged = scene.is_judged
-    draw_roofs(path, scene.points, mask & judged, scene.is_building & judged, title)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -5,7 +5,6 @@ import pyogrio.raw
 import pytest
 import shapely
 from support.lawn import CORNER, DENSITY, HOUSES, houses_on_a_lawn, write_las
-from support.source_tree import ROOT
 
 from bench.common import areas as roof_areas
 from bench.edges import run as edges
@@ -70,29 +69,12 @@ def test_every_method_is_scored_in_every_area_as_published_and_by_default(data, 
     assert "61 to 98 %" in output
 
 
-def test_on_two_plain_houses_most_rims_are_found(data, capsys):
-    edges.main(["--data", str(data), "--methods", "k_means_linearity", "--variants", "default"])
+def test_on_two_plain_houses_most_rims_are_found_and_the_scores_are_drawn(data, tmp_path, capsys):
+    options = ["--variants", "default", "--plot", str(tmp_path / "scores.png")]
+    edges.main(["--data", str(data), "--methods", "k_means_linearity", *options])
+    assert (tmp_path / "scores.png").read_bytes().startswith(b"\x89PNG")
     mean = lines_of(capsys.readouterr().out, "k_means_linearity")[-1]
     assert float(mean[4]) > 90
-
-
-def test_pictures_and_the_plot_are_drawn(data, tmp_path, capsys):
-    folder, plot = tmp_path / "pictures", tmp_path / "scores.png"
-    arguments = ["--methods", "k_means_linearity", "--variants", "published"]
-    edges.main(["--data", str(data), *arguments, "--pictures", str(folder), "--plot", str(plot)])
-    drawn = sorted(path.name for path in (folder / "published").glob("*.png"))
-    assert drawn == [f"{name}_k_means_linearity.png" for name in ("delft", "fusa", "montpellier", "toronto")]
-    assert plot.read_bytes().startswith(b"\x89PNG")
-    with pytest.raises(SystemExit, match="inside the repository"):
-        edges.main(["--data", str(data), "--pictures", str(ROOT / "bench" / "pictures")])
-
-
-def test_the_reference_follows_the_radius_asked_for(data):
-    area = roof_areas.areas_in(data)["fusa"]
-    usual, wide = edges.Protocol(), edges.Protocol(alpha_factor=3.0)
-    assert usual.alpha(area) == pytest.approx(1.342 * area.spacing, rel=1e-3)
-    assert wide.alpha(area) == 3.0 * area.spacing
-    assert wide.edges(area).sum() < usual.edges(area).sum()
 
 
 def test_a_step_parts_roofs_that_touch():
@@ -100,8 +82,7 @@ def test_a_step_parts_roofs_that_touch():
     points[:, 0] -= np.where(roof & (points[:, 0] > 20), 4.0, 0.0)
     area = roof_areas.RoofArea(points[roof], np.zeros(roof.sum(), dtype=np.int64), DENSITY**-0.5, 0)
     assert set(roof_areas.split(area).roof.tolist()) == {0, 1}
-    protocol = edges.Protocol()
-    assert protocol.edges(roof_areas.split(area)).sum() > protocol.edges(area).sum() + 30
+    assert edges.edges_of(roof_areas.split(area)).sum() > edges.edges_of(area).sum() + 30
 
 
 def test_parameters_are_used_and_what_the_methods_choose_is_refused():

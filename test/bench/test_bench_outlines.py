@@ -125,7 +125,6 @@ def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
     assert len(clouds["delft"].roofs) == roof.sum()
     assert len(clouds["toronto"].roofs) == pytest.approx(roof.sum(), rel=0.05)
     np.testing.assert_allclose(np.ptp(clouds["delft"].extent, axis=0), (40, 24), atol=0.5)
-    assert outline_clouds.read_roofs("delft", found["delft"], own_classes=True).classes == "own"
 
 
 def test_all_outlines_of_all_clouds_are_checked_and_drawn(data, tmp_path, capsys):
@@ -185,13 +184,12 @@ def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
     assert deviation == pytest.approx(0.0, abs=1e-9)
 
 
-def test_table_1_of_what_clouds_there_are_is_printed_and_drawn(data, tmp_path, capsys):
-    outlines.main(["--data", str(data), "--parts", "table1", "--pictures", str(tmp_path)])
+def test_table_1_of_what_clouds_there_are_is_printed(data, capsys):
+    outlines.main(["--data", str(data), "--parts", "table1"])
     output = capsys.readouterr().out
     assert lines_of(output, "delft")
     assert lines_of(output, "virtual, 2.7 m")
     assert not lines_of(output, "fusa")
-    assert (tmp_path / "table1.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("name", outline_peers.PEERS)

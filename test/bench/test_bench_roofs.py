@@ -7,11 +7,9 @@ import shapely
 from support.source_tree import ROOT
 
 from bench.roofs import methods as roof_methods
-from bench.roofs import pictures as roof_pictures
 from bench.roofs import run as roofs
 from bench.roofs import scenes as roof_scenes
 from bench.scenes.roof_site import GROUND, RoofSite
-from bench.scenes.roofs import ROOF_SCENES
 
 pyogrio = pytest.importorskip("pyogrio")
 #: Where the written clouds lie on the map.
@@ -83,7 +81,7 @@ def test_real_clouds_are_judged_by_the_map_or_by_the_provider_s_class(data, caps
 
 
 def test_the_classes_of_the_file_are_not_looked_at(data):
-    tile, reference = roofs.read_area(data / "fusa", provided_classes=False)
+    tile, reference = roofs.read_area(data / "fusa")
     assert set(np.unique(tile.classification)) <= {1, 2, 7, 18}
     assert reference.is_building.sum() == houses(1).is_building.sum()
     assert tile.height_above_ground[reference.is_building].min() > 3
@@ -107,9 +105,11 @@ def test_a_folder_without_clouds_is_named(tmp_path):
         roofs.main(["--data", str(tmp_path)])
 
 
-def test_scenes_are_listed_with_means_and_the_worst(capsys):
+def test_scenes_are_listed_and_drawn_with_means_and_the_worst(tmp_path, capsys):
     bench = roof_scenes
-    bench.main(["--scenes", "glass", "step_roofs", "--density", "0.3", "--methods", "lasclassify"])
+    options = ["--density", "0.3", "--methods", "lasclassify", "--pictures", str(tmp_path)]
+    bench.main(["--scenes", "glass", "step_roofs", *options])
+    assert len(list(tmp_path.glob("*_lasclassify.png"))) == 2
     text = capsys.readouterr().out
     assert "l = lasclassify" in text
     glass, steps, mean = (figures(text, name) for name in ("glass", "step_roofs", "mean"))
@@ -132,11 +132,3 @@ def test_points_that_may_be_either_are_not_counted():
     assert roof_methods.point_score(found, true).f1 == pytest.approx(0.5)
     score = roof_methods.point_score(found, true, np.array([True, False, True, True]))
     assert (score.precision, score.recall) == (1.0, 0.5)
-
-
-def test_a_scene_s_errors_can_be_drawn(tmp_path):
-    scene = ROOF_SCENES["glass"](density=1.0)
-    roof_pictures.draw_roofs(
-        tmp_path / "map.png", scene.points, ~scene.is_building, scene.is_building, "all wrong"
-    )
-    assert (tmp_path / "map.png").stat().st_size > 10_000
