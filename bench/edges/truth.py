@@ -4,8 +4,8 @@ Edge labels against the exact outlines of simulated roofs: a reference that no e
     python -m bench.edges.truth [--scenes NAME ...] [--density D ...] [--methods METHOD ...]
                                   [--set NAME=VALUE ...] [--variants VARIANT ...]
 
-The alpha shape that `bench.edges.run` takes for reference is found by the disc that thins the labels. Here the
-outlines of roofs are known. Points nearer than half a spacing to one should be edges (completeness), and
+The alpha shape that `bench.edges.run` takes for reference is found by the disc that thins the labels. Here
+the outlines of roofs are known. Points nearer than half a spacing to one should be edges (completeness), and
 edges should lie no further than one spacing from one (correctness).
 """
 
