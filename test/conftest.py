@@ -19,6 +19,22 @@ def data_folder() -> Path:
 
 
 @pytest.fixture
+def context():
+    """A context of ROS in a domain of this process's own."""
+    import rclpy
+    from support.ros_domain import use_own_domain
+
+    from lidar_buildings.ros.middleware import prepare_middleware
+
+    use_own_domain()
+    prepare_middleware()
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    yield context
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture
 def command(capfd):
     """The command line, called as users do."""
     from support.cli_runs import Command  # not every test needs it

@@ -6,14 +6,12 @@ import time
 import laspy
 import numpy as np
 import pytest
-import rclpy
 from support.bags import MOUNTING, write_drive
 from support.cli_runs import Command
 from support.cloud_files import shortened
 
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.ros.composition import Composition
-from lidar_buildings.ros.middleware import prepare_middleware
 
 pytestmark = pytest.mark.graph
 
@@ -29,15 +27,6 @@ def command(capfd):
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     return write_drive(tmp_path_factory.mktemp("bag") / "drive")
-
-
-@pytest.fixture
-def context():
-    prepare_middleware()
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    yield context
-    rclpy.try_shutdown(context=context)
 
 
 def test_the_nodes_take_bags_as_a_run_does(command, drive, context, tmp_path):

@@ -2,25 +2,12 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-import rclpy
 from rclpy.parameter import Parameter
 from support.node_bench import FRAME, LIVE_HEARS, LIVE_SENDS, Bench, wait_until
-from support.ros_domain import use_own_domain
 
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message
-from lidar_buildings.ros.middleware import prepare_middleware
-
-
-@pytest.fixture
-def context():
-    use_own_domain()
-    prepare_middleware()
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    yield context
-    rclpy.try_shutdown(context=context)
 
 
 @pytest.fixture

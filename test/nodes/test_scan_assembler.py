@@ -8,8 +8,7 @@ from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import Header
-from std_srvs.srv import Trigger
-from support.node_bench import Bench, wait_until
+from support.node_bench import Bench, call, wait_until
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.nodes.scan_assembler import ScanAssembler
@@ -50,13 +49,6 @@ class End(Bench):
         self.send("scan", *scans)
         wait_until(lambda: self.assembler.tiles.counts()["scans"] == before + len(scans))
 
-    def call(self, name):
-        client = self.create_client(Trigger, f"scan_assembler/{name}")
-        wait_until(client.service_is_ready)
-        answer = client.call_async(Trigger.Request())
-        wait_until(answer.done)
-        return answer.result()
-
     def tiles(self):
         return [from_message(message).tile for message in self.heard["points"]]
 
@@ -92,7 +84,7 @@ def scan(number, n_points=300, at=(20.0, 20.0)):
 def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start):
     end = start()
     end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
-    assert end.call("flush").success
+    assert call(end, "flush", "scan_assembler").success
     wait_until(lambda: end.heard["survey_done"])
     assert sorted(len(tile) for tile in end.tiles()) == [300, 300]
     assert [origin.header.frame_id for origin in end.heard["map_origin"]] == [""]
@@ -109,10 +101,10 @@ def test_scans_that_are_lost_on_the_way_are_told_of(start):
 def test_more_points_make_a_later_revision(start):
     end = start()
     end.send_scans(scan(0))
-    end.call("flush")
+    call(end, "flush", "scan_assembler")
     wait_until(lambda: end.heard["survey_done"])
     end.send_scans(scan(1))
-    end.call("flush")
+    call(end, "flush", "scan_assembler")
     wait_until(lambda: len(end.heard["survey_done"]) == 2)
     first, second = (to_stamp(message.header.stamp) for message in end.heard["points"])
     assert (first % 1000, second % 1000) == (0, 1)
@@ -122,23 +114,23 @@ def test_more_points_make_a_later_revision(start):
 
 def test_while_paused_scans_are_gathered_and_no_tile_is_sent(start):
     end = start(leave_after=0.0)
-    end.call("pause")
+    call(end, "pause", "scan_assembler")
     end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
-    end.call("step")
+    call(end, "step", "scan_assembler")
     wait_until(lambda: end.heard["points"])
     assert len(end.heard["points"]) == 1
-    end.call("resume")
+    call(end, "resume", "scan_assembler")
     wait_until(lambda: sum(map(len, end.tiles())) >= 600)
 
 
 def test_reset_forgets_points_and_tiles(start):
     end = start()
     end.send_scans(scan(0))
-    end.call("flush")
+    call(end, "flush", "scan_assembler")
     wait_until(lambda: end.heard["survey_done"])
-    assert end.call("reset").success
+    assert call(end, "reset", "scan_assembler").success
     end.send_scans(scan(1, 200))
-    end.call("flush")
+    call(end, "flush", "scan_assembler")
     wait_until(lambda: len(end.heard["survey_done"]) == 2)
     assert [len(tile) for tile in end.tiles()] == [300, 200]
 
@@ -165,7 +157,7 @@ def test_given_parameters_say_where_the_map_lies(start):
 def test_a_spool_keeps_the_points_and_they_become_files(start, tmp_path):
     end = start(spool=str(tmp_path / "feed"))
     end.send_scans(scan(0))
-    end.call("flush")
+    call(end, "flush", "scan_assembler")
     wait_until(lambda: end.heard["survey_done"])
     log = tmp_path / "feed" / "points.log"
     assert log.stat().st_size > 0

@@ -15,6 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 from support.cloud_files import random_cloud
+from support.node_bench import wait_until
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.sides import ALL
@@ -78,13 +79,6 @@ class GraphEnd(StageNode):
 
     def on_survey_done(self, message):
         self.survey_done.append(to_stamp(message.stamp))
-
-
-def wait_until(condition, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 @pytest.fixture(scope="module")

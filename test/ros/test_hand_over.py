@@ -1,13 +1,13 @@
 """Nodes of one process hand tiles and rings over as they are; others get messages, and nobody gets both."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
+from support.node_bench import wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros import hand_over
@@ -38,13 +38,6 @@ class Receiver(StageNode):
     def on_tile(self, tile):
         self.tiles.append(tile)
         self.threads.add(threading.current_thread().name)
-
-
-def wait_until(condition, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def tile(second):

@@ -1,5 +1,4 @@
 import json
-import time
 
 import numpy as np
 import pytest
@@ -7,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import String
+from support.node_bench import wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
@@ -58,13 +58,6 @@ def graph(context):
     yield publisher, listener
     sender.destroy_node()
     composition.stop()
-
-
-def wait_until(condition, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def tile(n, second):

@@ -133,9 +133,9 @@ def done(other):
     return [to_stamp(message.stamp) for message in other.heard["tile_done"]]
 
 
-def call(other, service):
-    """Answer of a service of the writer."""
-    client = other.create_client(Trigger, f"model_writer/{service}")
+def call(other, service, node="model_writer"):
+    """Answer of a service of a node."""
+    client = other.create_client(Trigger, f"{node}/{service}")
     wait_until(client.service_is_ready)
     answer = client.call_async(Trigger.Request())
     wait_until(answer.done)

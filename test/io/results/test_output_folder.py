@@ -269,15 +269,6 @@ def test_other_inputs_or_parameters_do_not_go_on_with_a_run(tmp_path, survey):
     OutputFolder(tmp_path / "out", source.inputs, source.frame, parameters={"a": 1})
 
 
-def test_a_finished_run_is_replaced_only_on_request(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles)
-    assert "holds a finished run: give --overwrite" in the_line(tmp_path / "out", source.inputs, source.frame)
-    (tmp_path / "out" / "mine.txt").write_text("keep me")
-    run(tmp_path / "out", source, tiles[:1], overwrite=True, until="ground_filter")
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["classified", "mine.txt", "run.json"]
-
-
 def test_files_of_an_earlier_run_go_when_it_is_replaced(tmp_path, survey):
     source, tiles = survey
     run(tmp_path / "out", source, tiles)
@@ -288,27 +279,6 @@ def test_files_of_an_earlier_run_go_when_it_is_replaced(tmp_path, survey):
 class TileSourceLike:
     def __init__(self, source, inputs):
         self.inputs, self.frame = inputs, source.frame
-
-
-def test_a_folder_with_other_files_is_not_written_into(tmp_path, survey):
-    source, _ = survey
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "cat.jpg").touch()
-    assert "is not empty" in the_line(tmp_path / "photos", source.inputs, source.frame)
-    OutputFolder(tmp_path / "photos", source.inputs, source.frame, overwrite=True)
-    assert (tmp_path / "photos" / "cat.jpg").exists()
-
-
-def test_a_file_in_place_of_the_folder_gives_one_line(tmp_path, survey):
-    source, _ = survey
-    (tmp_path / "file").touch()
-    assert "cannot be used for output" in the_line(tmp_path / "file", source.inputs, source.frame)
-    assert "cannot be used for output" in the_line(tmp_path / "file" / "out", source.inputs, source.frame)
-
-
-def test_a_folder_that_cannot_be_written_gives_one_line(survey):
-    source, _ = survey
-    assert "choose another folder" in the_line("/proc/self/out", source.inputs, source.frame)
 
 
 def test_the_inputs_own_folder_is_refused(tmp_path, survey):
