@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +14,6 @@ from typing import Any
 
 from bench.chain.child import Usage, run_child
 from bench.chain.copies import input_files
-from bench.models.peers import PROGRAM, is_installed
 from lidar_buildings.evaluation.command.score import KINDS
 
 COMMAND = [sys.executable, "-m", "lidar_buildings.cli"]
@@ -22,6 +22,8 @@ VILLAGE_TILE = 70
 #: Of the tile whose way through the graph is timed.
 LATENCY_POINTS = 250_000
 FOOTPRINTS = "buildings_nw.gpkg"
+#: roofer's (3DBAG, GPL).
+PROGRAM = "roofer"
 
 Record = dict[str, Any]
 
@@ -92,7 +94,7 @@ def peers(job: Job) -> Iterator[Record]:
         return
     given = ["--footprints", str(footprints), *map(str, job.files)]
     yield {"name": "Delft, footprints", **_json_of("stages", [str(job.repeats), *given])}
-    if not is_installed():
+    if shutil.which(PROGRAM) is None:
         yield {"name": PROGRAM, "missing": "no program of this name on the path"}
         return
     output = job.folder / PROGRAM

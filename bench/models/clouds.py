@@ -7,7 +7,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from bench.common.clouds import read_files
 from bench.common.tables import percent, table
-from bench.outlines.clouds import ROOFS_ONLY
 from lidar_buildings.cli import main as command
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
@@ -30,6 +29,12 @@ from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, trace_buildings
 
 LODS = ("2.2", "1.3", "1.2")
+#: Folders whose files adjoin and are read as one cloud; in others every file is one.
+ADJOINING = ("delft", "montpellier", "lowdensity")
+#: Folders whose points are roofs already.
+ROOFS_ONLY = ("trondheim",)
+#: Folders with files that cannot be read.
+UNREADABLE = ("bad",)
 #: A length, a share or a count in a reason.
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
 #: Reasons that are shown.
@@ -103,6 +108,17 @@ class CloudModels(NamedTuple):
             for part in parts
             if (codes := check_solid(part))
         ]
+
+
+def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
+    """Yield every cloud of the data folder: its name and its files."""
+    for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
+        files = sorted(folder.glob("*.laz"))
+        if files and folder.name in ADJOINING:
+            yield folder.name, files
+            continue
+        for file in files:
+            yield folder.name if len(files) == 1 else f"{folder.name}/{file.stem}", [file]
 
 
 def models_of_cloud(

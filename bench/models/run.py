@@ -10,13 +10,12 @@ Parts (all by default; the last needs the real clouds):
 scenes    virtual roofs of every type in N orientations: type, planes, angles, ridges, volume, vertices
 bad       input that is hard or bad: which levels come out, and why not more
 clouds    every cloud of the data folder through the chain: levels of detail, reasons, validity, RMSE; Delft
-          with given footprints, too, and with roofer beside where its program is installed
+          with given footprints, too
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,10 +23,8 @@ from pathlib import Path
 
 from bench.common.arguments import config_of
 from bench.common.clouds import data_folder
-from bench.models.clouds import clouds_table, models_of_cloud, reasons_table
-from bench.models.peers import PROGRAM, is_installed, roofer_models
+from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
 from bench.models.truth import bad_scenes, bad_table, judged, truth_table
-from bench.outlines.clouds import clouds_in
 from bench.scenes.models import SHAPES, model_scene
 
 FOOTPRINTS = "buildings_nw.gpkg"
@@ -64,10 +61,6 @@ def run_clouds(options: argparse.Namespace) -> None:
             if footprints.is_file():
                 given = Path(f"{output}_footprints")
                 found.append(models_of_cloud(name, files, given, footprints=footprints))
-                if is_installed():
-                    peer, seconds = roofer_models(name, files, footprints, Path(f"{output}_{PROGRAM}"))
-                    found.append(peer)
-                    print(f"{PROGRAM}: {seconds:.1f} s")
     print(clouds_table(found), end="\n\n")
     print(reasons_table(found), end="\n\n")
     invalid = [(cloud.name, *one) for cloud in found for one in cloud.invalid()]
@@ -86,8 +79,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = _parser().parse_args(arguments)
     options.configs = config_of(options.set)
     options.data_folder = data_folder(options.data)
-    if "clouds" in options.parts and not is_installed():
-        print(f"{PROGRAM}: not installed (a program of this name on the path)", file=sys.stderr)
     for part in options.parts:
         PARTS[part](options)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,13 +16,6 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
-
-#: Folders whose files adjoin and are read as one cloud; in others every file is one.
-ADJOINING = ("delft", "montpellier", "lowdensity")
-#: Folders whose points are roofs already.
-ROOFS_ONLY = ("trondheim",)
-#: Folders with files that cannot be read.
-UNREADABLE = ("bad",)
 
 
 class RoofCloud(NamedTuple):
@@ -41,7 +33,7 @@ class RoofCloud(NamedTuple):
     origin : ndarray of shape (2,)
         What to add to get coordinates of the file's reference system [m].
     classes : str
-        Whose classes these are: ``"provider"``, ``"own"`` or ``"roofs"``.
+        Whose classes these are: ``"provider"`` or ``"own"``.
     """
 
     name: str
@@ -51,28 +43,13 @@ class RoofCloud(NamedTuple):
     classes: str
 
 
-def clouds_in(data: Path) -> Iterator[tuple[str, list[Path]]]:
-    """Yield every cloud of the data folder: its name and its files."""
-    for folder in sorted(path for path in data.iterdir() if path.is_dir() and path.name not in UNREADABLE):
-        files = sorted(folder.glob("*.laz"))
-        if files and folder.name in ADJOINING:
-            yield folder.name, files
-            continue
-        for file in files:
-            yield folder.name if len(files) == 1 else f"{folder.name}/{file.stem}", [file]
-
-
 def read_roofs(name: str, files: list[Path]) -> RoofCloud:
-    """
-    Read one cloud: the provider's class 6 where there is one, else this package's choice.
-    """
+    """Read one cloud: the provider's class 6 where there is one, else this package's choice."""
     tile, frame = read_files(files)
     spacing = steady_spacing(last_returns(tile.points, tile.return_number, tile.number_of_returns), None)
     tile = tile.with_columns(point_spacing=spacing)
     extent = np.array([tile.points[:, :2].min(axis=0), tile.points[:, :2].max(axis=0)])
-    if name.split("/")[0] in ROOFS_ONLY:
-        roofs, classes = tile, "roofs"
-    elif (tile.classification == PointClass.BUILDING).any():
+    if (tile.classification == PointClass.BUILDING).any():
         roofs, classes = tile.select(tile.is_roof), "provider"
     else:
         selected = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())

@@ -1,5 +1,5 @@
 """
-Building outlines: against exact truth, against a map beside peers, the paper's Table 1, and validity.
+Building outlines: against exact truth, against a map beside peers, and the paper's Table 1.
 
     python -m bench.outlines.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...]
                              [--pictures DIR] [--methods METHOD ...] [--plans NAME ...]
@@ -13,7 +13,6 @@ scenes    virtual buildings, every plan in twelve orientations: found, IoU, corn
 delft     class 6 of both halves against the blocks of the base map; peers on the same clusters, and times
 table1    σ and largest offset of ten buildings each, beside the figures of Sampath & Shan (2007); blocks are
           split at step edges, as single buildings are meant
-validity  all outlines of all clouds: valid, no repeated vertex, turned right; overlaps; buildings per second
 """
 
 from __future__ import annotations
@@ -26,12 +25,10 @@ from bench.common.arguments import add_pictures, config_of, picture_folder
 from bench.common.clouds import data_folder
 from bench.outlines import table1
 from bench.outlines.chain import bias_variants
-from bench.outlines.clouds import clouds_in, read_roofs
 from bench.outlines.delft import delft_tables, read_delft, run_all
 from bench.outlines.peers import PEERS, is_installed
 from bench.outlines.pictures import draw_map, draw_scenes
 from bench.outlines.truth import judged, scenes_table, worst
-from bench.outlines.validity import check, n_faulty, validity_table
 from bench.scenes.outlines import PLANS, outline_scenes
 
 OURS = "ours"
@@ -86,25 +83,10 @@ def run_table_1(options: argparse.Namespace) -> None:
     table1.report(options.data_folder, configs, noise=options.noise, seed=options.seeds[0])
 
 
-def run_validity(options: argparse.Namespace) -> None:
-    """Check all outlines of all clouds."""
-    checked = [
-        check(read_roofs(name, files), options.configs, options.repeats)
-        for name, files in clouds_in(options.data_folder)
-    ]
-    print(validity_table(checked))
-    print(f"faults: {n_faulty(checked)}\n")
-    for one in checked if options.folder else ():
-        limits = one.cloud.extent.ravel()
-        path = options.folder / f"outlines_{one.cloud.name.replace('/', '_')}.png"
-        draw_map(path, one.cloud.roofs.points, {"outlines": (one.polygons, "black")}, tuple(limits))
-
-
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "scenes": run_scenes,
     "delft": run_delft,
     "table1": run_table_1,
-    "validity": run_validity,
 }
 
 
@@ -163,7 +145,7 @@ def _parser() -> argparse.ArgumentParser:
         "--drop-outs", type=float, default=0.0, metavar="SHARE", help="scenes: points lost (0)"
     )
     parser.add_argument(
-        "--repeats", type=int, default=3, metavar="N", help="delft, validity: runs, the fastest counts (3)"
+        "--repeats", type=int, default=3, metavar="N", help="delft: runs, the fastest counts (3)"
     )
     add_pictures(parser)
     return parser

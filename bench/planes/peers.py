@@ -1,15 +1,14 @@
 """
 Ways to find the planes of roofs that are compared: this package's and those of libraries.
 
-A peer is taken in if `pip` installs it from a wheel on Linux with Python 3.11 and its licence is permissive;
-CGAL is GPL, therefore no dependency, and run where somebody has installed its Python bindings.
+A peer is taken in if `pip` installs it from a wheel on Linux with Python 3.11 and its licence is permissive.
 
 ============  =========  ====================================================================================
 package       licence    verdict
 ============  =========  ====================================================================================
 open3d        MIT        taken: ``segment_plane`` (RANSAC), plane by plane, the largest cluster (DBSCAN) of
                          its inliers each time; and ``detect_planar_patches`` (Araújo and Oliveira 2020)
-CGAL          GPL        where installed: region growing and efficient RANSAC of its shape detection
+CGAL          GPL        left out: the licence
 pyransac3d    Apache-2   left out: the same RANSAC in Python, slower
 ============  =========  ====================================================================================
 """
@@ -98,23 +97,6 @@ def open3d_patches(points: NDArray[np.float64], **settings: Any) -> NDArray[np.i
     return plane_id
 
 
-def cgal_regions(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Grow regions with CGAL's defaults but for a tolerance that suits the data."""
-    from CGAL.CGAL_Kernel import Point_3
-    from CGAL.CGAL_Point_set_3 import Point_set_3
-    from CGAL.CGAL_Point_set_processing_3 import jet_estimate_normals
-    from CGAL.CGAL_Shape_detection import region_growing
-
-    cloud = Point_set_3()
-    for point in points:
-        cloud.insert(Point_3(*point))
-    cloud.add_normal_map()
-    jet_estimate_normals(cloud, 12)
-    found = cloud.add_int_map("shape")
-    region_growing(cloud, found, min_points=30, max_distance=TUNED["tolerance"], max_angle=25.0)
-    return np.array([found.get(row) for row in cloud.indices()], dtype=np.int64) + 1
-
-
 #: Name → method, this package's first.
 METHODS = {
     "lidar_buildings": own_method(PlaneFittingConfig()),
@@ -122,5 +104,4 @@ METHODS = {
     "open3d ransac, tuned": Method(lambda points: open3d_ransac(points, **TUNED), "open3d"),
     "open3d ransac, defaults": Method(lambda points: open3d_ransac(points, **UNTUNED), "open3d"),
     "open3d patches": Method(open3d_patches, "open3d"),
-    "cgal regions": Method(cgal_regions, "CGAL"),
 }

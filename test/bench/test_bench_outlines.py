@@ -11,15 +11,13 @@ from support.score_files import write_polygons
 from support.source_tree import ROOT
 
 from bench.common import arguments
+from bench.models import clouds as model_clouds
 from bench.outlines import clouds as outline_clouds
 from bench.outlines import peers as outline_peers
 from bench.outlines import run as outlines
 from bench.outlines import table1 as outline_table1
 from bench.outlines import truth as outline_truth
-from bench.outlines import validity as outline_validity
 from bench.scenes.outlines import outline_scene
-from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 CORNER = np.array([85_000.0, 447_000.0])
@@ -111,52 +109,15 @@ def test_delft_is_measured_on_the_same_clusters_for_all(data, tmp_path, capsys):
     assert len(list(tmp_path.glob("delft_*.png"))) >= 3
 
 
-def test_clouds_are_read_by_their_classes_their_own_or_as_roofs(data):
-    found = dict(outline_clouds.clouds_in(data))
-    clouds = {name: outline_clouds.read_roofs(name, files) for name, files in found.items()}
+def test_clouds_are_read_by_their_classes_or_their_own(data):
+    found = dict(model_clouds.clouds_in(data))
+    assert list(found) == ["delft", "toronto", "trondheim/1", "trondheim/2"]
+    delft, toronto = (outline_clouds.read_roofs(name, found[name]) for name in ("delft", "toronto"))
     _, roof = houses_on_a_lawn()
-    classes = {name: cloud.classes for name, cloud in clouds.items()}
-    assert classes == {
-        "delft": "provider",
-        "toronto": "own",
-        "trondheim/1": "roofs",
-        "trondheim/2": "roofs",
-    }
-    assert len(clouds["delft"].roofs) == roof.sum()
-    assert len(clouds["toronto"].roofs) == pytest.approx(roof.sum(), rel=0.05)
-    np.testing.assert_allclose(np.ptp(clouds["delft"].extent, axis=0), (40, 24), atol=0.5)
-
-
-def test_all_outlines_of_all_clouds_are_checked_and_drawn(data, tmp_path, capsys):
-    outlines.main(["--data", str(data), "--parts", "validity", "--pictures", str(tmp_path)])
-    output = capsys.readouterr().out
-    assert lines_of(output, "all")[0].split()[2] == "6"
-    assert "faults: 0" in output
-    drawn = sorted(path.stem for path in tmp_path.glob("*.png"))
-    assert drawn == ["outlines_delft", "outlines_toronto", "outlines_trondheim_1", "outlines_trondheim_2"]
-
-
-def test_faults_and_overlaps_of_outlines_are_counted():
-    square = ring((0, 0), (10, 0), (10, 10), (0, 10))
-    east = np.array([1.0, 0.0])
-    cloud = outline_clouds.RoofCloud("x", PointTile(np.zeros((0, 3))), np.zeros((2, 2)), np.zeros(2), "own")
-    faulty = outline_validity.Validity(
-        cloud,
-        [
-            Outline(square),
-            Outline(square + 9 * east),
-            Outline(square[::-1] + 50 * east),
-            Outline(square + 70 * east, (ring((71, 1), (72, 1), (72, 2)),)),
-            Outline(ring((90, 0), (99, 9), (99, 0), (90, 9))),
-            Outline(ring((100, 0), (110, 0), (110, 10), (110, 10), (100, 10))),
-        ],
-        1.0,
-    )
-    assert (faulty.n_invalid, faulty.n_repeated) == (1, 1)
-    # The reversed square, the courtyard that is not clockwise, and the bow tie, whose loops cancel out.
-    assert faulty.n_turned == 3
-    assert faulty.overlaps() == pytest.approx([10.0])
-    assert outline_validity.n_faulty([faulty]) == 5
+    assert (delft.classes, toronto.classes) == ("provider", "own")
+    assert len(delft.roofs) == roof.sum()
+    assert len(toronto.roofs) == pytest.approx(roof.sum(), rel=0.05)
+    np.testing.assert_allclose(np.ptp(delft.extent, axis=0), (40, 24), atol=0.5)
 
 
 def test_table_1_takes_buildings_that_the_edge_of_the_cloud_does_not_cut():

@@ -40,6 +40,6 @@ def test_faces_of_one_plane_that_touch_at_a_corner_are_one_plane():
 
 def test_peers_that_are_not_installed_are_named(capsys, monkeypatch, tmp_path):
     missing = planes.Method(lambda points: points, "no_such_package")
-    monkeypatch.setitem(planes.METHODS, "cgal regions", missing)
-    planes.main(["--data", str(tmp_path), "--methods", "cgal regions", "--densities"])
+    monkeypatch.setitem(planes.METHODS, "open3d patches", missing)
+    planes.main(["--data", str(tmp_path), "--methods", "open3d patches", "--densities"])
     assert "no_such_package is not installed" in capsys.readouterr().err
