@@ -90,24 +90,23 @@ def own_features(task: Task, entropy: str = "dimensionality") -> EigenFeatures:
     return eigen_features(task.points, list(task.radii), min_neighbours=MIN_NEIGHBOURS, entropy=entropy)
 
 
-def jakteristics_features(task: Task, names: Sequence[str] | None = None) -> dict[str, NDArray[np.float32]]:
-    """Run jakteristics with all its features, or some."""
+def jakteristics_features(task: Task) -> dict[str, NDArray[np.float32]]:
+    """Run jakteristics with all its features."""
     import jakteristics
     from jakteristics.constants import FEATURE_NAMES
 
-    names = list(names or FEATURE_NAMES)
+    names = list(FEATURE_NAMES)
     columns = jakteristics.compute_features(
         task.points, task.radii[-1], num_threads=os.cpu_count(), feature_names=names
     )
     return dict(zip(names, columns.T, strict=True))
 
 
-def pgeof_selected(task: Task, names: Sequence[str] | None = None) -> dict[str, NDArray[np.float64]]:
-    """Run pgeof in float64 with all features that it has of a fixed radius, or some."""
+def pgeof_selected(task: Task) -> dict[str, NDArray[np.float64]]:
+    """Run pgeof in float64 with all features that it has of a fixed radius."""
     import pgeof
 
-    every = [name for name in pgeof.EFeatureID.__members__ if name != "K_optimal"]
-    names = list(names or every)
+    names = [name for name in pgeof.EFeatureID.__members__ if name != "K_optimal"]
     chosen = [pgeof.EFeatureID.__members__[name] for name in names]
     columns = pgeof.compute_features_selected(task.points, task.radii[-1], task.most, chosen)
     return dict(zip(names, columns.T, strict=True))

@@ -12,14 +12,9 @@ edges should lie no further than one spacing from one (correctness).
 from __future__ import annotations
 
 import argparse
-import contextlib
-import io
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-import laspy
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -28,12 +23,11 @@ from bench.common.areas import RoofArea
 from bench.common.arguments import settings_of
 from bench.common.tables import percent, table
 from bench.edges.run import METHODS, VARIANTS, configs_of, label_area
-from lidar_buildings.cli import main as run_command
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.evaluation.scores.blocks import merge_touching
 from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.simulation import simulate_tile
 
 #: Distances from an outline up to which a point should be an edge, and may be one [spacings].
 SHOULD, MAY = 0.5, 1.0
@@ -61,23 +55,15 @@ class OutlineScore(NamedTuple):
         return ratio(2 * self.completeness * self.correctness, self.completeness + self.correctness)
 
 
-def simulated_roofs(scene: str, density: float, seed: int = 0) -> tuple[RoofArea, NDArray[np.float64]]:
+def simulated_roofs(scene: str, density: float) -> tuple[RoofArea, NDArray[np.float64]]:
     """Scan a scene; return its roof points without walls, and their distances from the blocks' outlines."""
-    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        options = ["--scene", scene, "--density", str(density), "--seed", str(seed), "--overwrite"]
-        with contextlib.redirect_stdout(io.StringIO()):
-            status = run_command(["simulate", "--output", folder, *options])
-        if status != 0:
-            raise SystemExit(f"{scene}: could not be simulated")
-        strips = [laspy.read(path) for path in sorted(Path(folder).glob("*.laz"))]
-        blocks = merge_touching(read_metric_polygons(Path(folder) / "truth.gpkg").polygons)
-    points = np.concatenate([np.column_stack((s.x, s.y, s.z))[np.asarray(s.TruePlane) > 0] for s in strips])
-    outlines = shapely.union_all(shapely.boundary(blocks.polygons))
-    shapely.prepare(outlines)
-    distance = shapely.distance(shapely.points(points[:, :2]), outlines)
-    points -= np.floor(points.min(axis=0) / 100.0) * 100.0
-    none = np.zeros(len(points), dtype=np.int64)
-    return RoofArea(points, none, measure_spacing(points), 0), distance
+    tile, truth = simulate_tile(scene, density=density)
+    points = np.round(tile.points[truth.plane > 0], 3)  # as a survey's files have them
+    outlines = np.array([building.polygon for building in truth.scene.buildings], dtype=object)
+    blocks = shapely.union_all(shapely.boundary(merge_touching(outlines).polygons))
+    shapely.prepare(blocks)
+    distance = shapely.distance(blocks, shapely.points(points[:, :2]))
+    return RoofArea(points, np.zeros(len(points), dtype=np.int64), measure_spacing(points), 0), distance
 
 
 def score_of(edge: NDArray[np.bool_], distance: NDArray[np.float64], spacing: float) -> OutlineScore:

@@ -24,8 +24,8 @@ from pathlib import Path
 from bench.common.arguments import config_of
 from bench.common.clouds import data_folder
 from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
-from bench.models.truth import bad_scenes, bad_table, judged, truth_table
-from bench.scenes.models import SHAPES, model_scene
+from bench.models.truth import bad_table, judged, truth_table
+from bench.scenes.models import BAD_SCENES, SHAPES, model_scene
 
 FOOTPRINTS = "buildings_nw.gpkg"
 
@@ -45,7 +45,8 @@ def run_scenes(options: argparse.Namespace) -> None:
 
 def run_bad(options: argparse.Namespace) -> None:
     """Say what comes of bad input."""
-    print(bad_table(judged(bad_scenes(), options.configs)), end="\n\n")
+    scenes = [make(rotation_deg=20.0) for make in BAD_SCENES.values()]
+    print(bad_table(judged(scenes, options.configs)), end="\n\n")
 
 
 def run_clouds(options: argparse.Namespace) -> None:

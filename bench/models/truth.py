@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from bench.scenes.models import BAD_SCENES, ModelScene, roof_words
+from bench.scenes.models import ModelScene, roof_words
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model import BuildingModel, build_model
 from lidar_buildings.core.stages.plane_fitting import RoofPlanes, fit_roof_planes
@@ -188,11 +188,6 @@ def bad_table(verdicts: Sequence[Verdict]) -> str:
             for one in verdicts
         ),
     )
-
-
-def bad_scenes(rotation_deg: float = 20.0, seed: int = 0) -> list[ModelScene]:
-    """Return the scenes of hard and bad input."""
-    return [make(rotation_deg=rotation_deg, seed=seed) for make in BAD_SCENES.values()]
 
 
 def _cells(verdicts: Sequence[Verdict]) -> list[str]:

@@ -25,14 +25,14 @@ PUBLISHED = {
 }
 
 
-def cube_points(seed: int = 0) -> NDArray[np.float64]:
+def cube_points() -> NDArray[np.float64]:
     """Return points on the six faces of a cube, shape (n_points, 3) [m]."""
     places = np.arange(0.5 * SPACING, SIDE, SPACING)
     u, v = (one.ravel() for one in np.meshgrid(places, places))
     faces = [
         np.insert(np.column_stack((u, v)), axis, level, axis=1) for axis in range(3) for level in (0.0, SIDE)
     ]
-    return np.concatenate(faces) + np.random.default_rng(seed).normal(0.0, NOISE, (6 * len(u), 3))
+    return np.concatenate(faces) + np.random.default_rng(0).normal(0.0, NOISE, (6 * len(u), 3))
 
 
 def cube_features(points: NDArray[np.float64]) -> EigenFeatures:

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 from support.cloud_files import random_cloud
+from support.node_bench import wait_until
 from support.ros_domain import use_own_domain
 
 from lidar_buildings.ros.qos import LATCHED_EVENT
@@ -47,13 +47,6 @@ def assert_one_line(result, *words):
 def test_an_unknown_parameter_is_named_with_the_nearest_one(tmp_path):
     result = run("ground_filter", "--ros-args", "-p", "ground_distanse:=0.5")
     assert_one_line(result, "ground_filter.ground_distanse", "did you mean ground_distance?")
-
-
-def test_a_value_out_of_range_is_named_with_what_is_allowed(tmp_path):
-    file = tmp_path / "mine.yaml"
-    file.write_text("/**/ground_filter:\n  ros__parameters:\n    ground_distance: -4.0\n")
-    result = run("ground_filter", "--ros-args", "--params-file", str(file))
-    assert_one_line(result, "ground_filter.ground_distance = -4.0: must be within")
 
 
 @pytest.mark.parametrize("content", [None, "a: [", "just text"])
@@ -92,13 +85,6 @@ def is_caught(pid, number):
     """Whether a process has a handler for a signal."""
     caught = Path(f"/proc/{pid}/status").read_text().split("SigCgt:")[1].split()[0]
     return bool(int(caught, 16) >> (number - 1) & 1)
-
-
-def wait_until(condition, timeout=120.0):
-    end = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < end, f"not within {timeout:g} s"
-        time.sleep(0.01)
 
 
 def wait_until_it_spins(name, context):

@@ -27,7 +27,7 @@ _POINT_SIZE, _LINE_WIDTH = 2.0, 1.5
 _LIBRARIES = "install what Open3D draws with (Debian: libegl1 libgl1 libgl1-mesa-dri libgomp1 libusb-1.0-0)"
 
 
-def write_picture(path: Path, parts: Sequence[Coloured], eye: str, size: tuple[int, int] = SIZE) -> None:
+def write_picture(path: Path, parts: Sequence[Coloured], eye: str) -> None:
     """
     Draw parts into a PNG or JPEG file.
 
@@ -39,7 +39,7 @@ def write_picture(path: Path, parts: Sequence[Coloured], eye: str, size: tuple[i
         If the file cannot be written.
     """
     open3d = _open3d()
-    image = open3d.geometry.Image(picture_of(parts, eye, size))
+    image = open3d.geometry.Image(picture_of(parts, eye))
     with atomic_file(path) as temporary:
         if not open3d.io.write_image(str(temporary), image):
             raise OSError("is there the folder, and room?")

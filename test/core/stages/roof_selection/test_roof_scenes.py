@@ -45,25 +45,6 @@ def test_every_scene_is_small_finite_and_has_buildings_and_ground(name):
     assert scene.is_judged[scene.is_building | scene.is_facade].all()
 
 
-@pytest.mark.parametrize("name", ROOF_SCENES)
-def test_a_scene_is_the_same_again_and_another_with_another_seed(name):
-    first, again, other = made(name), made(name), made(name, seed=1)
-    np.testing.assert_array_equal(first.points, again.points)
-    np.testing.assert_array_equal(first.is_building, again.is_building)
-    assert not np.array_equal(first.points[:500], other.points[:500])
-
-
-@pytest.mark.parametrize("name", ROOF_SCENES)
-def test_turning_a_scene_keeps_its_heights_and_its_truth(name):
-    plain, turned = made(name), made(name, rotation_deg=30.0)
-    np.testing.assert_array_equal(plain.points[:, 2], turned.points[:, 2])
-    np.testing.assert_array_equal(plain.is_building, turned.is_building)
-    for column in plain.columns:
-        np.testing.assert_array_equal(plain.columns[column], turned.columns[column])
-    step = np.hypot(*np.diff(plain.points[:, :2], axis=0).T)
-    np.testing.assert_allclose(np.hypot(*np.diff(turned.points[:, :2], axis=0).T), step, atol=1e-9)
-
-
 @pytest.mark.parametrize(("name", "area"), ROOF_AREA.items())
 def test_roofs_have_as_many_points_as_their_area_gives_pulses(name, area):
     density = ROOF_SCENES[name].__kwdefaults__["density"]
