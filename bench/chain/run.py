@@ -2,7 +2,7 @@
 The whole chain and each stage beside the decoding of the same files: times, memory, temporary disk.
 
     python -m bench.chain.run [--data DIR] [--only PART ...] [--copies 1 4 16] [--cores 1 2] [--repeats N]
-                              [--folder DIR] [--record FILE] [--markdown] [--landing TITLE]
+                              [--folder DIR] [--record FILE] [--landing TITLE]
 
 Parts (all by default):
 
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 if options.record is not None:
                     options.record.write_text(json.dumps(records, indent=1))
     tables = tables_of(records)
-    print("\n\n".join(one.markdown() if options.markdown else one.plain() for one in tables))
+    print("\n\n".join(one.plain() for one in tables))
     if options.landing:
         text = "\n\n".join([f"### {options.landing}", *(one.markdown() for one in tables)])
         DOCUMENT.write_text(f"{DOCUMENT.read_text().rstrip()}\n\n{text}\n")
@@ -81,7 +81,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="the least counts (3)")
     parser.add_argument("--folder", type=Path, metavar="DIR", help="keep inputs and results here")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep the figures in this file")
-    parser.add_argument("--markdown", action="store_true", help="print the tables for a document")
     parser.add_argument("--landing", metavar="TITLE", help="append the tables to doc/benchmarks.md")
     return parser
 

@@ -1,7 +1,7 @@
 """
 Speed of eigenvalue features, and how far libraries agree on them.
 
-    python -m bench.edges.features [--data DIR] [--radius SPACINGS] [--radii LEAST MOST NUMBER] [--repeats N]
+    python -m bench.edges.features [--data DIR] [--copies N] [--repeats N]
 
 Roof points of Delft (class 6), or where that is not there of a simulated village. First with a fixed radius,
 then with one chosen for each point; last the whole of edge labelling, of which features are a part. All
@@ -12,7 +12,6 @@ search for neighbours. Peers that are not installed are named and left out.
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,6 +30,8 @@ from lidar_buildings.simulation import simulate_tile
 
 #: The scene that stands in for Delft, and its pulses a square metre.
 SCENE, DENSITY = "village", 15.0
+#: The fixed radius, and the least, the most and the number of those to choose from [spacings].
+RADIUS, RADII = 3.0, (1.6, 5.0, 12)
 #: Points of the first run, so that everything is loaded and compiled.
 WARM_UP = 2000
 SPEED_HEADINGS = ("library", "seconds", "min–max", "of it search", "Mpts/s", f"{OWN} is × as fast")
@@ -122,9 +123,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     spacing = quantised_spacing(points)
     points = side_by_side(points, options.copies)
     # A peer takes the radius in float32: one that is the same in both.
-    radius = float(np.float32(options.radius * spacing))
-    least, most, number = options.radii
-    radii = np.geomspace(least, most, math.floor(number)) * spacing
+    radius = float(np.float32(RADIUS * spacing))
+    radii = np.geomspace(*RADII) * spacing
     print(f"{name}: {len(points)} points, spacing {spacing:.3f} m\n")
     fixed, chosen = task_of(points, [radius]), task_of(points, radii)
     print(f"Fixed radius of {radius:.3f} m, at most {fixed.most} neighbours")
@@ -147,15 +147,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
     parser.add_argument("--density", type=float, default=DENSITY, help="pulses/m² of the simulation")
     parser.add_argument("--copies", type=int, default=1, help="of the points, side by side: a larger tile")
-    parser.add_argument("--radius", type=float, default=3.0, help="fixed radius [spacings]")
-    parser.add_argument(
-        "--radii",
-        nargs=3,
-        type=float,
-        default=(1.6, 5.0, 12),
-        metavar=("LEAST", "MOST", "NUMBER"),
-        help="radii to choose from, in geometric steps [spacings]",
-    )
     parser.add_argument("--repeats", type=int, default=5, help="rounds, the best of which counts")
     return parser
 

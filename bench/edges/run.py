@@ -14,7 +14,6 @@ A rim is found by an empty disc, and so is the reference: a control shows what t
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.areas import RoofArea, areas_in, split
-from bench.common.arguments import settings_of
+from bench.common.arguments import parser_of, settings_of
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -119,27 +118,15 @@ def area_rows(areas: Mapping[str, RoofArea]) -> list[list[str]]:
     return rows
 
 
-def parser_of_edges() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
-    parser.add_argument("--methods", "--method", nargs="+", choices=tuple(METHODS), default=tuple(METHODS))
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables."""
+    parser = parser_of(__doc__, tuple(METHODS))
     parser.add_argument("--variants", nargs="+", choices=tuple(VARIANTS), default=tuple(VARIANTS))
-    parser.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the edge labelling"
-    )
     parser.add_argument(
         "--split-steps", action="store_true", help="take for one roof what has no step in height within"
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the figures as bars")
-    return parser
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the tables."""
-    options = parser_of_edges().parse_args(arguments)
+    options = parser.parse_args(arguments)
     settings = settings_of(options.set, "edge_labelling")
     chosen = {field.name for field in fields(EdgeLabellingConfig)} & {"method", "features"} & settings.keys()
     if chosen:

@@ -11,7 +11,6 @@ edges should lie no further than one spacing from one (correctness).
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -20,7 +19,7 @@ import shapely
 from numpy.typing import NDArray
 
 from bench.common.areas import RoofArea
-from bench.common.arguments import settings_of
+from bench.common.arguments import parser_of, settings_of
 from bench.common.tables import percent, table
 from bench.edges.run import METHODS, VARIANTS, configs_of, label_area
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
@@ -96,16 +95,10 @@ def _cells(*shares: float) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__, tuple(METHODS))
     parser.add_argument("--scenes", nargs="+", default=SCENES, metavar="NAME")
     parser.add_argument("--density", nargs="+", type=float, default=DENSITIES, metavar="D")
-    parser.add_argument("--methods", "--method", nargs="+", choices=tuple(METHODS), default=tuple(METHODS))
     parser.add_argument("--variants", nargs="+", choices=tuple(VARIANTS), default=tuple(VARIANTS))
-    parser.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of the edge labelling"
-    )
     options = parser.parse_args(arguments)
     settings = settings_of(options.set, "edge_labelling")
     for variant in options.variants:

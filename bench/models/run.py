@@ -3,7 +3,7 @@ Roof planes and building models: against exact truth, on bad input, and on every
 
     python -m bench.models.run [--data DIR] [--parts PART ...] [--set STAGE.NAME=VALUE ...] [--roofs NAME ...]
                            [--rotations N] [--density D] [--noise M] [--seeds N ...]
-                           [--clouds NAME ...] [--keep DIR]
+                           [--clouds NAME ...]
 
 Parts (all by default; the last needs the real clouds):
 
@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bench.common.arguments import config_of
@@ -52,11 +51,11 @@ def run_bad(options: argparse.Namespace) -> None:
 def run_clouds(options: argparse.Namespace) -> None:
     """Take every cloud through the chain."""
     found = []
-    with _kept(options.keep) as folder:
+    with tempfile.TemporaryDirectory() as folder:
         for name, files in clouds_in(options.data_folder):
             if options.clouds and name.split("/")[0] not in options.clouds:
                 continue
-            output = folder / name.replace("/", "_")
+            output = Path(folder) / name.replace("/", "_")
             found.append(models_of_cloud(name, files, output))
             footprints = files[0].parent / FOOTPRINTS
             if footprints.is_file():
@@ -89,17 +88,6 @@ def rotations(n: int) -> list[float]:
     return [90.0 * k / n for k in range(n)]
 
 
-@contextmanager
-def _kept(folder: Path | None) -> Iterator[Path]:
-    """Give the folder to write to, or one that is gone afterwards."""
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        yield folder
-        return
-    with tempfile.TemporaryDirectory() as passing:
-        yield Path(passing)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -122,7 +110,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--noise", type=float, default=0.03, metavar="M", help="scenes: σ of z [m] (0.03)")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: rounds (0)")
     parser.add_argument("--clouds", nargs="+", metavar="NAME", help="clouds: folders of the data (all)")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="clouds: leave the results in this folder")
     return parser
 
 

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.arguments import settings_of
+from bench.common.arguments import parser_of, settings_of
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.planes.peers import METHODS, Method, own_method
@@ -124,12 +124,7 @@ def print_labelled(
 
 def parser_of_planes() -> argparse.ArgumentParser:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
-    parser.add_argument("--methods", nargs="+", choices=tuple(METHODS), default=tuple(METHODS))
-    parser.add_argument("--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of ours")
+    parser = parser_of(__doc__, tuple(METHODS))
     parser.add_argument("--roofs", action="store_true", help="print every roof, too")
     parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 4.0, 8.0, 30.0], metavar="D")
     parser.add_argument("--noises", nargs="*", type=float, default=[0.02, 0.05, 0.1], metavar="M")

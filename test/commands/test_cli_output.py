@@ -6,18 +6,14 @@ import shutil
 
 import pyogrio
 import pytest
-from support import cloud_files
-from support.cli_runs import TILES3D, Command, files_in
+from support import cli_runs, cloud_files
+from support.cli_runs import CLASSIFIED, FILES, RASTERS, TILES3D, Command, files_in
 from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.pipeline import reconstruct as pipeline
 
-RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-CLASSIFIED = "classified/strip_01.laz"
-FILES = ["buildings.gpkg", *MODELS, CLASSIFIED, *RASTERS, "report.html", "run.json", TILES3D]
-#: Cuts the house's survey into nine tiles.
-SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
+SMALL_TILES = ["--no-ros", *cli_runs.SMALL_TILES]
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 from support import cloud_files
-from support.cli_runs import PROGRESS, TILES3D, Command, bad_clouds, files_in
+from support.cli_runs import FILES, PROGRESS, RASTERS, SMALL_TILES, Command, bad_clouds, files_in
 from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
@@ -19,11 +19,6 @@ from lidar_buildings.nodes import ground_filter, outline_regulariser
 from lidar_buildings.pipeline.reconstruct import STAGES
 
 pytestmark = pytest.mark.graph
-
-RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-FILES = ["buildings.gpkg", *MODELS, "classified/strip_01.laz", *RASTERS, "report.html", "run.json", TILES3D]
-#: Cuts the house's survey into nine tiles.
-SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
 
 
 @pytest.fixture

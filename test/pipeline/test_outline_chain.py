@@ -136,28 +136,6 @@ def test_a_building_one_window_wide_is_one_and_keeps_its_length(deg):
     assert rectangle.length / 2 == pytest.approx(20 + width, rel=0.1)
 
 
-def test_two_buildings_that_one_point_joins_are_two():
-    points = np.concatenate(
-        (roof(0, 0, 8, 8), roof(9.2, 0, 17, 8, seed=1), at_height(np.array([(8.42, 4.0)])))
-    )
-    tile, found = outlines_of(points)
-    assert len(found) == 2
-    assert (tile.building_id > 0).all()
-    # As published they are one, and that has a valid outline, too.
-    joined = outlines_of(points, SegmentationConfig(min_neck=0.0))[1]
-    assert len(joined) == 1
-    assert joined[0].area == pytest.approx(sum(one.area for one in found), rel=0.15)
-
-
-@pytest.mark.parametrize("deg", [0.0, 30.0])
-def test_a_hole_narrower_than_the_window_is_no_courtyard_and_a_wide_one_is(deg):
-    narrow = 0.8 * BoundaryTracingConfig().window * SPACING
-    for side, n_holes in ((narrow, 0), (6.0, 1)):
-        middle = (10 - side / 2, 8 - side / 2, 10 + side / 2, 8 + side / 2)
-        _, found = outlines_of(turned(without(roof(0, 0, 20, 16), *middle), deg))
-        assert [len(one.interiors) for one in found] == [n_holes]
-
-
 @pytest.mark.parametrize("deg", [15.0, 45.0, 90.0, 133.0])
 def test_outlines_turn_with_the_points(deg):
     points = l_shaped()

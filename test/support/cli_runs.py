@@ -9,10 +9,17 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from support import cloud_files
+from support.results import MODELS
 
 from lidar_buildings.cli import main
 
 TILES3D = "tiles3d"
+#: What a run of the one house writes.
+RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
+CLASSIFIED = "classified/strip_01.laz"
+FILES = ["buildings.gpkg", *MODELS, CLASSIFIED, *RASTERS, "report.html", "run.json", TILES3D]
+#: Cuts the house's survey into nine tiles.
+SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
 PROGRESS = re.compile(r"(?P<tiles>\d+ of \d+ tiles? done)(, .*)?")
 
 

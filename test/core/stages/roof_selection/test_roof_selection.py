@@ -5,7 +5,6 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons, score_buildings
 
@@ -141,52 +140,12 @@ def test_the_classes_given_are_not_written_to():
     assert np.array_equal(given["classification"], before)
 
 
-def test_the_order_of_points_does_not_change_a_class():
-    scene, _, returns = tree_scene()
-    columns = {**known(scene), **returns}
-    shuffle = np.random.default_rng(0).permutation(len(scene.points))
-    straight = select_roofs(scene.points, **columns).classification
-    shuffled = select_roofs(
-        scene.points[shuffle], **{k: v[shuffle] for k, v in columns.items()}
-    ).classification
-    assert np.array_equal(straight[shuffle], shuffled)
-
-
-def test_the_number_of_threads_does_not_change_a_class(monkeypatch):
-    scene, _, returns = tree_scene()
-    expected = select_roofs(scene.points, **known(scene), **returns).classification
-    monkeypatch.setattr(parallel, "BLOCK", 100)
-    monkeypatch.setattr(parallel, "n_cores", lambda: 3)
-    found = select_roofs(scene.points, **known(scene), **returns).classification
-    assert np.array_equal(found, expected)
-
-
 def test_a_roof_is_the_same_in_a_tile_twice_as_large():
     one, other = scenes.hip(density=8.0), scenes.l_shape(density=8.0, seed=5)
     far = np.vstack([one.points, other.points + np.array([60, 0, 0])])
     classes = select_roofs(far, **{k: np.append(v, w) for (k, v), w in zip(
         known(one).items(), known(other).values(), strict=True)}).classification  # fmt: skip
     assert np.array_equal(classes[: len(one.points)], select_roofs(one.points, **known(one)).classification)
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.zeros((0, 3)),
-        np.ones((1, 3)),
-        np.ones((50, 3)),
-        np.arange(50.0)[:, None] * [1, 0.5, 0.1],
-        np.array([[0, 0, 0], [1e7, 0, 9], [0, 1e7, 50]]),
-    ],
-    ids=["empty", "single", "identical", "collinear", "far apart"],
-)
-def test_degenerate_clouds_are_classed(points):
-    n = len(points)
-    for given in ({}, {"height_above_ground": np.full(n, 5.0)}):
-        classes = select_roofs(points, **given).classification
-        assert classes.shape == (n,)
-        assert classes.dtype == np.uint8
-        assert not (classes == BUILDING).any()
 
 
 @pytest.mark.parametrize(
