@@ -170,8 +170,12 @@ def trace_buildings(
         jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
-    reached = [_reached(tile.bounds, tile.points[rows], max(found.window)) for _, rows in owned]
-    clipped = reduce(or_, reached, NONE)
+    places = (tile.points[rows, :2] for _, rows in owned)
+    clipped = reduce(
+        or_,
+        (Sides.passed(xy.min(axis=0), xy.max(axis=0), tile.bounds, max(found.window)) for xy in places),
+        NONE,
+    )
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)
 
 
@@ -292,13 +296,3 @@ def _traced(job: _TracingJob) -> Outline:
 def _square(job: _TracingJob) -> Outline:
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
     return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()
-
-
-def _reached(
-    bounds: tuple[float, float, float, float] | None, points: NDArray[np.float64], window: float
-) -> Sides:
-    """Return on which sides points come within a window of the tile's outer limits."""
-    if bounds is None:
-        return NONE
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    return Sides(*(low - bounds[:2] < window).tolist(), *(bounds[2:] - high < window).tolist())

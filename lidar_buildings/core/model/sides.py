@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
+from lidar_buildings.core.model.array_types import FloatArray
+
+#: West, south, east and north limit [m].
+Bounds = tuple[float, float, float, float]
+
 
 class Sides(NamedTuple):
     """On which sides of a tile something holds; true if on any."""
@@ -12,6 +19,25 @@ class Sides(NamedTuple):
     south: bool = False
     east: bool = False
     north: bool = False
+
+    @classmethod
+    def passed(cls, low: FloatArray, high: FloatArray, bounds: Bounds | None, margin: float) -> Sides:
+        """
+        Return on which sides something comes nearer to a tile's outer limits than a margin, or passes them.
+
+        Parameters
+        ----------
+        low, high : ndarray of shape (2,)
+            Least and greatest x and y of it [m].
+        bounds : tuple of four float or None
+            Of the tile: west, south, east, north [m]; None where nothing lies beyond.
+        margin : float
+            [m]
+        """
+        if bounds is None:
+            return NONE
+        west_south, east_north = np.array(bounds).reshape(2, 2)
+        return cls(*(low - west_south < margin).tolist(), *(east_north - high < margin).tolist())
 
     def __bool__(self) -> bool:
         """Whether it holds on any side."""

@@ -85,7 +85,8 @@ def assign_footprints(
         if not len(near) or not is_core[near[anchor_row(tile.points[near])]]:
             continue
         reach = 0.0 if len(rows) else _SEARCH_DISTANCE
-        clipped |= _reached(footprints.bounds[place], tile.bounds, reach)
+        low, high = footprints.bounds[place].reshape(2, 2)
+        clipped |= Sides.passed(low, high, tile.bounds, reach)
         chosen = _building_rows(tile, rows, is_roof[rows], stands[rows], tile_spacing, config)
         building_id[chosen] = number
         next_to_it = rows if len(rows) else surroundings.nearest(near, outline.polygon)
@@ -143,16 +144,6 @@ def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
     """Return the rows that each owner has, rising."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.searchsorted(owner[order], np.arange(n_owners)))[1:]
-
-
-def _reached(
-    bounds: NDArray[np.float64], limits: tuple[float, float, float, float] | None, reach: float
-) -> Sides:
-    """Return on which sides a footprint with what is around it reaches beyond a tile's limits."""
-    if limits is None:
-        return NONE
-    beyond = (bounds[:2] - reach < limits[:2]).tolist(), (bounds[2:] + reach > limits[2:]).tolist()
-    return Sides(*beyond[0], *beyond[1])
 
 
 def _may_stand(tile: PointTile, min_height: float) -> NDArray[np.bool_]:
