@@ -60,7 +60,7 @@ def assemble(plan: HalfEdges) -> RaisedShell:
 
     Nothing is returned if a ring has different pieces to its left: its edges cross.
     """
-    vertices, edges, order = plan.vertices, plan.edges, plan.order()
+    vertices, edges, order = plan.vertices, plan.edges, plan.order
     around, first, owner, area = (np.empty(len(edges) + 1, dtype=np.int64) for _ in range(4))
     n_rings = _trace_rings(vertices, edges, order, around, first, owner, area)
     first, owner, area = first[: n_rings + 1], owner[:n_rings], area[:n_rings]

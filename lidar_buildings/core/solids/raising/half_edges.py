@@ -40,6 +40,8 @@ class HalfEdges:
         Columns X, Y, EDGE, JOINED.
     edges : ndarray of shape (2 n_edges, 5)
         Columns START, LEFT, CCW, CW, LEVEL.
+    order : ndarray of shape (2 n_edges,)
+        The half-edges by the places of their starts, then of their ends.
     is_settled : bool
         Whether nothing is left to be repaired.
     """
@@ -54,13 +56,15 @@ class HalfEdges:
         within = merge_tolerance / GRID
         link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
-            order = np.lexsort((self.vertices[:, Y], self.vertices[:, X]))
+            by_place, self.order = self._orders()
             self._reserve()
             changed = _repair(
-                self._vertices, self._edges, self._sizes, planes, order, self.order(), ground, within
+                self._vertices, self._edges, self._sizes, planes, by_place, self.order, ground, within
             )
             if not changed:
                 break
+        else:
+            self.order = self._orders()[1]
         self.is_settled = not changed and not self._sizes[2]
 
     @property
@@ -73,13 +77,14 @@ class HalfEdges:
         """The half-edges that there are."""
         return self._edges[: self._sizes[1]]
 
-    def order(self) -> IntArray:
-        """Return the half-edges by the places of their starts, then of their ends."""
-        starts = self.edges[:, START]
+    def _orders(self) -> tuple[IntArray, IntArray]:
+        """Return the vertices by place, and the half-edges by the places of their starts, then ends."""
+        by_place = np.lexsort((self.vertices[:, Y], self.vertices[:, X]))
+        rank = np.empty_like(by_place)
+        rank[by_place] = np.arange(len(rank))
+        starts = rank[self.edges[:, START]]
         ends = starts.reshape(-1, 2)[:, ::-1].ravel()
-        rank = np.empty(len(self.vertices), dtype=np.int64)
-        rank[np.lexsort((self.vertices[:, Y], self.vertices[:, X]))] = np.arange(len(rank))
-        return np.argsort(rank[starts] * len(rank) + rank[ends])
+        return by_place, np.argsort(starts * len(rank) + ends)
 
     def _reserve(self) -> None:
         """Make room for all that one round may add."""

@@ -129,13 +129,13 @@ def point_weights(points: FloatArray, outline: Outline, spacing: float) -> Float
     step = max(spacing, float(np.prod(high - low) / _MAX_SQUARES) ** 0.5)
     # Whole multiples of the step, so that the raster does not hang on the outline.
     first, last = np.floor(low / step), np.floor(high / step)
-    place = np.floor(points[:, :2] / step) - first
-    n_columns, n_rows = (last - first).astype(np.int64) + 1
-    inside = ((place >= 0.0) & (place < (n_columns, n_rows))).all(axis=1)
-    square = place[inside].astype(np.int64) @ (n_rows, 1)
-    weight = np.zeros(len(points))
-    weight[inside] = step**2 / np.bincount(square, minlength=1)[square]
-    return weight
+    (west, south), (n_columns, n_rows) = first, last - first + 1.0
+    column, row = np.floor(points[:, 0] / step) - west, np.floor(points[:, 1] / step) - south
+    inside = (column >= 0.0) & (column < n_columns) & (row >= 0.0) & (row < n_rows)
+    square = np.where(inside, column * n_rows + row + 1.0, 0.0).astype(np.int64)
+    shared = step**2 / np.maximum(np.bincount(square), 1)
+    shared[0] = 0.0
+    return shared[square]
 
 
 @kernel

@@ -39,18 +39,22 @@ def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_st
     ndarray of shape (n_faces,), int64
         From 0.
     """
-    sides = np.append(face, -1)[cells.sides]
-    between = (sides[:, 0] != sides[:, 1]) & (sides >= 0).all(axis=1)
-    sides, ends = np.sort(sides[between], axis=1), cells.vertices[cells.borders[between]]
-    length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
-    step = planes[sides[:, 0]] - planes[sides[:, 1]]
-    first, last = (np.einsum("ij,ij->i", step[:, :2], ends[:, k]) + step[:, 2] for k in range(2))
+    if len(planes) < 2:
+        return np.zeros(len(planes), dtype=np.int64)
+    left, right = np.append(face, -1)[cells.sides.T]
+    low, high = np.minimum(left, right), np.maximum(left, right)
+    between = ((low >= 0) & (low < high)).nonzero()[0]
+    low, high = low[between], high[between]
+    (ax, ay), (bx, by) = cells.vertices[cells.borders[between]].transpose(1, 2, 0)
+    length = np.hypot(bx - ax, by - ay)
+    a, b, c = (planes[low] - planes[high]).T
+    first, last = a * ax + b * ay + c, a * bx + b * by + c
     # Where the planes cross on the way, the mean of two triangles.
     crossed = (first**2 + last**2) / np.maximum(np.abs(first - last), 1e-12)
     mean = 0.5 * np.where(first * last < 0.0, crossed, np.abs(first + last))
-    pair, inverse = np.unique(sides @ (len(planes), 1), return_inverse=True)
-    low = np.bincount(inverse, length * mean) < min_step * np.bincount(inverse, length)
-    return numbered(sets_of_pairs(len(planes), *np.divmod(pair[low], len(planes))))
+    pair, inverse = np.unique(low * len(planes) + high, return_inverse=True)
+    is_low = np.bincount(inverse, length * mean) < min_step * np.bincount(inverse, length)
+    return numbered(sets_of_pairs(len(planes), *np.divmod(pair[is_low], len(planes))))
 
 
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:

@@ -93,18 +93,18 @@ def part_elevations(
     elevation_of : callable
         Turns elevations of points into the one of their part.
     """
-    elevations = np.empty(len(faces))
-    part = np.array([face.part for face in faces])
-    for number in np.unique(part):
-        members = np.flatnonzero(part == number)
-        rows = np.concatenate([faces[k].rows for k in members])
+    members: dict[int, list[RoofFacePatch]] = {}
+    for face in faces:
+        members.setdefault(face.part, []).append(face)
+    of_part = {}
+    for part, own in members.items():
+        rows = np.concatenate([face.rows for face in own])
         if len(rows):
-            z = elevation_of(points[rows, 2])
+            of_part[part] = elevation_of(points[rows, 2])
         else:
-            corners = [(faces[k].plane, ring) for k in members for ring in faces[k].rings]
-            z = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
-        elevations[members] = on_grid(z)
-    return elevations
+            corners = [(face.plane, ring) for face in own for ring in face.rings]
+            of_part[part] = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
+    return on_grid([of_part[face.part] for face in faces])
 
 
 def _level(solid: Solid, codes: tuple[int, ...]) -> Level:

@@ -42,7 +42,6 @@ from lidar_buildings.core.stages.building_model.quality import measure_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFaces
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.roof_topology import RoofTopology, find_topology
-from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 _log = logging.getLogger(__name__)
 
@@ -202,15 +201,10 @@ def _distinct_planes(roof: _Roof) -> FloatArray:
     """Return a, b, c of every plane, pieces of one plane once; at least one."""
     if not roof.topology.planes:
         return np.array([[0.0, 0.0, np.median(roof.points[:, 2])]])
-    equations = np.array([_equation(plane) for plane in roof.topology.planes])
+    equations = np.array([plane.equation for plane in roof.topology.planes])
     rounded = map(tuple, np.round(equations, _EQUAL_DIGITS).tolist())
     first = {one: row for row, one in reversed(list(enumerate(rounded)))}
     return equations[sorted(first.values())]
-
-
-def _equation(plane: RoofPlane) -> FloatArray:
-    a, b = plane.gradient
-    return np.array([a, b, plane.centroid[2] - a * plane.centroid[0] - b * plane.centroid[1]])
 
 
 def _finished(

@@ -59,8 +59,10 @@ def partition_outline(
         Point spacing [m].
     config : BuildingModelConfig
     """
-    segments = np.concatenate([*lines, *map(_reentrant_walls, outline.rings)])
-    cuts = extend_segments(segments, walls_of(outline), len(lines[0])) if len(planes) > 1 else segments[:0]
+    cuts = lines[0][:0]
+    if len(planes) > 1:
+        segments = np.concatenate([*lines, *map(_reentrant_walls, outline.rings)])
+        cuts = extend_segments(segments, walls_of(outline), len(lines[0]))
     cells = cut_into_cells(outline, cuts)
     cell = cells_of_points(cells, points)
     costs = plane_costs(points, point_weights(points, outline, spacing), cell, cells, planes, spacing)
@@ -75,7 +77,8 @@ def _faces(
     """Join the cells of one plane."""
     face = join_equal_cells(cells, labels)
     rings = face_rings(cells, face)
-    own = planes[labels[np.unique(face, return_index=True)[1]]]
+    own = np.empty((len(rings), 3))
+    own[face] = planes[labels]
     part = parts_of_one_height(cells, face, own, min_part_step).tolist()
     rows = _rows_by_face(face, cell, len(rings))
     return [RoofFacePatch(*each) for each in zip(rings, own, rows, part, strict=True) if each[0]]
@@ -86,10 +89,10 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
     ends = ring_walls([ring])
     out = ends[:, 1] - ends[:, 0]
     into = np.concatenate([out[-1:], out[:-1]])
-    turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], np.sum(into * out, axis=1))
-    corner = turn < -_REENTRANT
-    if not corner.any():
+    left = into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0]
+    if left.min() >= 0.0:
         return ends[:0]
+    corner = np.arctan2(left, np.sum(into * out, axis=1)) < -_REENTRANT
     at, a, b = ring[corner], into[corner], out[corner]
     steps = np.concatenate([a / np.linalg.norm(a, axis=1)[:, None], -b / np.linalg.norm(b, axis=1)[:, None]])
     starts = np.concatenate([at, at])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ def measure_model(
     misfit = _misfits(faces, points)
     far = np.flatnonzero(misfit > _NEAR)
     misfit[far] = distance_to_surface(points[far], solid, misfit[far])
-    rmse = float(np.sqrt((misfit**2).mean())) if len(points) else None
+    rmse = math.sqrt((misfit * misfit).sum() / len(misfit)) if len(points) else None
     covered, no_data = outline_coverage(
         outline, points[:, :2], misfit <= _AGREES, spacing, _EMPTY_DISTANCE * spacing
     )
@@ -72,14 +73,11 @@ def measure_model(
 
 def _misfits(faces: list[RoofFacePatch], points: FloatArray) -> FloatArray:
     """Return every point's distance to the plane of the face over or under it [m]."""
-    number = np.full(len(points), -1, dtype=np.int64)
-    for k, face in enumerate(faces):
-        number[face.rows] = k
-    beside = np.flatnonzero(number < 0)
-    number[beside] = 0
-    planes = np.array([face.plane for face in faces])[number]
-    above = points[:, 2] - np.einsum("ij,ij->i", planes[:, :2], points[:, :2]) - planes[:, 2]
-    distance = np.abs(above) / np.sqrt(1.0 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
+    rows, planes = np.concatenate([face.rows for face in faces]), np.array([face.plane for face in faces])
+    lengths = np.sqrt(1.0 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
+    each = np.column_stack([planes, lengths]).repeat([len(face.rows) for face in faces], axis=0)
+    (x, y, z), (a, b, c, length) = points[rows].T, each.T
     # The plane goes on beside the outline, the roof does not.
-    distance[beside] = np.inf
-    return np.asarray(distance)
+    distance = np.full(len(points), np.inf)
+    distance[rows] = np.abs(z - (a * x + b * y) - c) / length
+    return distance

@@ -40,6 +40,13 @@ class RoofPlane:
         """By how much the plane rises towards x and y [m/m]."""
         return -self.normal[:2] / max(float(self.normal[2]), _LEAST_UPRIGHT)
 
+    @property
+    def equation(self) -> tuple[float, float, float]:
+        """a, b, c of z = a x + b y + c."""
+        (nx, ny, nz), (x, y, z) = self.normal.tolist(), self.centroid.tolist()
+        a, b = -nx / max(nz, _LEAST_UPRIGHT), -ny / max(nz, _LEAST_UPRIGHT)
+        return a, b, z - a * x - b * y
+
     def elevation(self, xy: FloatArray) -> FloatArray:
         """Elevation of the plane [m] at positions of shape (n, 2)."""
         return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)
