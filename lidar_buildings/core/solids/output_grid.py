@@ -23,6 +23,11 @@ def on_grid(coordinates: ArrayLike) -> FloatArray:
     return np.rint(np.asarray(coordinates, dtype=np.float64) / GRID) / round(1 / GRID)
 
 
+def elevation_on_grid(elevation: float) -> float:
+    """Round one elevation or height [m] to the grid, as `on_grid`."""
+    return round(elevation / GRID) / round(1 / GRID)
+
+
 def gridded_outline(outline: Outline) -> Outline:
     """Round an outline to the grid, leaving out repeated vertices, spikes and holes without area."""
     exterior, *holes = (_without_repetitions(on_grid(ring)) for ring in outline.rings)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.output_grid import on_grid
+from lidar_buildings.core.solids.output_grid import elevation_on_grid
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS
 from lidar_buildings.core.stages.building_model.quality import ModelQuality
@@ -43,7 +43,7 @@ def known_attributes(
 
 def elevation_at(z: FloatArray, share: float) -> float:
     """Return a percentile of rising elevations on the output grid [m]."""
-    return float(on_grid(percentile_of(z, share / 100.0)))
+    return elevation_on_grid(percentile_of(z, share / 100.0))
 
 
 def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:

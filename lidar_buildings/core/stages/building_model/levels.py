@@ -9,7 +9,7 @@ import numpy as np
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.output_grid import on_grid, repaired_outlines
+from lidar_buildings.core.solids.output_grid import elevation_on_grid, repaired_outlines
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
@@ -100,11 +100,12 @@ def part_elevations(
     for part, own in members.items():
         rows = np.concatenate([face.rows for face in own])
         if len(rows):
-            of_part[part] = elevation_of(points[rows, 2])
+            z = elevation_of(points[rows, 2])
         else:
             corners = [(face.plane, ring) for face in own for ring in face.rings]
-            of_part[part] = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
-    return on_grid([of_part[face.part] for face in faces])
+            z = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
+        of_part[part] = elevation_on_grid(z)
+    return np.array([of_part[face.part] for face in faces])
 
 
 def _level(solid: Solid, codes: tuple[int, ...]) -> Level:

@@ -15,7 +15,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
-from lidar_buildings.core.solids.output_grid import gridded_outline, on_grid
+from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.core.stages.building_model.attributes import (
@@ -137,7 +137,7 @@ def _model(
     ground, remark = _ground(points, ground_elevation, config)
     top, why_raised = _flat_top(attributes[f"roof_elevation_{config.roof_elevation}"], ground)
     lowest, outline = level_12(outline, ground, top)
-    attributes |= {"ground_elevation": ground, "height": float(on_grid(top - ground))}
+    attributes |= {"ground_elevation": ground, "height": elevation_on_grid(top - ground)}
     if lowest.solid is None:
         reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
         attributes |= {"validity": str(list(lowest.codes))}
@@ -156,7 +156,7 @@ def _model(
 
 def _flat_top(roof: float, ground: float) -> tuple[float, str]:
     """Return the elevation of LoD1.2's top [m], and what to remark about it."""
-    lowest = float(on_grid(ground + MIN_HEIGHT))
+    lowest = elevation_on_grid(ground + MIN_HEIGHT)
     if roof >= lowest:
         return roof, ""
     return lowest, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
@@ -172,7 +172,7 @@ def _finer_levels(
         faces = _roof_faces_of(roof, config)
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
-        tops = np.maximum(tops, on_grid(roof.ground + MIN_HEIGHT))
+        tops = np.maximum(tops, elevation_on_grid(roof.ground + MIN_HEIGHT))
         # A roof in one part is the same at both levels.
         parts = level_13(faces, tops, roof.ground) if any(face.part for face in faces) else lowest
         levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
@@ -217,9 +217,10 @@ def _finished(
     """Gather the solids and what is measured on the finest."""
     solids = {lod: level.solid for lod, level in levels.items() if level.solid is not None}
     finest = max(solids)
-    whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
-    flat = [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]
-    quality = measure_model(faces.get(finest, flat), solids[finest], roof.points, roof.outline, roof.spacing)
+    if finest == LOD12:
+        whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
+        faces = {LOD12: [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]}
+    quality = measure_model(faces[finest], solids[finest], roof.points, roof.outline, roof.spacing)
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
@@ -249,7 +250,7 @@ def _has_extent(points: FloatArray) -> bool:
 def _without_solid(
     attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
 ) -> BuildingModel:
-    known = None if ground is None else float(on_grid(ground))
+    known = None if ground is None else elevation_on_grid(ground)
     return BuildingModel({}, attributes | {"ground_elevation": known}, (), status, reason)
 
 
@@ -258,8 +259,8 @@ def _ground(
 ) -> tuple[float, str]:
     """Return the elevation that the solid stands on, and what to remark about it."""
     if ground_elevation is not None:
-        return float(on_grid(ground_elevation)), ""
-    assumed = float(on_grid(points[:, 2].min() - config.assumed_height))
+        return elevation_on_grid(ground_elevation), ""
+    assumed = elevation_on_grid(float(points[:, 2].min()) - config.assumed_height)
     return assumed, f"ground elevation unknown: taken {config.assumed_height:g} m below the lowest roof point"
 
 

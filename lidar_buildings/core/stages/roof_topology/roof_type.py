@@ -48,7 +48,7 @@ class Faces(NamedTuple):
     ----------
     planes : list of list of int
         Numbers of the planes that each face consists of.
-    gradient : ndarray of shape (n_faces, 2)
+    gradient : list of list of float
         By how much each rises towards x and y [m/m].
     lines : dict of (int, int, str) to float
         Pair of faces (numbered from 0, the lower first) and kind → length of their lines [m].
@@ -57,19 +57,14 @@ class Faces(NamedTuple):
     """
 
     planes: list[list[int]]
-    gradient: FloatArray
+    gradient: list[list[float]]
     lines: dict[tuple[int, int, str], float]
     size: float
 
     @property
-    def slope_deg(self) -> FloatArray:
+    def slope_deg(self) -> list[float]:
         """Slope of each face [deg]."""
-        return np.asarray(np.degrees(np.arctan(np.hypot(self.gradient[:, 0], self.gradient[:, 1]))))
-
-    @property
-    def azimuth_deg(self) -> FloatArray:
-        """Direction in which each face rises, mathematically [deg]."""
-        return np.asarray(np.degrees(np.arctan2(self.gradient[:, 1], self.gradient[:, 0])))
+        return [math.degrees(math.atan(math.hypot(a, b))) for a, b in self.gradient]
 
     def pairs(self, kind: str) -> list[tuple[int, int]]:
         """Pairs of faces that meet in a line of this kind, the longest first; short lines do not count."""
@@ -78,8 +73,9 @@ class Faces(NamedTuple):
 
     def turned(self, i: int, j: int) -> float:
         """Angle between the directions that two faces look in, 0 to 180 [deg]."""
-        turn = abs(self.azimuth_deg[i] - self.azimuth_deg[j]) % 360.0
-        return float(min(turn, 360.0 - turn))
+        one, other = (math.degrees(math.atan2(b, a)) for a, b in (self.gradient[i], self.gradient[j]))
+        turn = abs(one - other) % 360.0
+        return min(turn, 360.0 - turn)
 
 
 def roof_type(
@@ -120,12 +116,12 @@ def roof_type(
         return "unknown"
     large = _large_planes(counts, intersections)
     faces = _faces(large, coefficients, intersections, steps, spacing * math.sqrt(n_planar))
-    flat = faces.slope_deg < _FLAT_DEG
-    if flat.all():
+    flat = [slope < _FLAT_DEG for slope in faces.slope_deg]
+    if all(flat):
         return "flat"
     if len(flat) == 1:
         return "shed"
-    if flat.any() or faces.pairs(STEP) or _largest_detail(counts, large, intersections) > _MOST_DETAIL:
+    if any(flat) or faces.pairs(STEP) or _largest_detail(counts, large, intersections) > _MOST_DETAIL:
         return "complex"
     if faces.pairs(VALLEY):
         return l_or_t(points, plane_id, faces.planes, faces.pairs(VALLEY), intersections)
@@ -183,8 +179,7 @@ def _faces(
         i, j = sorted((face_of.get(first, -1), face_of.get(second, -1)))
         if i >= 0 and i != j:
             lines[i, j, kind] = lines.get((i, j, kind), 0.0) + length
-    gradient = np.array([coefficients[face[0] - 1, :2] for face in planes])
-    return Faces(planes, gradient, lines, size)
+    return Faces(planes, [known[face[0] - 1][:2] for face in planes], lines, size)
 
 
 def _same_face(one: Sequence[float], other: Sequence[float], size: float) -> bool:

@@ -42,9 +42,10 @@ class StepLines(NamedTuple):
     length: FloatArray
 
 
-def step_edges(steps: StepLines, gradients: FloatArray, centre: FloatArray) -> list[StepEdge]:
-    """Return the pieces as segments in plan with the heights of their ends."""
-    segments = step_segments(steps)
+def step_edges(
+    steps: StepLines, segments: FloatArray, gradients: FloatArray, centre: FloatArray
+) -> list[StepEdge]:
+    """Return the pieces, whose segments are given, as edges with the heights of their ends."""
     extent = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
     difference = gradients[steps.planes[:, 0] - 1] - gradients[steps.planes[:, 1] - 1]
     rise = np.einsum("kex,kx->ke", segments, difference[:, :2]) + difference[:, 2:]

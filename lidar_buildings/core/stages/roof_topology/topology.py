@@ -96,10 +96,9 @@ def _topology(
     lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, centre, scale)
     lines = snapped(lines, rings, centre, scale)
     lines = extended(lines, ends, rings, centre, scale)
-    intersections = finished(
-        pieces, gradients, centre, rings, step_segments(lines), adjustment.vertices, spacing
-    )
-    steps = step_edges(lines, gradients, centre)
+    segments = step_segments(lines)
+    intersections = finished(pieces, gradients, centre, rings, segments, adjustment.vertices, spacing)
+    steps = step_edges(lines, segments, gradients, centre)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
     return RoofTopology(
         adjustment.planes,
