@@ -102,29 +102,21 @@ def _nearest(
                 low[axis] = min(low[axis], corners[k, axis])
                 high[axis] = max(high[axis], corners[k, axis])
         for block in range(n_blocks):
-            reach = reaches[block]
-            if (
-                highest[block, 0] < low[0] - reach
-                or lowest[block, 0] > high[0] + reach
-                or highest[block, 1] < low[1] - reach
-                or lowest[block, 1] > high[1] + reach
-                or highest[block, 2] < low[2] - reach
-                or lowest[block, 2] > high[2] + reach
-            ):
+            is_beyond = False
+            for axis in range(3):
+                is_beyond |= highest[block, axis] < low[axis] - reaches[block]
+                is_beyond |= lowest[block, axis] > high[axis] + reaches[block]
+            if is_beyond:
                 continue
             first, last = block * _BLOCK, min(block * _BLOCK + _BLOCK, len(points))
             for i in range(first, last):
-                reach = distance[i]
-                x, y, z = points[i, 0], points[i, 1], points[i, 2]
-                if (
-                    x < low[0] - reach
-                    or x > high[0] + reach
-                    or y < low[1] - reach
-                    or y > high[1] + reach
-                    or z < low[2] - reach
-                    or z > high[2] + reach
-                ):
+                reach, is_beyond = distance[i], False
+                for axis in range(3):
+                    is_beyond |= points[i, axis] < low[axis] - reach
+                    is_beyond |= points[i, axis] > high[axis] + reach
+                if is_beyond:
                     continue
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
                 off = (x - x0) * nx + (y - y0) * ny + (z - z0) * nz
                 if abs(off) >= reach:
                     continue
