@@ -38,7 +38,7 @@ class RoofPlane:
     @property
     def gradient(self) -> FloatArray:
         """By how much the plane rises towards x and y [m/m]."""
-        return -self.normal[:2] / max(float(self.normal[2]), _LEAST_UPRIGHT)
+        return np.array(self.equation[:2])
 
     @property
     def equation(self) -> tuple[float, float, float]:
