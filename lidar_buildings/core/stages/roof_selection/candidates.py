@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
-from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 #: Smallest radius of a neighbourhood, in spacings: sixteen points on an even surface, where planes take six.
@@ -58,8 +57,9 @@ class Candidates:
         return self.columns.points
 
     @cached_property
-    def _cells(self) -> CellGrid:
-        return rows_by_cell(self.points, self.cell)
+    def cells(self) -> Columns:
+        """The points cell by cell, few of which stay empty on a surface; `rows` are those of `points`."""
+        return by_column(self.points, self.cell)
 
     def parts(
         self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False
@@ -72,13 +72,15 @@ class Candidates:
 
     def areas(self, label: NDArray[np.int64], n_labels: int) -> NDArray[np.float64]:
         """Return the area of the cells that the points of each label occupy [m²]; −1 is none."""
-        return plan_areas(label[self._cells.rows], n_labels, self._cells.first, self.cell)
+        return plan_areas(label[self.cells.rows], n_labels, self.cells.first, self.cell)
+
+    def buildings(self, roof: NDArray[np.bool_], min_area: float) -> tuple[NDArray[np.int64], int]:
+        """Return the building of each roof point, −1 for others and those of less area in plan [m²]."""
+        rows = np.flatnonzero(roof)
+        label, n = self.parts(rows, self.radius, in_plan=True)
+        label[rows[(self.areas(label, n) < min_area)[label[rows]]]] = -1
+        return label, n
 
     def of_buildings(self, roof: NDArray[np.bool_], min_area: float) -> NDArray[np.bool_]:
         """Tell which roof points are of buildings in plan with so much area [m²]."""
-        rows = np.flatnonzero(roof)
-        label, n = self.parts(rows, self.radius, in_plan=True)
-        is_kept = self.areas(label, n) >= min_area
-        kept = np.zeros(len(roof), dtype=bool)
-        kept[rows] = is_kept[label[rows]]
-        return kept
+        return np.asarray(self.buildings(roof, min_area)[0] >= 0)

@@ -10,6 +10,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
+from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
 from lidar_buildings.core.surfaces.surface_patches import plan_areas
@@ -99,4 +100,8 @@ def _without_narrow(
     part, found = label[rows], np.zeros(len(roof), dtype=bool)
     area = plan_areas(part, n, plan.first, plan.size)
     found[rows] = wide_levels(plan, part, area, config)
-    return candidates.of_buildings(found, config.min_building_area)
+    building, n = candidates.buildings(found, config.min_building_area)
+    rows, cells = np.flatnonzero(building >= 0), candidates.cells
+    found[:] = False
+    found[rows] = stands_out(cells, building[cells.rows], n)[building[rows]]
+    return found

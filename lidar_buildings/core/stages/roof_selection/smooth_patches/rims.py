@@ -1,0 +1,79 @@
+"""Where roofs end: beside a building the air is free, beside a smooth spot in foliage more foliage stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.neighbours.columns import Columns
+
+#: How far what goes on may lie above or below the rim: less than a storey, more than a crown is rough [m].
+MAX_STEP = 2.0
+#: Largest share of the rim beyond which something goes on: houses under trees have 0.4, spots in forests 0.9.
+MAX_SHARE = 0.5
+#: What stands in one direction of a cell: a roof or something else beside it, anything behind that.
+ROOF, LEVEL, BEHIND = 1, 2, 4
+
+
+def stands_out(cells: Columns, building: NDArray[np.int64], n_buildings: int) -> NDArray[np.bool_]:
+    """
+    Tell which buildings end: along most of their rims nothing goes on at their level.
+
+    What is one cell wide, a parapet or a façade, is an end.
+
+    Parameters
+    ----------
+    cells : Columns
+        Everything that rises above ground, in cells of which a surface leaves few empty [m].
+    building : ndarray of int64, shape (n_points,)
+        Which building each point is of, from 0 on; −1 is none.
+    n_buildings : int
+        How many there are.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_buildings,)
+        The end of the data is an end.
+    """
+    rim, met = np.zeros((2, n_buildings), dtype=np.int64)
+    runs = cells.around(2.0 * cells.size)
+    _count_rims(cells.points, cells.first, cells.places, runs, building, rim, met)
+    return np.asarray(met <= MAX_SHARE * rim)
+
+
+@kernel
+def _count_rims(points, first, places, runs, building, rim, met):  # type: ignore[no-untyped-def]
+    """Count, by building, the directions of its cells that lead out of roofs, and those where it goes on."""
+    top = np.full(len(places), -1, dtype=np.int64)
+    for k in range(len(places)):
+        for i in range(first[k], first[k + 1]):
+            if building[i] >= 0:
+                top[k] = i
+    seen = np.empty((3, 3), dtype=np.int64)
+    for k in range(len(places)):
+        if top[k] < 0:
+            continue
+        seen[:] = 0
+        seen[1, 1] = ROOF
+        for row in range(runs.shape[1]):
+            for c in range(runs[k, row, 0], runs[k, row, 1]):
+                dy, dx = places[c, 0] - places[k, 0], places[c, 1] - places[k, 1]
+                if max(abs(dy), abs(dx)) == 1:
+                    if top[c] >= 0:
+                        seen[1 + dy, 1 + dx] |= ROOF
+                    elif _has_level(points[first[c] : first[c + 1], 2], points[top[k], 2]):
+                        seen[1 + dy, 1 + dx] |= LEVEL
+                elif abs(dy) % 2 == 0 and abs(dx) % 2 == 0:
+                    seen[1 + dy // 2, 1 + dx // 2] |= BEHIND
+        for one in seen.ravel():
+            rim[building[top[k]]] += one & ROOF == 0
+            met[building[top[k]]] += one == LEVEL | BEHIND
+
+
+@inner_kernel
+def _has_level(elevations, level):  # type: ignore[no-untyped-def]
+    n = 0
+    for z in elevations:
+        n += abs(z - level) <= MAX_STEP
+    return n > 0
