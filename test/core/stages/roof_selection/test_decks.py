@@ -12,9 +12,9 @@ def sheet(x, y, z, step=0.5):
     return np.column_stack([a.ravel(), b.ravel(), np.broadcast_to(z(a, b), a.shape).ravel()])
 
 
-def over_a_cut(turn_deg=0.0, far_bank=0.0):
-    """A surface 20 m long and 8 m wide over a cut 6 m deep, between banks of which one may be lower."""
-    deck = sheet((-10, 10), (-4, 4), lambda x, y: 0.0)
+def over_a_cut(turn_deg=0.0, far_bank=0.0, width=8.0):
+    """A surface 20 m long over a cut 6 m deep, between banks of which one may be lower."""
+    deck = sheet((-10, 10), (-width / 2, width / 2), lambda x, y: 0.0)
     banks = sheet((-40, 40), (-20, 20), lambda x, y: np.where(x < 0, 0.0, far_bank))
     cut = sheet((-11, 11), (-20, 20), lambda x, y: -6.0)
     ground = np.vstack([banks[abs(banks[:, 0]) > 11], cut])
@@ -32,6 +32,13 @@ def test_a_surface_between_two_banks_at_its_level_is_a_deck(turn_deg):
 def test_a_roof_level_with_the_slope_behind_it_is_none():
     roof, ground = over_a_cut(far_bank=-3.0)
     assert not is_deck(roof, np.zeros(len(roof), dtype=int), 1, ground, 0.7).any()
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 30.0])
+def test_a_long_and_narrow_surface_with_one_end_on_a_bank_is_a_deck(turn_deg):
+    deck, ground = over_a_cut(turn_deg, far_bank=-3.0, width=2.0)
+    assert is_deck(deck, np.zeros(len(deck), dtype=int), 1, ground, 0.7).tolist() == [True]
+    assert not is_deck(deck + np.array([0, 0, 2.0]), np.zeros(len(deck), dtype=int), 1, ground, 0.7).any()
 
 
 def test_each_surface_is_judged_by_itself_in_any_order():

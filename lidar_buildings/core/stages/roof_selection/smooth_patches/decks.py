@@ -18,6 +18,9 @@ REACH = 5.0
 MAX_STEP = 0.5
 #: Share of the cells at either end that have to meet the ground.
 MIN_SHARE = 0.6
+#: How many times as many cells the sides beside an end have where it is the end of a length: no house on a
+#: slope is six times as long up the slope as it is wide.
+MIN_LENGTH_TO_WIDTH = 6
 
 
 def is_deck(
@@ -30,7 +33,8 @@ def is_deck(
     """
     Tell which surfaces go on as ground at their own level, at two ends that face away from each other.
 
-    A house on a slope meets ground at the level of its roof on one side at most.
+    A house on a slope meets ground at the level of its roof on one side at most. Of a long and narrow surface
+    one end is enough, since the other may be hidden or beyond the data.
 
     Parameters
     ----------
@@ -66,8 +70,10 @@ def is_deck(
     runs = columns.around(REACH + cell)
     _count_ends(grid.points, owner, grid.first, columns.places, runs, steps, ends, met)
     is_end = (met >= MIN_SHARE * ends) & (met > 0)
-    half = N_SECTORS // 2
-    return np.asarray((is_end[:, :half] & is_end[:, half:]).any(axis=1))
+    opposite, beside = N_SECTORS // 2, N_SECTORS // 4
+    sides = np.minimum(np.roll(ends, beside, axis=1), np.roll(ends, -beside, axis=1))
+    is_lengthwise = MIN_LENGTH_TO_WIDTH * ends <= sides
+    return np.asarray((is_end & (np.roll(is_end, opposite, axis=1) | is_lengthwise)).any(axis=1))
 
 
 @kernel
