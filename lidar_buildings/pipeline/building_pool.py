@@ -177,11 +177,18 @@ class BuildingPool(Sharing):
         """Hand one process its work as long as it lives."""
         held: list[Task] = []
         with suppress(OSError, EOFError):
-            while (task := self._agenda.take()) is not None:
-                self._do(link, task, held)
+            while self._do_next(link, held):
+                pass
         if held:
             self._lose(held)
         link.close()
+
+    def _do_next(self, link: Connection, held: list[Task]) -> bool:
+        """Let a process do what comes next, of which nothing is kept while the one after it is waited for."""
+        if (task := self._agenda.take()) is None:
+            return False
+        self._do(link, task, held)
+        return True
 
     def _do(self, link: Connection, task: Task, held: list[Task]) -> None:
         """Let a process do a task, and while it waits for its share of others what there is."""

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -262,6 +263,14 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
 
 
 @pytest.mark.skipif(n_cores() < 2, reason="a single core needs no threads")
+def test_nothing_of_a_call_is_kept_when_it_is_done(pool):
+    large, is_gone = np.ones(LARGE), threading.Event()
+    weakref.finalize(large, is_gone.set)
+    assert pool.call(np.sum, large) == LARGE
+    del large
+    assert is_gone.wait(20.0)
+
+
 def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):
     n = n_cores()
     alone, crowd = tmp_path / "alone", tmp_path / "crowd"
