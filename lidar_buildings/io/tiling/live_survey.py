@@ -83,7 +83,7 @@ class LiveSurvey:
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
         self._tiles = LiveTiles(self._grid, self.config)
-        #: Tiles that wait to be sent or to be done; and the first of these, the longest waiting first.
+        #: Tiles that wait to be sent or to be done; and those that wait to be sent.
         self._under_way: set[Cell] = set()
         self._ready: list[Cell] = []
         self._room = TileRoom(self.config.max_tile_points)
@@ -164,14 +164,14 @@ class LiveSurvey:
 
     def take(self) -> PointTile | None:
         """
-        Return the tile that is ready and whose turn it is, None if none is.
+        Return the ready tile into which no point has fallen for longest, None if none is ready.
 
         Raises an OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
                 return None
-            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.turn)
+            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.last_touched)
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)

@@ -19,8 +19,9 @@ from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
-#: So long a tile that comes again lets others go first that were not sent before [s].
-_AHEAD = 60.0
+#: A tile of which fewer points are new waits longer before it comes again: a scanner on the street sees
+#: single far points for long.
+_FEW = 0.01
 
 
 @dataclass(eq=False)
@@ -132,24 +133,15 @@ class LiveTiles:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
 
-    def turn(self, tile: LiveTile) -> float:
-        """
-        Return by what ready tiles are put in order, the lowest first [s].
-
-        The one into which no point has fallen for longest: others are more likely to see more, and to come
-        again. One that was not sent before has its turn as if it had waited `_AHEAD` longer.
-        """
-        return self.last_touched(tile) - (_AHEAD if tile.revision < 0 else 0.0)
-
     def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
         """
         Whether no point has fallen into a tile or its buffer for long enough.
 
-        The work on a tile grows with its points, what comes of it with those that are new: it waits as many
-        times as long as it has more points than new ones.
+        With half of `_FEW` new points it waits twice as long, and so on.
         """
         tile = self._by_place[place]
-        return (now - self.last_touched(tile)) * tile.share_new(count_in) >= self._config.leave_after
+        weight = min(tile.share_new(count_in) / _FEW, 1.0)
+        return (now - self.last_touched(tile)) * weight >= self._config.leave_after
 
     def is_left(self, place: Cell, sensor: NDArray[np.float64] | None) -> bool:
         """Whether the sensor, at a source's position [m] if it is known, is far from a tile not yet sent."""

@@ -116,8 +116,8 @@ class LiveTilingConfig(TilingConfig):
     leave_after: float = parameter(
         0.5,
         "A tile is sent when so long no point has fallen into it or its buffer; again, with the points that "
-        "have come, after as many times as long as it has more points than new ones. Raising it sends later, "
-        "and less often.",
+        "have come, when as long no more have, or longer where fewer than one in a hundred are new. Raising "
+        "it sends later, and less often.",
         unit="s",
         minimum=0.0,
         maximum=86_400.0,

@@ -39,10 +39,10 @@ def turns(n_points=30_000, seconds=3.0, speed=8.0):
 
 
 @pytest.mark.parametrize("density", [2.2, 6.0, 12.0])
-def test_a_strip_brings_a_million_points_and_a_quarter_into_a_tile_with_its_buffer(density):
+def test_a_strip_brings_no_more_than_800_000_points_into_a_tile_with_its_buffer(density):
     side = scale_of(strip(density), BUFFER).side
     assert side % 25.0 == 0.0
-    assert density * (side + 125.0) ** 2 <= 1.1 * 1.25e6 < 1.1 * density * (side + 150.0) ** 2
+    assert density * (side + 100.0) ** 2 <= 1.1 * 0.8e6 < 1.1 * density * (side + 125.0) ** 2
 
 
 def test_a_dense_strip_gets_no_smaller_tiles_than_are_worth_their_buffer():

@@ -79,8 +79,7 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
     survey.tick(11.0)
     assert tiles_of(survey) == [], "not while the first is under way"
     survey.finish(first.stamp)
-    assert not survey.tick(15.9), "half of its points are known"
-    assert survey.tick(16.0)
+    assert survey.tick(11.1)
     (second,) = tiles_of(survey)
     assert second.stamp == first.stamp + 1
     assert len(second) == 600
@@ -106,52 +105,35 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
     assert survey.is_flushed
 
 
-@pytest.mark.parametrize(
-    ("touched", "came", "goes_first"), [(6.0, 40.0, "new"), (6.0, 90.0, "again"), (40.0, 6.0, "new")]
-)
-def test_a_tile_that_was_not_sent_before_goes_first_unless_another_has_waited_a_minute_longer(
+@pytest.mark.parametrize(("touched", "came", "goes_first"), [(6.0, 7.0, "again"), (7.0, 6.0, "new")])
+def test_the_tile_goes_first_into_which_no_point_fell_for_longest_new_or_not(
     survey, touched, came, goes_first
 ):
-    survey.add(scan_at(20, 20, n_points=2100), 0.0)
+    survey.add(scan_at(20, 20), 0.0)
     survey.tick(5.0)
     (seen,) = tiles_of(survey)
     survey.finish(seen.stamp)
-    for when, one in sorted(
-        [(touched, scan_at(20, 20, seed=1)), (came, scan_at(140, 20))]
-    ):  # an eighth is new
+    for when, one in sorted([(touched, scan_at(20, 20, seed=1)), (came, scan_at(140, 20))]):
         survey.add(one, when)
         survey.tick(when)
     survey.tick(100.0)
     order = ["again" if tile.stamp == seen.stamp + 1 else "new" for tile in tiles_of(survey)]
-    assert order[0] == goes_first
-    assert len(order) == 2
+    assert order == [goes_first, *({"again", "new"} - {goes_first})]
 
 
-def test_of_tiles_that_come_again_the_one_goes_first_into_which_no_point_fell_for_longest(survey):
-    for x in (20, 140):
-        survey.add(scan_at(x, 20, n_points=2100), 0.0)
+@pytest.mark.parametrize(("n_new", "wait"), [(300, 5.0), (10, 5.0), (5, 10.0), (1, 50.0)])
+def test_a_tile_waits_longer_to_come_again_where_fewer_than_one_in_a_hundred_points_are_new(
+    survey, n_new, wait
+):
+    survey.add(scan_at(20, 20, n_points=1000 - n_new), 0.0)
     survey.tick(5.0)
-    first = {tile.stamp: tile.points[:, 0].mean() for tile in tiles_of(survey)}
-    for stamp in first:
-        survey.finish(stamp)
-    survey.add(scan_at(140, 20, seed=1), 6.0)  # an eighth of its points are new
-    survey.tick(6.0)
-    survey.add(scan_at(20, 20, n_points=2100, seed=1), 7.0)  # half
-    survey.tick(7.0)
-    survey.tick(60.0)
-    assert [first[tile.stamp - 1] for tile in tiles_of(survey)] == sorted(first.values(), reverse=True)
-
-
-def test_a_tile_waits_the_longer_to_come_again_the_fewer_of_its_points_are_new(survey):
-    now = 0.0
-    for revision, wait in enumerate([5.0, 10.0, 15.0, 20.0]):
-        survey.add(scan_at(20, 20, seed=revision), now)
-        assert not survey.tick(now + wait - 0.1)
-        now += wait
-        assert survey.tick(now)
-        (tile,) = tiles_of(survey)
-        survey.finish(tile.stamp)
-        assert len(tile) == 300 * (revision + 1)
+    (first,) = tiles_of(survey)
+    survey.finish(first.stamp)
+    survey.add(scan_at(20, 20, n_points=n_new, seed=1), 6.0)
+    assert not survey.tick(6.0 + wait - 0.1)
+    assert survey.tick(6.0 + wait + 0.1)
+    (again,) = tiles_of(survey)
+    assert len(again) == 1000
 
 
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
