@@ -105,6 +105,8 @@ def _watch(
             continue
         next_time = time.monotonic() + _TELL
         line = f"{_come(source)}; {source.progress.n_done} tiles done"
+        if writer.n_clouds_left:
+            line += f"; {writer.n_clouds_left} classified clouds to write"
         if line != told:
             _tell(line)
             told = line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -50,12 +50,15 @@ class ModelWriter(StageNode):
         How often files were made.
     last_words : str
         What was made last.
+    n_clouds_left : int
+        Classified clouds that have still to be written.
     """
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
         self._pool = pool or BuildingPool(0)
         self.n_saved, self.last_words = 0, ""
+        self.n_clouds_left = 0
         config = self.parameters[ModelWriterConfig]
         try:
             self._survey = SurveyFolder(config)
@@ -68,7 +71,7 @@ class ModelWriter(StageNode):
         self._record = RunRecord({name: told[name] for name in ("bags", "preset") if told.get(name)})
         self._end_timer: Timer | None = None
         self._begin()
-        self.summary.watch(lambda: {"tiles_on_disk": len(self._survey.on_disk)})
+        self.summary.watch(self._gauges)
         self._map: FrameListener | None = None
         if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
@@ -165,6 +168,9 @@ class ModelWriter(StageNode):
         response.success, response.message = True, f"{n_tiles} tiles are forgotten"
         return response
 
+    def _gauges(self) -> dict[str, int]:
+        return {"tiles_on_disk": len(self._survey.on_disk), "clouds_left": self.n_clouds_left}
+
     def _begin(self) -> None:
         """Wait for tiles, and say which are on disk."""
         self._is_over = False
@@ -251,13 +257,22 @@ class ModelWriter(StageNode):
         """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
         self._receipts.send(TAKEN)
         try:
-            summary = self._survey.make_files(
-                self._record.as_dict(self.failed_tiles, ()), self._pool.call_each
-            )
+            summary = self._survey.make_files(self._record.as_dict(self.failed_tiles, ()), self._each_cloud)
         finally:
-            self._receipts.send(DONE)
+            self.n_clouds_left = 0
+            if self.context.ok():
+                self._receipts.send(DONE)
         self.last_words, self.n_saved = self._words(summary), self.n_saved + 1
         return summary
+
+    def _each_cloud(self, write: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[Any]:
+        """Write clouds side by side, and count them; what is left when ROS is shut down is left."""
+        self.n_clouds_left = len(jobs)
+        for one in self._pool.call_each(write, jobs):
+            if not self.context.ok():
+                raise OutputError(f"{self.n_clouds_left} classified clouds are left for the next time")
+            self.n_clouds_left -= 1
+            yield one
 
     def _words(self, summary: RunSummary) -> str:
         n_buildings = sum(summary.buildings.values())

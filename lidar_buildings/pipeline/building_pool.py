@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -136,9 +136,10 @@ class BuildingPool(Sharing):
         result: _Result = self._finished((function, arguments, shares))()
         return result
 
-    def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
-        """Do as `call` for each of some jobs, several at a time, and return the results in their order."""
-        return [finish() for finish in [self._finished((function, (job,), False)) for job in jobs]]
+    def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
+        """Do as `call` for each of some jobs, several at a time, and yield the results in their order."""
+        for finish in [self._finished((function, (job,), False)) for job in jobs]:
+            yield finish()
 
     def _finished(self, work: _Work) -> Callable[[], Any]:
         """Begin a call; return what waits for its result."""

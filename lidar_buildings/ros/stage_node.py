@@ -215,6 +215,8 @@ class StageNode(Node):
         try:
             yield report
         except Exception as error:
+            if not self.context.ok():
+                raise
             failure = _reason(error)
             self.get_logger().error(f"tile {stamp}: {failure}: the tile is not handed on")
         if report.warnings:

@@ -277,5 +277,5 @@ def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):
     alone.mkdir()
     crowd.mkdir()
     with BuildingPool(n) as pool:
-        assert pool.call_each(threads_used, [(crowd, n)] * n) == [False] * n
+        assert list(pool.call_each(threads_used, [(crowd, n)] * n)) == [False] * n
         assert pool.call(threads_used, (alone, 1))

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
@@ -151,3 +152,17 @@ def test_a_composition_ends_with_the_error_that_a_node_cannot_go_on_from(context
             composition.wait(listener, timeout=60.0)
     finally:
         composition.stop()
+
+
+def test_what_fails_since_ros_has_ended_is_no_failure_of_the_tile(context, capfd):
+    node = Doubler(context=context)
+
+    def work():
+        with node.reporting(1):
+            rclpy.shutdown(context=context)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        work()
+    assert "not handed on" not in "".join(capfd.readouterr())
+    node.destroy_node()

@@ -68,15 +68,15 @@ class LiveFeed:
         self.obstacle = ""
         self.problems: Counter[str] = Counter()
         self.n_flushed = 0
-        self._tiling, self._scans = tiling, scans
+        self._tiling, self._scans, self._inbox = tiling, scans, LiveInbox()
         self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
         recorded = recorded_of(self.folder, tiling)
         self._search = FrameSearch(frame)
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []
-        self._inbox = LiveInbox()
-        self._is_flushing = False
+        #: Whether a flush is under way, and how many files of points it has still to write.
+        self._is_flushing, self._n_clouds_left = False, 0
         #: The tile that was asked for, once it is made.
         self._made: PointTile | None = None
         self._is_wanted = False
@@ -97,9 +97,8 @@ class LiveFeed:
         """Write what has come, and end."""
         self._stopping.set()
         self._has_work.set()
-        for thread in self._threads:
-            if thread.ident is not None:
-                thread.join()
+        for thread in [one for one in self._threads if one.ident is not None]:
+            thread.join()
         try:
             if self._tiling.spool:
                 self._settle_frame(math.inf)
@@ -128,6 +127,7 @@ class LiveFeed:
             "points": survey.n_points if survey else 0,
             "points_waiting": self._inbox.n_points,
             "tiles_waiting": survey.n_waiting if survey else 0,
+            "clouds_waiting": self._n_clouds_left,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
             **dict(sorted(self._placer.messages.items())),
         }
@@ -169,7 +169,7 @@ class LiveFeed:
         """
         Return the next tile; None if it must be made first, with all points there are then: `wake` tells.
 
-        None is made before it is asked for: one that waits would miss points, and come again for them.
+        One that waited would miss points, and come again for them.
         """
         with self._made_lock:
             tile, self._made = self._made, None
@@ -215,12 +215,10 @@ class LiveFeed:
     def _tick(self, _: None) -> None:
         self._keep_placed()
         self._settle_frame(time.monotonic())
-        if self._survey is None:
-            return
-        is_ready = self._survey.tick(time.monotonic())
-        self.obstacle = ""
-        if is_ready or (self._is_flushing and self._survey.is_flushed):
-            self._has_work.set()
+        if self._survey is not None:
+            is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
+            if is_ready or (self._is_flushing and self._survey.is_flushed):
+                self._has_work.set()
 
     def _keep_placed(self, *, is_end: bool = False) -> None:
         for scan in self._placer.placed(is_end=is_end):
@@ -292,7 +290,10 @@ class LiveFeed:
                 self._made, self._is_wanted = tile, False
             self._wake()
         if self._is_flushing and self._survey is not None and self._survey.is_flushed:
-            write_placed_points(self._survey, self.folder)
+            for n_left in write_placed_points(self._survey, self.folder):
+                self._n_clouds_left = n_left
+                if self._stopping.is_set():
+                    return
             self._is_flushing = False
             self.n_flushed += 1
             self._wake()

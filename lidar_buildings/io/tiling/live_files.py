@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,9 +102,14 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
     return recorded
 
 
-def write_placed_points(survey: LiveSurvey, folder: Path) -> None:
+def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
     """
     Write all points of a feed as LAZ files, file k those of source k, but for those that were full before.
+
+    Yields
+    ------
+    int
+        How many are left, before each and at the end. Who asks for no more leaves the rest for the next time.
 
     Raises
     ------
@@ -111,8 +117,10 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> None:
         If one cannot be written.
     """
     (folder / CLOUDS).mkdir(exist_ok=True)
-    for number in range(-(-survey.n_points // POINTS_PER_FILE)):
+    n_files = -(-survey.n_points // POINTS_PER_FILE)
+    for number in range(n_files):
         path = folder / CLOUDS / _NAME.format(number)
+        yield n_files - number
         if path.exists() and (number + 1) * POINTS_PER_FILE <= survey.n_points and not _is_part(path):
             continue
         with atomic_file(path) as temporary:
@@ -123,6 +131,7 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> None:
                     file.add(_scan_of(records))
             finally:
                 file.close()
+    yield 0
 
 
 def _is_part(path: Path) -> bool:

@@ -15,8 +15,8 @@ from support.scan_messages import SECOND, T0, header, odometry, scan
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import TWO_CLOCKS, ScanPlacer
-from lidar_buildings.io.tiling import live_feed, live_files, live_inbox
+from lidar_buildings.core.scans.placing import TWO_CLOCKS, PlacedScan, ScanPlacer
+from lidar_buildings.io.tiling import live_feed, live_files, live_inbox, live_survey
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, MapPlace, moved_origin, place_by_fix
@@ -300,12 +300,35 @@ def test_reset_forgets_points_and_tiles():
         assert run.feed.tile_count == 1
 
 
-def test_full_files_are_not_written_again(tmp_path, monkeypatch):
-    for module in (live_files, live_feed.LiveSurvey.records.__globals__):
-        if isinstance(module, dict):
-            monkeypatch.setitem(module, "POINTS_PER_FILE", 400)
-        else:
-            monkeypatch.setattr(module, "POINTS_PER_FILE", 400)
+@pytest.fixture
+def files_of(monkeypatch):
+    """Let files have so many points."""
+
+    def choose(n_points):
+        for module in (live_files, live_survey):
+            monkeypatch.setattr(module, "POINTS_PER_FILE", n_points)
+
+    return choose
+
+
+def test_files_that_are_not_waited_for_are_left_for_the_next_time(tmp_path, files_of):
+    files_of(100)
+    survey = live_survey.LiveSurvey(LiveTilingConfig(tile_size=40.0), MapFrame(), tmp_path)
+    survey.add(PlacedScan(points(450), np.arange(450) + T0, {}), 0.0)
+    survey.flush()
+    writing = live_files.write_placed_points(survey, tmp_path)
+    assert [next(writing) for _ in range(3)] == [5, 4, 3]
+    writing.close()
+    written = {path: path.stat().st_mtime_ns for path in (tmp_path / "clouds").iterdir()}
+    assert len(written) == 2
+    assert list(live_files.write_placed_points(survey, tmp_path)) == [5, 4, 3, 2, 1, 0]
+    assert [len(laspy.read(path)) for path in sorted((tmp_path / "clouds").iterdir())] == [100] * 4 + [50]
+    assert all(path.stat().st_mtime_ns == time for path, time in written.items())
+    survey.close()
+
+
+def test_full_files_are_not_written_again(tmp_path, files_of):
+    files_of(400)
     with Running(tmp_path) as run:
         run.feed.add_scan(scan(T0, points(), frame="map"))
         run.flush()
