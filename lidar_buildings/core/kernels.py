@@ -16,7 +16,9 @@ from numba.core.codegen import JITCodeLibrary, ll
 from numba.core.compiler import Compiler, CompileResult
 from numba.core.runtime import rtsys
 
-_OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+#: What numba rewrites are formulas of whole arrays, parts of tuples, errors with a message, `is None`: loops
+#: do without (such a part or error does not compile, such a formula takes longer to).
+_OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_rewrites": True}
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
 
 
@@ -146,12 +148,17 @@ def inlined(loop: Any) -> Any:
 
 
 def _without_literals(loop: Any) -> Any:
-    """Let a loop that is called with 0 and with 1 be one that is called with whole numbers."""
+    """Let a loop that is called with 0, or with 32 bits, be one that is called with whole numbers."""
     template_for = loop.get_call_template
 
     def get_call_template(arguments: Any, named: Any) -> Any:
-        plain = tuple(types.unliteral(one) for one in arguments)
-        return template_for(plain, {name: types.unliteral(one) for name, one in named.items()})
+        plain = tuple(_plain(one) for one in arguments)
+        return template_for(plain, {name: _plain(one) for name, one in named.items()})
 
     loop.get_call_template = get_call_template
     return loop
+
+
+def _plain(kind: Any) -> Any:
+    kind = types.unliteral(kind)
+    return types.int64 if kind in types.signed_domain else kind

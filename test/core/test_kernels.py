@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 from numba.core.caching import NullCache
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
@@ -19,6 +20,16 @@ def raised_twice(number):
     return raised(raised(number, 1), 2)
 
 
+@inner_kernel
+def raised_by_one(number):
+    return number + 1
+
+
+@kernel
+def raised_from(small, large):
+    return raised_by_one(small[0]) + raised_by_one(large[0])
+
+
 @kernel
 def share(part, whole):
     return part / whole
@@ -28,6 +39,12 @@ def test_literal_numbers_make_no_copies():
     raised_twice._cache = NullCache()  # what comes from the disk compiles nothing
     assert raised_twice(3) == 6
     assert len(raised.signatures) == 1
+
+
+def test_numbers_of_32_bits_make_no_copies():
+    raised_from._cache = NullCache()
+    assert raised_from(np.array([3], dtype=np.int32), np.array([4])) == 9
+    assert len(raised_by_one.signatures) == 1
 
 
 def test_a_loop_from_a_file_is_put_into_those_that_are_compiled(tmp_path):

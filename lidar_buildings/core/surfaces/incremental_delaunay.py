@@ -35,7 +35,7 @@ def insert_vertex(  # type: ignore[no-untyped-def]
         Coordinates [m].
     triangles, neighbours : ndarray of shape (m, 3), int32
         The mesh; changed in place.
-    changed : ndarray of shape (m,), int32
+    changed : ndarray of shape (m,), int8 or int32
         Set to `mark` for every triangle that is new or has another shape.
     mark : int
         See `changed`.
@@ -45,8 +45,7 @@ def insert_vertex(  # type: ignore[no-untyped-def]
     int
         The number of triangles.
     """
-    # one type of all numbers, else helpers are compiled for each mixture
-    triangle, first, second = np.int64(triangle), np.int64(n_triangles), np.int64(n_triangles + 1)
+    first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)
     changed[triangle], changed[first], changed[second] = mark, mark, mark
     suspect = triangle

@@ -103,7 +103,8 @@ def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
 @kernel
 def smallest_eigenvector_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """Return the axis of λ3 alone, see `principal_axes`."""
-    return np.array(principal_axes(xx, xy, xz, yy, yz, zz)[6:])
+    axes = principal_axes(xx, xy, xz, yy, yz, zz)
+    return np.array([axes[6], axes[7], axes[8]])
 
 
 @inlined

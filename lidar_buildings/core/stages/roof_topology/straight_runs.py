@@ -54,7 +54,9 @@ def straight_runs(
 def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[no-untyped-def]
     runs, run, n_runs = np.empty((len(xy), 2)), np.empty(len(xy), np.int64), 0
     # Normals of the lines.
-    cosines, sines = -np.sin(angles), np.cos(angles)
+    cosines, sines = np.empty(len(angles)), np.empty(len(angles))
+    for k in range(len(angles)):
+        cosines[k], sines[k] = -math.sin(angles[k]), math.cos(angles[k])
     for chain in range(len(is_closed)):
         rows = order[begin[chain] : begin[chain + 1]]
         n, shift = (len(rows) + 1) // 2, 0
@@ -68,7 +70,11 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
         first, kind = _divided(sums, n, 0, cosines, sines, noise)
         if is_closed[chain]:
             # Once more from a corner, the farthest from where the first division began.
-            shift = first[np.argmin(np.abs(first - n / 2))] % n
+            corner = first[0]
+            for side in first:
+                if abs(side - n / 2) < abs(corner - n / 2):
+                    corner = side
+            shift = corner % n
             first, kind = _divided(sums, n, shift, cosines, sines, noise)
         end = n
         for wall in range(len(first)):

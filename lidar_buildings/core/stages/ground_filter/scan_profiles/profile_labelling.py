@@ -50,12 +50,13 @@ def net_votes(
         The members that begin with `profile_`.
     """
     limits = config.profile_max_slope, config.profile_step, config.profile_max_object, WINDOW
-    votes = np.zeros((len(profiles), len(elevation)), dtype=np.int8)
+    z = np.ascontiguousarray(elevation)
+    votes = np.zeros((len(profiles), len(z)), dtype=np.int8)
 
     def label(begin: int, end: int) -> None:
         for k in range(begin, end):
             one = profiles[k]
-            _label_both_ways(one.rows, one.first, one.along, elevation, limits, votes[k])
+            _label_both_ways(one.rows, one.first, one.along, z, limits, votes[k])
 
     for_row_blocks(label, len(profiles), 1)
     return votes.sum(axis=0, dtype=np.int64) / (2.0 * GROUND * max(len(profiles), 1))
