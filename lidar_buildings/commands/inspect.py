@@ -18,6 +18,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import frame_of, open_cloud
+from lidar_buildings.io.files.locations import located
 from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def inspect_command(options: argparse.Namespace) -> int:
     problems: list[str] = []
     told: list[dict[str, Any]] = []
     for name in options.input:
-        for kind, summary, lines in _looked_at(Path(name), problems):
+        for kind, summary, lines in _looked_at(name, problems):
             if options.json:
                 told.append({"kind": kind, **summary})
             else:
@@ -60,10 +61,11 @@ def inspect_command(options: argparse.Namespace) -> int:
     return WRONG_USE if problems else DONE
 
 
-def _looked_at(path: Path, problems: list[str]) -> Iterator[tuple[str, dict[str, Any], list[str]]]:
+def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, Any], list[str]]]:
     """Yield (kind, summary, its text) of each bag and cloud that a path names, and of its clouds together."""
     clouds: list[CloudSummary] = []
     try:
+        path = located(name)
         files = _named(path)
     except InputError as error:
         problems.append(str(error))

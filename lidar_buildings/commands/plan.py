@@ -85,7 +85,8 @@ def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
     if bags := bags_among(request.inputs):
         raise InputError(f"{bags[0]}: is a bag, and only a run places its scans: plan clouds")
     clouds, problems = read_extents(request.inputs)
-    return plan_survey(clouds, request.tiling), [*problems, *filter(None, [excess_of(len(clouds))])]
+    plan = plan_survey(clouds, request.tiling, request.bounds)
+    return plan, [*problems, *filter(None, [excess_of(len(clouds))])]
 
 
 def _told(compared: dict[str, dict[str, float]], which: str) -> str:

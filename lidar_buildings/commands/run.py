@@ -8,7 +8,9 @@ import json
 import logging
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
+from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
 from lidar_buildings.commands.prepare import load_stages
@@ -19,10 +21,12 @@ from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.files.locations import is_url
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     PLACED,
     Use,
+    add_to_run,
     check_folder,
     discard_unfinished,
     holds_tiles,
@@ -57,7 +61,7 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
     is_resumed = holds_tiles(request.output)
     started = time.perf_counter()
     compiling = start_compiling()
-    request = with_placed_bags(request)
+    request = with_fetched_inputs(with_placed_bags(request))
     footprints = _footprints(request)
     if compiling is not None:
         compiling.wait()
@@ -76,6 +80,8 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
         print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))
     elif not options.quiet:
         tell_outcome(request.output, outcome, wall, planned)
+    if request.fetched:
+        add_to_run(request.output, {"bounds": request.bounds, "fetched": request.fetched})
     has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return TILE_FAILED
@@ -166,3 +172,26 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
         lambda line: print(f"lidar-buildings: {line}", file=sys.stderr),
     )
     return replace(request, inputs=with_clouds(request.inputs, folder), bags=tuple(records))
+
+
+def with_fetched_inputs(request: RunRequest) -> RunRequest:
+    """
+    Return the request with files of this machine instead of URLs, and of all inputs what lies in the bounds.
+
+    The files stand beside those of bags, and stay as long.
+
+    Raises
+    ------
+    InputError, OutputError
+        If an input cannot be cut or none has points in the bounds, or a file not be written.
+    """
+    if request.bounds is None and not any(map(is_url, request.inputs)):
+        return request
+    check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
+    from lidar_buildings.io.clouds.fetch import fetched
+
+    folder = request.output / PARTIAL / PLACED
+    # a process of its own: threads that it leaves behind would keep pools from being forked
+    with ProcessPoolExecutor(1, get_context("spawn")) as process:
+        found = process.submit(fetched, request.inputs, folder, request.bounds).result()
+    return replace(request, inputs=tuple(found), fetched=found)

@@ -8,7 +8,7 @@ from typing import Any
 
 #: What a request is made of as well, where a command cannot be told it.
 UNTOLD: dict[str, Any] = {
-    **dict.fromkeys(("output", "update", "tile_size", "crs", "namespace", "record", "rate")),
+    **dict.fromkeys(("output", "update", "tile_size", "bounds", "crs", "namespace", "record", "rate")),
     **dict.fromkeys(("footprints", "footprints_layer", "footprint_id")),
     **dict.fromkeys(("topic", "odometry", "start", "duration")),
     **dict.fromkeys(("georeferenced", "no_ros", "quiet", "json", "overwrite", "retry_failed"), False),
@@ -23,7 +23,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "input",
         nargs="+",
         metavar="INPUT",
-        help="LAS, LAZ or COPC files, folders or globs; bags of ROS 2 or 1",
+        help="LAS, LAZ or COPC files, folders or globs, also as URLs (https://, s3://); bags of ROS 2 or 1",
     )
     folder = parser.add_mutually_exclusive_group(required=True)
     folder.add_argument("--output", type=Path, metavar="DIR", help="folder for the results")
@@ -47,6 +47,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     add_record(parser)
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    add_bounds(parser)
     parser.add_argument(
         "--crs", metavar="EPSG:N", help="reference system of inputs that name none (3D Tiles need one)"
     )
@@ -111,15 +112,29 @@ def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
 
 def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     """Add all of `plan`: of what `run` can be told, what its cost depends on."""
-    parser.add_argument("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs")
+    parser.add_argument(
+        "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs, also as URLs"
+    )
     parser.add_argument(
         "--workers", type=at_least_one, default=0, metavar="N", help="on N processes of dask.distributed"
     )
     parser.add_argument("--no-ros", action="store_true", help="without ROS, on the cores of this machine")
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    add_bounds(parser)
     parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
     parser.set_defaults(**UNTOLD)
+
+
+def add_bounds(parser: argparse.ArgumentParser) -> None:
+    """Add which part of the inputs is wanted."""
+    parser.add_argument(
+        "--bounds",
+        type=float,
+        nargs=4,
+        metavar=("WEST", "SOUTH", "EAST", "NORTH"),
+        help="only the points in these, in the coordinates of the inputs; of COPC little else is read",
+    )
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:

@@ -93,6 +93,10 @@ class RunRequest:
         Whether no progress is shown.
     crs : str
         Reference system of inputs that name none.
+    bounds : tuple of four float or None
+        West, south, east and north of the points that are wanted, in the coordinates of the inputs.
+    fetched : dict of str to str
+        Input → where it came from, once those elsewhere are here, and all are cut to bounds.
     """
 
     inputs: tuple[str, ...]
@@ -112,6 +116,8 @@ class RunRequest:
     use: Use = Use.NONE
     is_quiet: bool = False
     crs: str = ""
+    bounds: tuple[float, ...] | None = None
+    fetched: dict[str, str] = field(default_factory=dict)
 
     def parameters(self) -> dict[str, Any]:
         """Return everything that results depend on, as plain values."""
@@ -172,7 +178,17 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         use=Use.UPDATE if options.update else Use.RETRY if options.retry_failed else Use.NONE,
         is_quiet=options.quiet or options.json,
         crs=options.crs or "",
+        bounds=_bounds(options.bounds),
     )
+
+
+def _bounds(given: list[float] | None) -> tuple[float, ...] | None:
+    if given is None:
+        return None
+    west, south, east, north = given
+    if not (west < east and south < north):
+        raise ParameterError(f"--bounds {west:g} {south:g} {east:g} {north:g}: must be WEST SOUTH EAST NORTH")
+    return west, south, east, north
 
 
 def _new_bag(options: argparse.Namespace) -> Path:

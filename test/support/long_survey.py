@@ -8,6 +8,7 @@ import numpy as np
 
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las_crs import SourceCrs
+from lidar_buildings.io.clouds.las_records import RawHeader
 from lidar_buildings.io.tiling import tiling
 
 
@@ -18,6 +19,7 @@ class LongCloud:
     units = np.ones(3)
     mins, maxs = np.array([0.0, 0.0, 0.0]), np.array([4000.0, 500.0, 10.0])
     path = "made-up.laz"
+    raw = RawHeader(b"", (), (), 0)
 
     def __init__(self, n_chunks, chunk_size):
         self.n_chunks, self.chunk_size = n_chunks, chunk_size

@@ -2,12 +2,16 @@
 
 from pathlib import Path
 
+from lidar_buildings.io.files.locations import is_url
+
 _ENDINGS = (".mcap", ".db3", ".bag")
 _METADATA = "metadata.yaml"
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path names a bag: a folder of rosbag2, or a file."""
+    """Whether a path names a bag here: a folder of rosbag2, or a file."""
+    if is_url(path):
+        return False
     named = Path(path)
     return (named / _METADATA).is_file() if named.is_dir() else is_bag_file(named)
 

@@ -82,7 +82,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
     undocumented = _undocumented_size(cloud, header)
     for dimension in missing:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
-    header.set_version_and_point_format(_version(header), point_format)
+    header.set_version_and_point_format(written_version(header), point_format)
     header.system_identifier = header.generating_software = ""  # laspy refuses other than ASCII
     records = _with_entries(cloud, header, names, undocumented, missing)
     header.vlrs[:] = [_placeholder(record) for record in records]
@@ -108,7 +108,7 @@ def _free_name(name: str, taken: Any) -> str:
     return next(free for n in range(1, len(taken) + 2) if (free := f"{name}_{n}") not in taken)
 
 
-def _version(header: laspy.LasHeader) -> laspy.header.Version:
+def written_version(header: laspy.LasHeader) -> laspy.header.Version:
     """Return the input's version, or the lowest above it that laspy may write with the point format."""
     major, minor = header.version.major, max(header.version.minor, _OLDEST)
     allowed = laspy.point.dims.VERSION_TO_POINT_FMT

@@ -24,6 +24,7 @@ from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
 from lidar_buildings.io.files.atomic_files import CheckedFile, atomic_file, write_error
+from lidar_buildings.io.files.locations import open_binary
 
 #: Bits of the class in the class byte of point formats 0 to 5; above stand the flags.
 _LEGACY_CLASS = 0x1F
@@ -151,7 +152,7 @@ def _finish(writer: laspy.LasWriter, file: Any, cloud: Cloud) -> None:
     header = writer.header
     kept = [record for record in cloud.raw.evlrs if is_kept(record)]
     starts = {}
-    with open(cloud.path, "rb") as source:
+    with open_binary(cloud.path) as source:
         for record in kept:
             starts[record.start - EVLR_HEADER] = file.seek(0, 2)
             _copy(source, file, record.start - EVLR_HEADER, EVLR_HEADER + record.size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.chunk_reader import open_chunks
 from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.clouds.las_reader import open_reader, reported
@@ -88,20 +89,37 @@ class Cloud(CloudExtent):
         InputError
             If they cannot be read to the last one, or the file is not the one that was opened.
         """
-        end = self.point_count if last is None else last
+        run = first, self.point_count if last is None else last
+        yield from (points for _, points in self.runs([run], size))
+
+    def runs(
+        self, runs: Sequence[tuple[int, int]], size: int = CHUNK
+    ) -> Iterator[tuple[int, laspy.ScaleAwarePointRecord]]:
+        """
+        Read points from one to another (exclusive), time and again, as `chunks` and with its errors.
+
+        Yields
+        ------
+        first : int
+            Place in the file of the first point.
+        points : ScaleAwarePointRecord
+            At most `size`.
+        """
         check_unchanged(self.input_file)
-        with reported(self.path), open_reader(self.path) as (reader, guard):
-            done = first
-            if first:
-                with guard():
-                    reader.seek(first)
-            while done < end:
-                with guard():
-                    points = reader.read_points(min(size, end - done))
-                if len(points) == 0:
-                    raise InputError(
-                        f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
-                    )
-                done += len(points)
-                yield points
+        is_plain = self.raw.has_equal_chunks or all(first == 0 for first, _ in runs)
+        opened = open_reader(self.path) if is_plain else open_chunks(self.path, self.header)
+        with reported(self.path), opened as (reader, guard):
+            for done, end in runs:
+                if done:
+                    with guard():
+                        reader.seek(done)
+                while done < end:
+                    with guard():
+                        points = reader.read_points(min(size, end - done))
+                    if len(points) == 0:
+                        raise InputError(
+                            f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
+                        )
+                    yield done, points
+                    done += len(points)
         check_unchanged(self.input_file)

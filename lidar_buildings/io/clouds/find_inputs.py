@@ -6,9 +6,11 @@ import glob
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, cast
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.las_reader import reported
+from lidar_buildings.io.files.locations import located
 
 #: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
 ENDINGS = (".las", ".laz")
@@ -66,8 +68,8 @@ def search_inputs(
     problems = []
     for path in named:
         try:
-            for file in _expanded(Path(path)):
-                found.setdefault(file.resolve(), file)
+            for file in _expanded(located(path)):
+                found.setdefault(file.resolve() if isinstance(file, Path) else file, file)
         except InputError as error:
             problems.append(str(error))
     if not found:
@@ -76,7 +78,8 @@ def search_inputs(
 
 
 def _expanded(path: Path) -> list[Path]:
-    files = sorted(one for one in named_by(path) if one == path or is_cloud_file(one))
+    with reported(path):
+        files = sorted(one for one in named_by(path) if one == path or is_cloud_file(one))
     if files:
         return files
     if path.is_dir():
@@ -93,11 +96,20 @@ def named_by(path: Path) -> list[Path]:
     InputError
         If there is no such path, and it is no pattern.
     """
+    if not isinstance(path, Path) and path.name.lower().endswith(ENDINGS) and not glob.has_magic(str(path)):
+        return [path]  # asked for by opening it: servers of the web answer such questions with whole files
     if path.is_dir():
         return list(path.iterdir())
     if not path.exists() and not glob.has_magic(str(path)):
         raise InputError(f"{path}: no such file or folder: check the path")
-    return [path] if path.exists() else [Path(one) for one in glob.glob(str(path), recursive=True)]
+    return [path] if path.exists() else _matching(path)
+
+
+def _matching(pattern: Path) -> list[Path]:
+    if isinstance(pattern, Path):
+        return [Path(one) for one in glob.glob(str(pattern), recursive=True)]
+    there = cast(Any, pattern)
+    return [there.with_segments(there.fs.unstrip_protocol(one)) for one in there.fs.glob(there.path)]
 
 
 def is_cloud_file(path: Path) -> bool:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.las_reader import reported
+from lidar_buildings.io.files.locations import state_of
 
 
 class InputFile(NamedTuple):
@@ -26,12 +27,6 @@ class InputFile(NamedTuple):
     path: Path
     point_count: int
     state: tuple[int, int] | None = None
-
-
-def state_of(path: Path) -> tuple[int, int]:
-    """Return a file's size [bytes] and when it was last changed [ns]."""
-    found = path.stat()
-    return found.st_size, found.st_mtime_ns
 
 
 def check_unchanged(file: InputFile) -> None:

@@ -7,7 +7,7 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,13 +29,14 @@ from lidar_buildings.io.clouds.agreement import (
     without_copies,
 )
 from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.copc_nodes import runs_touching
 from lidar_buildings.io.clouds.find_inputs import open_each
-from lidar_buildings.io.clouds.input_file import state_of
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import reported
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.files.captured_stderr import captured_panics
+from lidar_buildings.io.files.locations import located, open_binary, state_of
 from lidar_buildings.io.files.warn_once import warn_once
 
 #: Points that may lie this far outside their header's bounds before these are measured anew [m];
@@ -58,13 +59,13 @@ def open_cloud(path: str | Path) -> Cloud:
     InputError
         One line naming the file, what is wrong and what to do.
     """
-    path = Path(path)
+    path = located(path)
     with reported(path):
         state = state_of(path)
         raw = read_raw_header(path)
         with (
             captured_panics(),
-            laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
+            laspy.open(open_binary(path), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
         ):
             header = reader.header.copy()
             first = reader.read_points(_PROBE)
@@ -100,14 +101,17 @@ def open_inputs(
     return without_copies(clouds), problems
 
 
-def read_tile(path: str | Path) -> PointTile:
+def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointTile:
     """
-    Read a whole file as one tile.
+    Read a whole file as one tile, or a part of it.
 
     Parameters
     ----------
     path : path
-        A LAS, LAZ or COPC file.
+        A LAS, LAZ or COPC file, or the URL of one.
+    bounds : sequence of four float, optional
+        West, south, east and north of the points that are wanted, in the file's own coordinates. Of COPC only
+        the chunks that touch them are read.
 
     Returns
     -------
@@ -121,17 +125,47 @@ def read_tile(path: str | Path) -> PointTile:
     """
     cloud = open_cloud(path)
     frame = frame_of([cloud])
-    parts = [{"points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)} for chunk in cloud.chunks()]
+    within = (-np.inf, -np.inf, np.inf, np.inf) if bounds is None else bounds
+    parts = [
+        {"index": rows, "points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
+        for rows, chunk in chunks_within(cloud, within)
+    ]
     if not parts:
         return PointTile(np.empty((0, 3)), frame=frame)
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     tile = PointTile(columns.pop("points"), frame=frame)
-    numbers = {"source": np.zeros(len(tile)), "index": np.arange(len(tile))}
+    numbers = {"source": np.zeros(len(tile)), "index": columns.pop("index")}
     kept = without_empty_columns(columns)
     spacing = steady_spacing(
         last_returns(tile.points, kept["return_number"], kept["number_of_returns"]), None
     )
     return tile.with_columns(**kept, **numbers, point_spacing=spacing)
+
+
+def chunks_within(
+    cloud: Cloud, bounds: Sequence[float]
+) -> Iterator[tuple[NDArray[np.int64], laspy.ScaleAwarePointRecord]]:
+    """
+    Read the points in bounds (west, south, east, north) in file order, some at a time.
+
+    Yields
+    ------
+    rows : ndarray of shape (n,)
+        Their places in the file.
+    points : ScaleAwarePointRecord
+        The points; those on the bounds are within.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    low, high = np.array(bounds, dtype=np.float64).reshape(2, 2)
+    for first, chunk in cloud.runs(runs_touching(cloud, bounds)):
+        places = xyz_of(chunk)[:, :2]
+        rows = np.flatnonzero(((places >= low) & (places <= high)).all(axis=1))
+        if len(rows):
+            yield first + rows, chunk[rows]
 
 
 def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:

@@ -13,6 +13,7 @@ import laspy
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.captured_stderr import captured_panics, is_failure, one_line
+from lidar_buildings.io.files.locations import open_binary
 
 # what laspy logs of a failing file is said again in the one line of the InputError
 for _name in ("laspy.lasreader", "laspy.header"):
@@ -60,12 +61,12 @@ def open_reader(path: Path) -> Iterator[tuple[Any, Any]]:
     """
     backend = laz_backend()
     try:
-        reader = laspy.open(path, laz_backend=backend, read_evlrs=False)
+        reader = laspy.open(open_binary(path), laz_backend=backend, read_evlrs=False)
         guard: Any = nullcontext if backend is laspy.LazBackend.LazrsParallel else captured_panics
         if reader.header.point_count:
             _ = reader.point_source  # raises here where the parallel backend cannot serve
     except (laspy.errors.LaspyException, RuntimeError, ValueError):
-        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
+        reader = laspy.open(open_binary(path), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False)
         guard = captured_panics
     with reader:
         yield reader, guard

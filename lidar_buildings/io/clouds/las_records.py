@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.locations import open_binary
 
 SIGNATURE = b"LASF"
 #: Bytes of the oldest header; every version begins with these fields.
@@ -105,6 +106,12 @@ class RawHeader:
         return bool(self.block[104] & COMPRESSED)
 
     @property
+    def has_equal_chunks(self) -> bool:
+        """Whether chunks hold equal numbers of points; those of COPC do not."""
+        laszip = [record.data for record in self.vlrs if record.is_a(b"laszip encoded", 22204)]
+        return not laszip or _LASZIP.unpack_from(laszip[0])[1] != _VARIABLE
+
+    @property
     def record_size(self) -> int:
         """Bytes of one uncompressed point."""
         return self._number("<H", 105)
@@ -137,7 +144,7 @@ def read_raw_header(path: Path) -> RawHeader:
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"{path}: is empty (0 bytes): {_AGAIN}")
-    with open(path, "rb") as file:
+    with open_binary(path) as file:
         start = file.read(SMALLEST_HEADER)
         if start[:4] != SIGNATURE:
             raise InputError(

@@ -18,8 +18,9 @@ from lidar_buildings import __version__
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.clouds.input_file import InputFile, state_of
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.locations import state_of
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.cloud_sample import forget_points
 from lidar_buildings.io.results.footprint_results import FootprintResults

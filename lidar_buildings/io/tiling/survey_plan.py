@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lidar_buildings.io.clouds.agreement import agreed_system, shared_origin
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.tiling.tile_grid import Rectangle
-from lidar_buildings.io.tiling.tile_size import bounds_of, expected_points, tiles_for
+from lidar_buildings.io.tiling.tile_size import bounds_of, expected_points, spread_of, tiles_for
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 
@@ -53,33 +53,50 @@ class SurveyPlan:
         return len(self.tile_points)
 
 
-def plan_survey(clouds: Sequence[CloudExtent], config: TilingConfig) -> SurveyPlan:
+def plan_survey(
+    clouds: Sequence[CloudExtent], config: TilingConfig, within: Sequence[float] | None = None
+) -> SurveyPlan:
     """
-    Cut a survey into tiles as a run does, taking the points of a file to lie evenly in its bounds.
+    Cut a survey, or what of it is within bounds, into tiles as a run does.
+
+    The points of a file are taken to lie evenly in its bounds, those of COPC in the squares of its octree.
 
     Raises
     ------
     InputError
         If a run would not take these files together.
     """
-    system = agreed_system(clouds).crs.name
+    system = agreed_system(clouds)
     shared_origin(clouds)
     filled = [cloud for cloud in clouds if cloud.point_count]
-    areas = [area for cloud in filled if (area := Rectangle.of_cloud(cloud)) is not None]
-    counts = [cloud.point_count for cloud in filled]
-    size, start = tiles_for(config, areas, counts)
-    bounds = bounds_of(areas) - start
-    extents = np.prod(bounds[:, 1] - bounds[:, 0], axis=1)
-    covered = float(shapely.union_all(shapely.box(*bounds[:, 0].T, *bounds[:, 1].T)).area)
-    around = Rectangle.around(areas) if areas else Rectangle(0.0, 0.0, 0.0, 0.0)
+    files = bounds_of([area for cloud in filled if (area := Rectangle.of_cloud(cloud)) is not None])
+    sizes = np.array([cloud.state[0] for cloud in filled], dtype=np.float64)
+    places, counts = spread_of(filled)
+    if within is not None:
+        limits = np.array(within).reshape(2, 2) * system.crs.horizontal_unit
+        (files, sizes), (places, counts) = _cut(files, sizes, limits), _cut(places, counts, limits)
+    size, start = tiles_for(config, places, counts)
+    extents = np.prod(files[:, 1] - files[:, 0], axis=1)
+    covered = float(shapely.union_all(shapely.box(*files[:, 0].T, *files[:, 1].T)).area)
+    west, south = files[:, 0].min(axis=0, initial=np.inf) if len(files) else np.zeros(2)
+    east, north = files[:, 1].max(axis=0, initial=-np.inf) if len(files) else np.zeros(2)
     return SurveyPlan(
-        len(clouds),
-        sum(counts),
-        sum(cloud.state[0] for cloud in clouds),
-        system,
-        (around.x_min, around.y_min, around.x_max, around.y_max),
+        len(clouds) if within is None else len(files),
+        round(counts.sum()),
+        round(sizes.sum()),
+        system.crs.name,
+        (float(west), float(south), float(east), float(north)),
         covered,
         size,
-        expected_points(bounds, np.array(counts, dtype=np.float64), config.buffer, size),
-        expected_points(bounds, extents, config.buffer, size) * covered / max(extents.sum(), 1e-9),
+        expected_points(places - start, counts, config.buffer, size),
+        expected_points(files - start, extents, config.buffer, size) * covered / max(extents.sum(), 1e-9),
     )
+
+
+def _cut(
+    bounds: NDArray[np.float64], counts: NDArray[np.float64], limits: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what of places is within limits, and of what lies evenly in each its share."""
+    cut = np.clip(bounds, *limits)
+    share = np.prod((cut[:, 1] - cut[:, 0]) / (bounds[:, 1] - bounds[:, 0]), axis=1)
+    return cut[share > 0.0], (counts * share)[share > 0.0]

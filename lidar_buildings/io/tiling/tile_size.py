@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.io.clouds.cloud import CloudExtent
+from lidar_buildings.io.clouds.copc_nodes import read_nodes
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -23,44 +25,56 @@ _BITS = 16
 
 
 def tiles_for(
-    config: TilingConfig, areas: Sequence[Rectangle | None], counts: Sequence[int]
+    config: TilingConfig, bounds: NDArray[np.float64], counts: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """
-    Return the side of tiles and where they begin [m]: as asked for, or what suits the files.
-
-    Parameters
-    ----------
-    config : TilingConfig
-        What is asked for.
-    areas : sequence of Rectangle or None
-        The files' bounds [m], None for a file without points.
-    counts : sequence of int
-        Their numbers of points.
-    """
+    """Return the side of tiles and where they begin [m]: as asked for, or what suits, see `fitting_tiles`."""
     if config.tile_size:
         return config.tile_size, 0.0
-    filled = [(area, count) for area, count in zip(areas, counts, strict=True) if area is not None]
-    bounds, points = zip(*filled, strict=True) if filled else ((), ())
-    return fitting_tiles(bounds, points, config.buffer, config.max_tile_points)
+    return fitting_tiles(bounds, counts, config.buffer, config.max_tile_points)
+
+
+def spread_of(clouds: Iterable[CloudExtent]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return where the points of clouds lie, as far as that is known without reading any.
+
+    Returns
+    -------
+    bounds : ndarray of shape (n, 2, 2)
+        Least and greatest x and y of files, of COPC of squares of its octree [m].
+    counts : ndarray of shape (n,)
+        Their points, which are taken to lie evenly in them.
+
+    Raises
+    ------
+    InputError
+        If the hierarchy of a file cannot be read.
+    """
+    bounds, counts = [np.empty((0, 2, 2))], [np.empty(0)]
+    for cloud in clouds:
+        if (area := Rectangle.of_cloud(cloud)) is not None:
+            of_file, unit, nodes = bounds_of([area]), cloud.crs.horizontal_unit, read_nodes(cloud)
+            own, held = (of_file, [cloud.point_count]) if nodes is None else nodes.squares(unit)
+            own = own * (1.0 if nodes is None else unit)
+            bounds.append(np.clip(own, of_file[:, :1], of_file[:, 1:]))
+            counts.append(np.asarray(held, dtype=np.float64))
+    return np.concatenate(bounds), np.concatenate(counts)
 
 
 def fitting_tiles(
-    areas: Sequence[Rectangle], counts: Sequence[int], buffer: float, max_points: int
+    bounds: NDArray[np.float64], counts: NDArray[np.float64], buffer: float, max_points: int
 ) -> tuple[float, float]:
     """
     Choose the side of a survey's tiles, and where they begin [m].
 
     Of the sides with which each tile, buffer included, is expected to hold at most `max_points` the one with
-    which stages see the fewest points, taking those of a file to lie evenly in its bounds. Tiles begin at
+    which stages see the fewest points, taking those of bounds to lie evenly in them. Tiles begin at
     multiples of their side, as files of a survey do as a rule, or half-way between: what a vehicle measures
     lies about the origin of its frame, and all of it would be in the buffers of four tiles.
 
     Parameters
     ----------
-    areas : sequence of Rectangle
-        The files' bounds [m].
-    counts : sequence of int
-        Their numbers of points.
+    bounds, counts : ndarray
+        Where how many points lie, as of `spread_of`.
     buffer : float
         Width of the strip of neighbours east of a tile [m].
     max_points : int
@@ -71,14 +85,12 @@ def fitting_tiles(
     size, start : float
         The start is 0 or half the side.
     """
-    bounds = bounds_of(areas)
-    of_files = np.asarray(counts, dtype=np.float64)
     chosen, least, shortest = (_SIZES[-1], 0.0), np.inf, 0.0
     for size in _SIZES:
         if size < shortest:
             break
         for start in (0.0, 0.5 * size):
-            expected = expected_points(bounds - start, of_files, buffer, size)
+            expected = expected_points(bounds - start, counts, buffer, size)
             if expected.max(initial=0.0) <= max_points:
                 shortest = shortest or _SHORTEST * size
                 if expected.sum() < least:
@@ -101,10 +113,8 @@ def expected_points(
 
     Parameters
     ----------
-    bounds : ndarray of shape (n_files, 2, 2)
-        Least and greatest x and y of each file [m].
-    counts : ndarray of shape (n_files,)
-        Points of each file.
+    bounds, counts : ndarray
+        Where how many points lie, as of `spread_of`.
     buffer, size : float
         Of tiles [m].
     """

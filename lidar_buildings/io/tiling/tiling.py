@@ -22,7 +22,7 @@ from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Cell, Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, Rectangles, TileGrid
-from lidar_buildings.io.tiling.tile_size import reading_order, tiles_for
+from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -94,8 +94,7 @@ class TileSource:
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = Rectangles(self._areas)
-        counts = [cloud.point_count for cloud in self._clouds]
-        known = known or KnownSurvey(*tiles_for(self.config, self._areas, counts))
+        known = known or KnownSurvey(*tiles_for(self.config, *spread_of(self._clouds)))
         self._grid = TileGrid.fitting(known.tile_size, self.config.buffer, known.start)
         self._unread = set(range(len(self._clouds)))
         self._read: deque[int] = deque()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
-from lidar_buildings.io.tiling.tile_size import fitting_tiles
+from lidar_buildings.io.tiling.tile_size import bounds_of, fitting_tiles
 
 #: Points per m².
 DENSITY = 10.0
@@ -21,7 +21,7 @@ def files(columns, rows, side=250.0, origin=(13.0, 7.0)):
 
 def chosen(areas, most, density=DENSITY):
     counts = [round(density * (a.x_max - a.x_min) * (a.y_max - a.y_min)) for a in areas]
-    return fitting_tiles(areas, counts, BUFFER, most)
+    return fitting_tiles(bounds_of(areas), np.array(counts, dtype=np.float64), BUFFER, most)
 
 
 def points_of_tiles(areas, size, start):
@@ -67,8 +67,8 @@ def test_bounds_that_cannot_be_true_do_not_count():
 
 
 def test_a_survey_of_one_point_is_one_tile():
-    assert fitting_tiles([Rectangle(5.0, 5.0, 5.0, 5.0)], [1], BUFFER, 2_500_000) == (1000.0, 0.0)
-    assert fitting_tiles([], [], BUFFER, 2_500_000) == (1000.0, 0.0)
+    assert chosen([Rectangle(5.0, 5.0, 5.0, 5.0)], 2_500_000) == (1000.0, 0.0)
+    assert chosen([], 2_500_000) == (1000.0, 0.0)
 
 
 def test_what_lies_around_the_origin_is_one_tile():

@@ -1,0 +1,75 @@
+"""
+Points of LAZ files whose chunks differ in size, as those of COPC do, from any place on.
+
+lazrs 0.8 finds other points than it is asked for in such files, sequentially and in parallel, so that the
+table of chunks is looked into here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import laspy
+import lazrs
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.io.files.captured_stderr import captured_panics
+from lidar_buildings.io.files.locations import open_binary
+
+#: What stands before the first chunk: where the table of chunks is [bytes].
+_BEFORE_CHUNKS = 8
+
+
+class ChunkReader:
+    """
+    Reads some points after others; of chunks in between not a byte.
+
+    Its threads do not work in a process that was forked from one in which they had begun.
+
+    Parameters
+    ----------
+    file : BinaryIO
+        The file, closed by whoever opened it.
+    header : laspy.LasHeader
+        Of it.
+    """
+
+    def __init__(self, file: BinaryIO, header: laspy.LasHeader) -> None:
+        self._file, self._header, self._next = file, header, 0
+        self._record = header.vlrs.get("LasZipVlr")[0].record_data
+        file.seek(header.offset_to_point_data)
+        self._table = lazrs.read_chunk_table(file, lazrs.LazVlr(self._record))
+        counts, sizes = np.array(self._table, dtype=np.int64).reshape(-1, 2).T
+        #: First point of each chunk, and where it begins in the file; the last is what is behind all.
+        self.first: NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)])
+        self.begin: NDArray[np.int64] = np.concatenate([[0], np.cumsum(sizes)])
+        self.begin += header.offset_to_point_data + _BEFORE_CHUNKS
+
+    def seek(self, point: int) -> None:
+        """Go to a point."""
+        self._next = point
+
+    def read_points(self, count: int) -> laspy.ScaleAwarePointRecord:
+        """Read the next points, at most as many as there are."""
+        header, start = self._header, self._next
+        end = self._next = int(min(start + count, self.first[-1]))
+        chunk, behind = np.searchsorted(self.first, [start, end], side="right") - 1
+        behind += end > self.first[behind]
+        self._file.seek(self.begin[chunk])
+        packed = self._file.read(int(self.begin[behind] - self.begin[chunk]))
+        points = np.empty(int(self.first[behind] - self.first[chunk]) * header.point_format.size, np.uint8)
+        lazrs.decompress_points_with_chunk_table(packed, self._record, points, self._table[chunk:behind])
+        record = laspy.PackedPointRecord.from_buffer(points, header.point_format)
+        rows = record.array[start - self.first[chunk] : end - self.first[chunk]]
+        return laspy.ScaleAwarePointRecord(rows, header.point_format, header.scales, header.offsets)
+
+
+@contextmanager
+def open_chunks(path: Path, header: laspy.LasHeader) -> Iterator[tuple[ChunkReader, Any]]:
+    """Open such a file; the second item is a context for each read, as of `las_reader.open_reader`."""
+    with open_binary(path) as file:
+        yield ChunkReader(file, header), captured_panics

@@ -1,0 +1,117 @@
+"""
+Inputs of a run brought to this machine: files of object stores and web servers, and parts of clouds.
+
+A run reads its inputs more than once, and spools each point in several times the bytes that LAZ takes: one
+copy costs the least of the net and little of the disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO
+from zlib import crc32
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.cloud_part import write_part
+from lidar_buildings.io.clouds.find_inputs import find_inputs
+from lidar_buildings.io.clouds.input_file import changed
+from lidar_buildings.io.clouds.las import open_cloud
+from lidar_buildings.io.clouds.las_reader import reported
+from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.locations import is_url, open_binary, state_of
+
+#: Files that are fetched at the same time: a single stream fills few lines.
+_AT_ONCE = 8
+_BLOCK = 1 << 24
+
+
+def fetched(inputs: Sequence[str], folder: Path, bounds: Sequence[float] | None) -> dict[str, str]:
+    """
+    Fetch inputs that are elsewhere, or cut all to bounds; what is there from an earlier time is kept.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Files, folders, globs, URLs. Without bounds those here, and what cannot be fetched, stay as they are.
+    folder : Path
+        Where files are put, each in a folder of its own.
+    bounds : sequence of four float, optional
+        West, south, east and north of the points that are wanted, in source coordinates.
+
+    Returns
+    -------
+    dict of str to str
+        Input → where it came from, in the order of the inputs.
+
+    Raises
+    ------
+    InputError, OutputError
+        If there are bounds and an input cannot be read or none has points there, or a file not be written.
+    """
+    sources = [file for one in inputs for file in _files_of(one, is_whole=bounds is None)]
+    with ThreadPoolExecutor(_AT_ONCE) as threads:
+        paths = list(threads.map(partial(_brought, folder=folder, bounds=bounds), sources))
+    found = {path: str(file) for path, file in zip(paths, sources, strict=True) if path}
+    if not found:
+        raise InputError(
+            f"no input has points in {' '.join(f'{edge:g}' for edge in bounds or ())}: check the bounds"
+        )
+    return found
+
+
+def _files_of(one: str, *, is_whole: bool) -> Sequence[str | Path]:
+    if is_whole and not is_url(one):
+        return [one]
+    try:
+        return find_inputs(one)
+    except InputError:
+        if is_whole:
+            return [one]  # said when it is opened
+        raise
+
+
+def _brought(file: str | Path, folder: Path, bounds: Sequence[float] | None) -> str:
+    """Return the path of a copy, or of a part; empty where no point is in the bounds."""
+    if isinstance(file, str) or (bounds is None and isinstance(file, Path)):
+        return str(file)
+    try:
+        with reported(file):
+            state = state_of(file)
+        own = folder / f"{crc32(f'{file} {bounds}'.encode()):08x}"
+        path, note = own / _name(file, is_part=bounds is not None), own / "state"
+        if note.exists() and note.read_text() == str(state):
+            return str(path) if path.exists() else ""
+        own.mkdir(parents=True, exist_ok=True)
+        if bounds is None:
+            _copy(file, path)
+        elif not write_part(open_cloud(file), bounds, path):
+            path.unlink()
+        if state_of(file) != state:
+            raise changed(file)
+        note.write_text(str(state))
+        return str(path) if path.exists() else ""
+    except InputError:
+        if bounds is None:
+            return str(file)
+        raise
+
+
+def _name(file: Path, *, is_part: bool) -> str:
+    name = file.name.split("?")[0]  # what a signed URL says besides
+    return f"{Path(name).stem.removesuffix('.copc')}.laz" if is_part else name
+
+
+def _copy(file: Path, path: Path) -> None:
+    with reported(file):
+        source = open_binary(file)
+    with source, atomic_file(path) as temporary, open(temporary, "wb") as copy:
+        while block := _read(file, source):
+            copy.write(block)
+
+
+def _read(file: Path, source: BinaryIO) -> bytes:
+    with reported(file):
+        return source.read(_BLOCK)
