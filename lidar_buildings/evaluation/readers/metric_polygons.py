@@ -17,7 +17,8 @@ from lidar_buildings.io.results.run_folder import BLOCKS
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey; else blocks of a run.
-IN_FOLDER, IN_BLOCKS = ("buildings.gpkg", "outlines.fgb", "truth.gpkg"), f"{BLOCKS}/*/outlines.fgb"
+IN_FOLDER = ("buildings.gpkg", "outlines.fgb", "outlines.parquet", "truth.gpkg")
+IN_BLOCKS = [f"{BLOCKS}/*/{name}" for name in ("outlines.fgb", "outlines.parquet")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +51,8 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     Parameters
     ----------
     path : Path
-        A file; or a folder with ``buildings.gpkg``, ``outlines.fgb``, one of these in each of its blocks, or
-        ``truth.gpkg``.
+        A file; or a folder with ``buildings.gpkg``, ``outlines.fgb`` or ``.parquet``, one of these in each of
+        its blocks, or ``truth.gpkg``.
 
     Raises
     ------
@@ -70,7 +71,8 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
 def _files_of(path: Path) -> list[Path]:
     if path.is_dir():
         named = [path / name for name in IN_FOLDER if (path / name).is_file()]
-        found = named[:1] or sorted(path.glob(IN_BLOCKS))
+        blocks = [found for pattern in IN_BLOCKS if (found := sorted(path.glob(pattern)))]
+        found = named[:1] or (blocks[0] if blocks else [])
         if not found:
             raise InputError(f"{path}: holds no {' or '.join(IN_FOLDER)}: name a file with polygons")
         return found

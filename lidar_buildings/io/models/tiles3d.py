@@ -3,6 +3,7 @@ City models as 3D Tiles 1.1: a tree of squares, each with a glTF file of its bui
 
 A building stands in one file only (refinement ``ADD``), the larger it is the higher up in the tree: from afar
 one sees large buildings, and what is missing of a square is smaller than its geometric error says.
+Branches of many squares are tilesets in files of their own.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ TILESET = "tileset.json"
 _SIDE = 256.0
 #: A square holds what is smaller than this share of its side, and no smaller square does.
 _SHARE = 1.0 / 8.0
+#: A branch of so many tiles becomes a file that viewers load when they come near: 140 kB and more.
+_MOST_TILES = 500
 _FIELDS = {READABLE_ID: str} | BUILDING_FIELDS
 _COLOURS = {kind: linear_colour(colour) for kind, (_, colour) in MATERIALS.items()}
 _TERRAIN_COLOUR = linear_colour(TERRAIN[1])
@@ -102,7 +105,7 @@ def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBu
 
         yield add
         contents = {node: _write(folder, node, meshes.of(node), earth) for node in sorted(meshes.places)}
-        (folder / TILESET).write_text(_json(_tileset(contents, earth)), encoding="utf-8")
+        _Tree(folder, contents).write(earth)
 
 
 def _building(building: SurveyBuilding) -> _Mesh | None:
@@ -159,59 +162,87 @@ def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame
     return _Content(name, origin, low - _MARGIN, high + _MARGIN)
 
 
-def _tileset(contents: dict[_Node, _Content], earth: EarthFrame) -> dict[str, Any]:
-    """Return the tree: a root without content above at most four squares, which the map's axes part."""
-    children: dict[_Node, set[_Node]] = {}
-    level, squares = 0, {node for node in contents if node.level == 0}
-    while len(squares) > 4 or any(node.level > level for node in contents):
-        for node in squares:
-            children.setdefault(node.parent, set()).add(node)
-        level += 1
-        squares = {node for node in (*children, *contents) if node.level == level}
-    below = [_tile(node, np.zeros(3), contents, children) for node in sorted(squares)]
-    low, high = np.full(3, -1.0), np.full(3, 1.0)
-    if below:
-        low, high = np.min([low for _, low, _ in below], axis=0), np.max([high for *_, high in below], axis=0)
-    root = {
-        "transform": earth.matrix.T.ravel().tolist(),
-        "boundingVolume": _box(low, high),
-        "geometricError": _largest(level),
-        "refine": "ADD",
-    } | _members(below)
-    asset = {
-        "version": "1.1",
-        "generator": f"lidar_buildings {__version__}",
-        "extras": {"heights": earth.heights},
-    }
-    return {"asset": asset, "geometricError": _largest(level + 1), "root": root}
+class _Part(NamedTuple):
+    """A tile, its box [m], and how many tiles its file has below it, it counted."""
+
+    tile: dict[str, Any]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    n_tiles: int
 
 
-def _tile(
-    node: _Node,
-    begin: NDArray[np.float64],
-    contents: dict[_Node, _Content],
-    children: dict[_Node, set[_Node]],
-) -> tuple[dict[str, Any], NDArray[np.float64], NDArray[np.float64]]:
-    """Return a square's tile and its box; `begin` is where its parent's coordinates begin."""
-    content = contents.get(node)
-    origin = begin if content is None else content.origin
-    below = [_tile(child, origin, contents, children) for child in sorted(children.get(node, ()))]
-    boxes = [(low, high) for _, low, high in below]
-    if content is not None:
-        boxes.append((content.low, content.high))
-    low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
-    tile: dict[str, Any] = {}
-    if content is not None:
-        shift = np.eye(4)
-        shift[:3, 3] = origin - begin
-        tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
-    tile["boundingVolume"] = _box(low - origin, high - origin)
-    tile["geometricError"] = _largest(node.level - 1) if below else 0.0
-    return tile | _members(below), low, high
+class _Tree:
+    """
+    The squares of a tileset, and its files: branches of many squares are tilesets of their own.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    contents : dict
+        The squares that have a file.
+    """
+
+    def __init__(self, folder: Path, contents: dict[_Node, _Content]) -> None:
+        self._folder, self._contents = folder, contents
+        self._children: dict[_Node, set[_Node]] = {}
+
+    def write(self, earth: EarthFrame) -> None:
+        """Write the tree: a root without content above at most four squares, which the map's axes part."""
+        level, squares = 0, {node for node in self._contents if node.level == 0}
+        while len(squares) > 4 or any(node.level > level for node in self._contents):
+            for node in squares:
+                self._children.setdefault(node.parent, set()).add(node)
+            level += 1
+            squares = {node for node in (*self._children, *self._contents) if node.level == level}
+        below = [self._part(node, np.zeros(3)) for node in sorted(squares)]
+        low, high = np.full(3, -1.0), np.full(3, 1.0)
+        if below:
+            low, high = (
+                np.min([one.low for one in below], axis=0),
+                np.max([one.high for one in below], axis=0),
+            )
+        root = {
+            "transform": earth.matrix.T.ravel().tolist(),
+            "boundingVolume": _box(low, high),
+            "geometricError": _largest(level),
+            "refine": "ADD",
+        } | _members(below)
+        self._write_tileset(TILESET, root, _largest(level + 1), {"extras": {"heights": earth.heights}})
+
+    def _part(self, node: _Node, begin: NDArray[np.float64]) -> _Part:
+        """Return a square's tile, or one that refers to its file; `begin`: of its parent's coordinates."""
+        content = self._contents.get(node)
+        origin = begin if content is None else content.origin
+        below = [self._part(child, origin) for child in sorted(self._children.get(node, ()))]
+        boxes = [(one.low, one.high) for one in below]
+        if content is not None:
+            boxes.append((content.low, content.high))
+        low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+        tile: dict[str, Any] = {}
+        if content is not None:
+            shift = np.eye(4)
+            shift[:3, 3] = origin - begin
+            tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
+        tile["boundingVolume"] = _box(low - origin, high - origin)
+        tile["geometricError"] = _largest(node.level - 1) if below else 0.0
+        tile |= _members(below)
+        n_tiles = 1 + sum(one.n_tiles for one in below)
+        if n_tiles < _MOST_TILES:
+            return _Part(tile, low, high, n_tiles)
+        name, error = f"{node.name}.json", _largest(node.level)
+        self._write_tileset(name, {"refine": "ADD"} | tile, error, {})
+        outer = {"boundingVolume": _box(low - begin, high - begin), "geometricError": error}
+        return _Part(outer | {"content": {"uri": name}}, low, high, 1)
+
+    def _write_tileset(self, name: str, root: dict[str, Any], error: float, more: dict[str, Any]) -> None:
+        asset = {"version": "1.1", "generator": f"lidar_buildings {__version__}"} | more
+        tileset = {"asset": asset, "geometricError": error, "root": root}
+        (self._folder / name).write_text(_json(tileset), encoding="utf-8")
 
 
-def _members(below: list[Any]) -> dict[str, Any]:
-    return {"children": [tile for tile, *_ in below]} if below else {}
+def _members(below: list[_Part]) -> dict[str, Any]:
+    return {"children": [one.tile for one in below]} if below else {}
 
 
 def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> dict[str, list[float]]:

@@ -1,5 +1,5 @@
 """
-Polygons and lines with attributes written to GeoParquet 1.1 files (https://geoparquet.org), one layer each.
+Polygons and lines with attributes in GeoParquet 1.1 files (https://geoparquet.org), one layer each.
 
 With pyarrow, the extra ``parquet``: GDAL's own driver is in no wheel of pyogrio or rasterio.
 """
@@ -16,10 +16,13 @@ from typing import Any
 import numpy as np
 import pyproj
 import shapely
+from numpy.typing import NDArray
 
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.vectors.geopackage import VectorLayer, columns_of, wkb_of
 
+ENDING = ".parquet"
 _GEOMETRY = "geometry"
 
 
@@ -80,3 +83,32 @@ def _metadata(layer: VectorLayer, crs: str, bounds: list[Any]) -> dict[str, Any]
         edges = np.array(bounds)
         column["bbox"] = [*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist()]
     return {"version": "1.1.0", "primary_column": _GEOMETRY, "columns": {_GEOMETRY: column}}
+
+
+def read_geoparquet(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]], str]:
+    """
+    Read a file's geometries, columns and reference system (WKT, empty if unknown).
+
+    Raises
+    ------
+    InputError
+        If pyarrow is not installed, or it is no GeoParquet file with geometries as WKB.
+    """
+    try:
+        import pyarrow.parquet  # an extra
+    except ImportError as error:
+        raise InputError(f"{path}: GeoParquet needs pyarrow: install lidar_buildings[parquet]") from error
+    try:
+        table = pyarrow.parquet.read_table(path)
+        told = json.loads((table.schema.metadata or {})[b"geo"])
+        name = told["primary_column"]
+        own = told["columns"][name]
+        geometries = shapely.from_wkb(table[name].to_numpy(), on_invalid="ignore")
+        columns = {one: table[one].to_numpy() for one in table.column_names if one != name}
+        # what the specification takes a column for that names no system
+        crs = pyproj.CRS.from_json_dict(own["crs"]) if own.get("crs") else None
+        system = "" if crs is None and "crs" in own else (crs or pyproj.CRS("OGC:CRS84")).to_wkt()
+    except (OSError, ValueError, KeyError, pyarrow.ArrowException, shapely.errors.ShapelyError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: cannot be read as GeoParquet ({reason}): export it again") from error
+    return geometries, columns, system

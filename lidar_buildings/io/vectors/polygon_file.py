@@ -1,4 +1,4 @@
-"""Polygons with their attributes from any file that GDAL reads (GeoPackage, Shapefile, GeoJSON…)."""
+"""Polygons with their attributes from any file that GDAL reads (GeoPackage, Shapefile …), and GeoParquet."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.vectors.geopackage import FAILURES
+from lidar_buildings.io.vectors.geoparquet import ENDING, read_geoparquet
 
 #: Kinds of layer that can hold polygons; a layer without a kind may hold any.
 _POLYGON_KINDS = ("Polygon", "Surface", "Unknown", "GeometryCollection", "PolyhedralSurface", "TIN")
@@ -102,11 +103,16 @@ def read_polygons(path: Path, layer: str = "") -> tuple[NDArray[np.object_], dic
 
 def _layers(path: Path) -> dict[str, str]:
     """Return the name of each layer of a file with its kind of geometry, empty for none."""
+    if path.suffix == ENDING and path.exists():
+        return {path.stem: "Unknown"}
     with _reported(path):
         return {str(name): str(kind or "") for name, kind in pyogrio.list_layers(path)}
 
 
 def _read(path: Path, name: str) -> PolygonLayer:
+    if path.suffix == ENDING:  # for which GDAL's driver is in no wheel of pyogrio
+        geometries, fields, crs = read_geoparquet(path)
+        return PolygonLayer(path, name, geometries, fields, np.arange(len(geometries)), crs)
     with _reported(path):
         meta, fids, wkb, columns = pyogrio.raw.read(path, layer=name, return_fids=True)
     names = [str(one) for one in meta["fields"]]

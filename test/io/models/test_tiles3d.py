@@ -1,6 +1,8 @@
 """3D Tiles: where vertices lie on the earth, attributes, the tree, heights, and surveys that lie nowhere."""
 
+import json
 import struct
+from functools import partial
 
 import numpy as np
 import pyproj
@@ -14,6 +16,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.models import tiles3d
 from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.models.tiles3d import tiles3d_folder
@@ -126,10 +129,59 @@ def test_large_buildings_stand_above_small_ones_and_boxes_hold_what_is_below(dut
     matrices = {id(tile): matrix for tile, matrix, _ in tiles}
     for tile, matrix, parent in tiles[1:]:
         assert tile["geometricError"] < parent["geometricError"]
-        to_parent = np.linalg.inv(matrices[id(parent)]) @ matrix
-        box, above = (np.reshape(one["boundingVolume"]["box"], (4, 3)) for one in (tile, parent))
-        centre = (to_parent @ [*box[0], 1.0])[:3]
-        assert (np.abs(centre - above[0]) + np.diag(box[1:]) <= np.diag(above[1:]) + 1e-6).all()
+        assert_within(tile, matrix, parent, matrices[id(parent)])
+
+
+def far_apart(n_rows):
+    """Return houses in squares of their own, with a hall among them."""
+    places = {number: divmod(number, n_rows) for number in range(1, n_rows**2)}
+
+    def house(column, row):
+        west, south = 300.0 * column, 300.0 * row
+        outline = Outline(model_survey.rectangle(west, south, west + 10.0, south + 8.0))
+        return outline, BuildingModel({"1.2": extrude(outline, 0.0, 5.0)}, {"lod": "1.2"})
+
+    return {number: partial(house, *place) for number, place in places.items()} | {500: hall}
+
+
+def test_branches_of_many_tiles_are_files_of_their_own_with_the_same_buildings(tmp_path, monkeypatch):
+    folders = tmp_path / "whole", tmp_path / "parts"
+    for folder in folders:
+        folder.mkdir()
+    whole = written(folders[0], buildings=far_apart(6))[1]
+    monkeypatch.setattr(tiles3d, "_MOST_TILES", 5)
+    parts = written(folders[1], buildings=far_apart(6))[1]
+    files = {path.name: json.loads(path.read_text()) for path in parts.glob("*.json")}
+    assert len(files) > 4
+    assert len(list(whole.glob("*.json"))) == 1
+    for one in files.values():
+        assert one["asset"]["version"] == "1.1"
+        assert one["geometricError"] >= one["root"]["geometricError"]
+        assert one["root"]["refine"] == "ADD"
+        assert str(one).count("boundingVolume") <= 1 + 4 * 5
+    places = [
+        sorted((matrix @ [0, 0, 0, 1]).tolist() for _, matrix in contents_of(one)) for one in (whole, parts)
+    ]
+    assert places[0] == pytest.approx(np.array(places[1]), abs=1e-6)
+    assert {path.name: path.read_bytes() for path in whole.glob("*.glb")} == {
+        path.name: path.read_bytes() for path in parts.glob("*.glb")
+    }
+    tiles = list(tiles_of(parts))
+    matrices = {id(tile): matrix for tile, matrix, _ in tiles}
+    for tile, matrix, parent in tiles[1:]:
+        is_outer = parent.get("content", {}).get("uri", "").endswith(".json")
+        assert not (is_outer and "children" in parent), "what refers to a tileset has no children"
+        refers = tile.get("content", {}).get("uri", "").endswith(".json")
+        assert tile["geometricError"] + (not refers) <= parent["geometricError"]
+        assert_within(tile, matrix, parent, matrices[id(parent)])
+
+
+def assert_within(tile, matrix, parent, above):
+    """A tile's box lies in that of the tile above it."""
+    to_parent = np.linalg.inv(above) @ matrix
+    box, outer = (np.reshape(one["boundingVolume"]["box"], (4, 3)) for one in (tile, parent))
+    centre = (to_parent @ [*box[0], 1.0])[:3]
+    assert (np.abs(centre - outer[0]) + np.diag(box[1:]) <= np.diag(outer[1:]) + 1e-6).all()
 
 
 def test_equal_surveys_give_equal_bytes(dutch, tmp_path):
