@@ -7,8 +7,10 @@ table of chunks is looked into here.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,6 +19,7 @@ import lazrs
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.locations import open_binary
 
@@ -27,8 +30,6 @@ _BEFORE_CHUNKS = 8
 class ChunkReader:
     """
     Reads some points after others; of chunks in between not a byte.
-
-    Its threads do not work in a process that was forked from one in which they had begun.
 
     Parameters
     ----------
@@ -62,10 +63,21 @@ class ChunkReader:
         self._file.seek(self.begin[chunk])
         packed = self._file.read(int(self.begin[behind] - self.begin[chunk]))
         points = np.empty(int(self.first[behind] - self.first[chunk]) * header.point_format.size, np.uint8)
-        lazrs.decompress_points_with_chunk_table(packed, self._record, points, self._table[chunk:behind])
+        self._decompress(packed, points, self._table[chunk:behind])
         record = laspy.PackedPointRecord.from_buffer(points, header.point_format)
         rows = record.array[start - self.first[chunk] : end - self.first[chunk]]
         return laspy.ScaleAwarePointRecord(rows, header.point_format, header.scales, header.offsets)
+
+    def _decompress(self, packed: bytes, points: NDArray[np.uint8], table: list[tuple[int, int]]) -> None:
+        """Decompress chunks, by several threads but in a process that may not have those of lazrs."""
+        if laz_backend() is laspy.LazBackend.LazrsParallel:
+            lazrs.decompress_points_with_chunk_table(packed, self._record, points, table)
+            return
+        alone = BytesIO()  # the chunks as if they were the points of a whole file
+        alone.write(struct.pack("<q", _BEFORE_CHUNKS + len(packed)) + packed)
+        lazrs.write_chunk_table(alone, table, lazrs.LazVlr(self._record))
+        alone.seek(0)
+        lazrs.LasZipDecompressor(alone, self._record).decompress_many(points)
 
 
 @contextmanager

@@ -189,12 +189,14 @@ class TileStore:
             self.spacing = expected_spacing(pulses_of(block) for block in samples)
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
-        """Read a file's records, or all, within a square at the source's position."""
+        """Read a file's records, or all, within a square at the source's position: those of a cell as one."""
         local = self._local(square)
         for cell in self.grid.cells_touching(square):
+            kept = [np.empty(0, RECORD)]  # in how many pieces a cell was read must not tell
             for block in self._blocks(cell):
                 inside = local.holds(block["x"], block["y"])
-                yield block[inside if source is None else inside & (block["source"] == source)]
+                kept.append(block[inside if source is None else inside & (block["source"] == source)])
+            yield np.concatenate(kept)
 
     def count(self, plan: TilePlan, buffer: Buffer) -> int:
         """Count a tile's points, buffer included."""

@@ -8,7 +8,7 @@ import pytest
 from support import cloud_files, counted_store
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds import copc_nodes
+from lidar_buildings.io.clouds import chunk_reader, copc_nodes
 from lidar_buildings.io.clouds.cloud_part import write_part
 from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.las import open_cloud, read_tile
@@ -49,7 +49,9 @@ def assert_rows(part, whole, rows):
     "runs", [[(7, 9)], [(19_999, 20_000)], [(0, 20_000)], [(3, 4), (5000, 9000), (9001, 9002)]]
 )
 @pytest.mark.parametrize("number", range(3))
-def test_points_read_from_any_place_on_are_those_that_stand_there(paths, number, runs):
+@pytest.mark.parametrize("backend", [laspy.LazBackend.Lazrs, laspy.LazBackend.LazrsParallel])
+def test_points_read_from_any_place_on_are_those_that_stand_there(paths, number, runs, backend, monkeypatch):
+    monkeypatch.setattr(chunk_reader, "laz_backend", lambda: backend)
     whole = laspy.read(paths[number]).points.array
     found = list(open_cloud(paths[number]).runs(runs, 1500))
     assert sum(len(points) for _, points in found) == sum(end - first for first, end in runs)

@@ -7,6 +7,8 @@ import pytest
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.io.clouds.copc import write_copc
+from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.agenda import WorkerLostError
@@ -114,3 +116,12 @@ def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(survey, tmp_
     found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
     assert problems == [f"{first}: no worker can read it: workers ended at it"]
     assert sum(len(tile) for tile in found) == sum(len(tile) for tile in expected)
+
+
+def test_parts_of_copc_have_the_points_that_stand_there(survey, submit, monkeypatch, tmp_path):
+    monkeypatch.setattr("lidar_buildings.io.clouds.octree._LEAF", 1000)
+    path = tmp_path / "a.copc.laz"
+    write_copc(open_cloud(next(survey.glob("*.laz"))), path)
+    expected, _ = tiles_of(path)
+    small_parts(monkeypatch, 5_000)
+    assert_equal(tiles_of(path, submit=submit)[0], expected)
