@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.scans.scan import KEPT
 from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
 from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
 
@@ -19,16 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: Where the real clouds lie unless --data or LIDAR_BUILDINGS_DATA says otherwise: beside the repository.
 DEFAULT_DATA = ROOT / ".." / "shared" / "data"
 #: Columns of a file that the ground filter and the selection of roofs look at.
-COLUMNS = (
-    "intensity",
-    "return_number",
-    "number_of_returns",
-    "classification",
-    "scan_angle",
-    "scan_direction_flag",
-    "point_source_id",
-    "gps_time",
-)
+COLUMNS = KEPT
 #: What `classify_ground` can be told of the scan.
 SCAN_COLUMNS = ("gps_time", "scan_angle", "scan_direction_flag", "point_source_id")
 
