@@ -20,7 +20,9 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
+from lidar_buildings.io.bags import is_bag
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
@@ -59,6 +61,7 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
     if request.overwrite:
         discard_unfinished(request.output)
     is_resumed = holds_tiles(request.output)
+    _check_places(request)
     started = time.perf_counter()
     compiling = start_compiling()
     request = with_fetched_inputs(with_placed_bags(request))
@@ -87,6 +90,13 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
         return TILE_FAILED
     is_short = any(bag["problem"] for bag in request.bags)
     return WRONG_USE if outcome.summary.problems or is_short or not has_bag else DONE
+
+
+def _check_places(request: RunRequest) -> None:
+    """Refuse what names no cloud, and a folder that cannot be used, before anything takes time."""
+    if not any(is_url(one) or is_bag(one) for one in request.inputs):
+        search_inputs(request.inputs)
+    check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
 
 
 def _footprints(request: RunRequest) -> FootprintFile | None:
@@ -162,7 +172,6 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
         if given := [f"--{name}" for name, value in told.items() if value]:
             raise ParameterError(f"{', '.join(given)}: says what of a bag is wanted, and no INPUT is one")
         return request
-    check_folder(request.output, overwrite=request.overwrite)
     folder = request.output / PARTIAL / PLACED
     records = place_bags(
         request.inputs,
@@ -187,7 +196,6 @@ def with_fetched_inputs(request: RunRequest) -> RunRequest:
     """
     if request.bounds is None and not any(map(is_url, request.inputs)):
         return request
-    check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
     from lidar_buildings.io.clouds.fetch import fetched
 
     folder = request.output / PARTIAL / PLACED

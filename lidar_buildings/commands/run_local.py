@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import asdict
+from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,7 +23,6 @@ from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import (
     Use,
-    check_folder,
     folder_of_points,
     inputs_of_run,
     note_survey,
@@ -65,7 +65,6 @@ def run_local(
     skip: set[int] = set()
     shared: dict[str, Any] = {}
     if not isinstance(pool, BuildingPool):
-        check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
         shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
     inputs, known = list(request.inputs), None
     if request.use is Use.UPDATE:
@@ -116,7 +115,7 @@ def run_local(
             pool.call_each,
             source.unreadable,
             has_failed=bool(done.failed),
-            write_report=write_report,
+            write_report=partial(write_report, share=pool.call_each),
         )
         return RunOutcome(summary, done.failed)
 

@@ -40,6 +40,22 @@ def folder(tmp_path, monkeypatch):
     return tmp_path / "not" / "yet" / "there"
 
 
+def test_a_wrong_path_or_folder_is_told_of_before_anything_is_compiled(folder, tmp_path, capsys):
+    (tmp_path / "used").mkdir()
+    (tmp_path / "used" / "notes.txt").touch()
+    for given, output, words in (
+        ("nowhere.laz", "result", "nowhere.laz: no such file"),
+        (tmp_path, "result", "holds no"),
+        (tmp_path / "used", "used", "holds no"),
+    ):
+        assert main(["run", str(given), "--output", str(tmp_path / output)]) == 2
+        assert words in capsys.readouterr().err
+    (tmp_path / "a.laz").touch()
+    assert main(["run", str(tmp_path / "a.laz"), "--output", str(tmp_path / "used")]) == 2
+    assert "is not empty" in capsys.readouterr().err
+    assert not list(folder.rglob("*.nb?"))
+
+
 def test_warming_up_says_how_far_it_is_and_where_the_loops_are(folder, monkeypatch, capsys):
     monkeypatch.setattr(stage_calls, "CALLS", (os.getpid, os.getppid))
     assert main(["warm-up"]) == 0
