@@ -72,8 +72,8 @@ def modelled(scene) -> tuple[BuildingModel, np.ndarray]:
 def drawn(model: BuildingModel, level: str, *points: Coloured) -> np.ndarray:
     """Draw one level of detail of a model, and points before it."""
     only = replace(model, solids={level: model.solids[level]})
-    feature = load_feature(feature_line(only, 1, MapFrame(), {}, anchor=(0.0, 0.0)))[0]
-    arrays = model_arrays([(feature["id"], feature)], [feature["id"]], 10**6)
+    line = feature_line(only, 1, MapFrame(), {}, anchor=(0.0, 0.0))
+    arrays = model_arrays([line], [load_feature(line)[0]["id"]], 10**6)
     return picture_of([*models_of(arrays, [""], "slope"), *points], "southwest", SIZE)
 
 

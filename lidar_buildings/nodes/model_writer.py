@@ -257,7 +257,8 @@ class ModelWriter(StageNode):
         """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
         self._receipts.send(TAKEN)
         try:
-            summary = self._survey.make_files(self._record.as_dict(self.failed_tiles, ()), self._each_cloud)
+            record = self._record.as_dict(self.failed_tiles, ())
+            summary = self._survey.make_files(record, self._each_cloud, self._pool.call_each)
         finally:
             self.n_clouds_left = 0
             if self.context.ok():

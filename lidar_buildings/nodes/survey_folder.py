@@ -7,6 +7,7 @@ import weakref
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -124,11 +125,13 @@ class SurveyFolder:
         self._opened().write_tile(products)
         self.on_disk[tile_of(products.stamp)] = products.stamp
 
-    def make_files(self, run_info: Mapping[str, Any], share: Share = map) -> RunSummary:
+    def make_files(
+        self, run_info: Mapping[str, Any], share: Share = map, share_models: Share = map
+    ) -> RunSummary:
         """
         Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
 
-        `share` does what can be done side by side, as in `OutputFolder.finalise`.
+        `share` does clouds side by side, as in `OutputFolder.finalise`, `share_models` models for the page.
 
         Raises
         ------
@@ -143,7 +146,8 @@ class SurveyFolder:
                 problems.append(f"no classified clouds: the source's clouds are not here ({where})")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last
 
-        return folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
+        page = partial(write_report, share=share_models)
+        return folder.finalise({**run_info, "problems": problems}, share, write_report=page)
 
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; the files that were made of them stay."""

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.io.results.run_folder import DTM
+from lidar_buildings.io.results.run_folder import DTM, Share
 from lidar_buildings.report.models import ModelArrays, model_arrays
 from lidar_buildings.report.relief import Relief, read_relief
 from lidar_buildings.report.result_folder import ReportedBuilding, Result
@@ -57,7 +57,7 @@ class Contents:
     focus: int | None = None
 
 
-def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
+def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Share = map) -> Contents:
     """
     Choose and read what a page shows.
 
@@ -66,6 +66,8 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Conten
     result : Result
     focus : ReportedBuilding, optional
         Show this one and what stands next to it, with all its points.
+    share : callable
+        As `map`; may do its jobs, the models, in other processes.
     """
     every = result.buildings
     worst = [] if focus else worst_buildings(every, result.frame)
@@ -83,7 +85,7 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Conten
             box,
             MOST_POINTS,
         )
-        models = model_arrays(result.features(set(names)), names, MOST_TRIANGLES)
+        models = model_arrays(result.lines(set(names)), names, MOST_TRIANGLES, share)
         points = reading.result()
     return Contents(
         result=result,

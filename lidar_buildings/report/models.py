@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +12,13 @@ from numpy.typing import NDArray
 from lidar_buildings.core.solids.face_triangles import face_pieces, triangles_of
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.models.cityjson import load_feature
+from lidar_buildings.io.results.run_folder import Share
 
 #: Kind of surface → its number in the page.
 KINDS = {GROUND_SURFACE: 0, WALL_SURFACE: 1, ROOF_SURFACE: 2}
+#: Text of so many characters is a job: some ten buildings, enough to pay for its way to another process.
+_BATCH = 400_000
 
 
 class ModelArrays(NamedTuple):
@@ -44,61 +49,108 @@ class ModelArrays(NamedTuple):
     n_left_out: int
 
 
+class _Solid(NamedTuple):
+    """A solid of a building; `triangles` are rows of the building's vertices."""
+
+    level: int
+    triangles: NDArray[np.uint32]
+    faces: NDArray[np.uint16]
+    kinds: NDArray[np.uint8]
+
+
+class _Building(NamedTuple):
+    """All solids of a building."""
+
+    name: str
+    vertices: NDArray[np.int32]
+    solids: list[_Solid]
+
+
 def model_arrays(
-    features: Iterable[tuple[str, dict[str, Any]]], names: Sequence[str], most_triangles: int
+    lines: Iterable[str], names: Sequence[str], most_triangles: int, share: Share = map
 ) -> ModelArrays:
     """
     Divide the solids of buildings into triangles.
 
     Parameters
     ----------
-    features : iterable of (str, dict)
-        Name and CityJSONFeature.
+    lines : iterable of str
+        The buildings' CityJSONFeatures.
     names : sequence of str
         Of the buildings, by row.
     most_triangles : int
         What would be more is left out, building by building.
+    share : callable
+        As `map`; may do its jobs, some buildings each, in other processes.
+
+    Raises
+    ------
+    InputError
+        If a line is no such feature.
     """
     row_of = {name: row for row, name in enumerate(names)}
-    vertices: list[list[int]] = []
-    triangles: list[NDArray[np.int64]] = []
-    labels: list[tuple[int, int]] = []
+    vertices = [np.empty((0, 3), dtype=np.int32)]
+    triangles = [np.empty((0, 3), dtype=np.uint32)]
+    faces, kinds = [np.empty(0, dtype=np.uint16)], [np.empty(0, dtype=np.uint8)]
     solids: list[tuple[int, int, int, int]] = []
-    n_left_out = 0
-    for name, feature in features:
-        if len(labels) >= most_triangles:
+    n_vertices = n_triangles = n_left_out = 0
+    for building in chain.from_iterable(share(_cut_all, list(_batches(lines)))):
+        if n_triangles >= most_triangles:
             n_left_out += 1
             continue
-        places = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) * GRID
-        for geometry in feature["CityObjects"][name]["geometry"]:
-            cut, of_cut = _triangles(geometry, places)
-            level = round(10 * float(geometry["lod"]))
-            solids.append((row_of[name], level, len(labels), len(cut)))
-            triangles.append(np.array(cut, dtype=np.int64).reshape(-1, 3) + len(vertices))
-            labels += of_cut
-        vertices += feature["vertices"]
-    number, kind = np.array(labels, dtype=np.int64).reshape(-1, 2).T
+        for solid in building.solids:
+            solids.append((row_of[building.name], solid.level, n_triangles, len(solid.triangles)))
+            triangles.append(solid.triangles + np.uint32(n_vertices))
+            faces.append(solid.faces)
+            kinds.append(solid.kinds)
+            n_triangles += len(solid.triangles)
+        vertices.append(building.vertices)
+        n_vertices += len(building.vertices)
     return ModelArrays(
-        np.array(vertices, dtype=np.int32).reshape(-1, 3),
-        np.concatenate([*triangles, np.empty((0, 3), dtype=np.int64)]).astype(np.uint32),
-        number.astype(np.uint16),
-        kind.astype(np.uint8),
+        np.concatenate(vertices),
+        np.concatenate(triangles),
+        np.concatenate(faces),
+        np.concatenate(kinds),
         np.array(solids, dtype=np.int32).reshape(-1, 4),
         n_left_out,
     )
 
 
-def _triangles(
-    geometry: dict[str, Any], vertices: NDArray[np.float64]
-) -> tuple[list[tuple[int, int, int]], list[tuple[int, int]]]:
-    """Return a solid's triangles as rows of vertices, and of each its face's number and kind."""
+def _batches(lines: Iterable[str]) -> Iterator[list[str]]:
+    batch: list[str] = []
+    size = 0
+    for line in lines:
+        if size >= _BATCH:
+            yield batch
+            batch, size = [], 0
+        batch.append(line)
+        size += len(line)
+    if batch:
+        yield batch
+
+
+def _cut_all(lines: Sequence[str]) -> list[_Building]:
+    """Divide some buildings."""
+    return [_cut(load_feature(line)[0]) for line in lines]
+
+
+def _cut(feature: dict[str, Any]) -> _Building:
+    vertices = np.array(feature["vertices"], dtype=np.int32).reshape(-1, 3)
+    geometries = feature["CityObjects"][feature["id"]]["geometry"]
+    return _Building(feature["id"], vertices, [_solid(one, vertices * GRID) for one in geometries])
+
+
+def _solid(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> _Solid:
+    """Divide a solid into triangles."""
     surfaces = [KINDS[surface["type"]] for surface in geometry["semantics"]["surfaces"]]
     (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
-    cut: list[tuple[int, int, int]] = []
-    labels: list[tuple[int, int]] = []
     faces = [tuple(map(tuple, rings)) for rings in shell]
-    for number, (pieces, surface) in enumerate(zip(face_pieces(vertices, faces), values, strict=True)):
-        of_face = triangles_of(pieces)
-        cut += of_face
-        labels += [(number, surfaces[surface])] * len(of_face)
-    return cut, labels
+    by_face = [triangles_of(pieces) for pieces in face_pieces(vertices, faces)]
+    counts = [len(one) for one in by_face]
+    corners = chain.from_iterable(chain.from_iterable(by_face))
+    return _Solid(
+        round(10 * float(geometry["lod"])),
+        np.fromiter(corners, dtype=np.uint32, count=3 * sum(counts)).reshape(-1, 3),
+        np.repeat(np.arange(len(counts), dtype=np.uint16), counts),
+        np.repeat(np.array([surfaces[value] for value in values], dtype=np.uint8), counts),
+    )

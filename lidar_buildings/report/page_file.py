@@ -15,6 +15,7 @@ import shapely
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.output_config import REPORT_FILE
+from lidar_buildings.io.results.run_folder import Share
 from lidar_buildings.report.contents import Contents, contents_of
 from lidar_buildings.report.page_data import array_element, json_element
 from lidar_buildings.report.relief import UNKNOWN, Relief
@@ -44,7 +45,7 @@ _MILLIMETRES = 1000
 _OUTLINE, _TRACED = 0, 1
 
 
-def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
+def write_report(folder: Path, run: dict[str, Any] | None = None, share: Share = map) -> Path:
     """
     Write the page of a result into its folder.
 
@@ -54,6 +55,8 @@ def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
         The output folder of a run.
     run : dict, optional
         What ``run.json`` is to hold, where it is not written yet.
+    share : callable
+        As `map`; may do its jobs in other processes.
 
     Raises
     ------
@@ -63,7 +66,7 @@ def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
         If the page cannot be written.
     """
     path = folder / REPORT_FILE
-    write_page(path, contents_of(read_result(folder, run)))
+    write_page(path, contents_of(read_result(folder, run), share=share))
     return path
 
 

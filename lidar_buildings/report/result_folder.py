@@ -89,12 +89,12 @@ class Result:
         """The buildings by id: of the layers, or of the city model where there are no layers."""
         if self.has(GPKG):
             return list(_of_layers(self.folder / GPKG, self.frame))
-        features = self.features()
-        return [ReportedBuilding(name, one["CityObjects"][name]["attributes"]) for name, one in features]
+        features = [load_feature(line)[0] for line in self.lines()]
+        return [ReportedBuilding(one["id"], one["CityObjects"][one["id"]]["attributes"]) for one in features]
 
-    def features(self, names: Collection[str] | None = None) -> Iterator[tuple[str, dict[str, Any]]]:
+    def lines(self, names: Collection[str] | None = None) -> Iterator[str]:
         """
-        Yield name and CityJSONFeature of the city model's buildings, of all or of some.
+        Yield the CityJSONFeatures of the city model's buildings, of all or of some.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class Result:
                     if found is None or found[1].startswith(_TERRAIN):
                         continue
                     if names is None or found[1] in names:
-                        yield found[1], load_feature(line)[0]
+                        yield line
         except (OSError, UnicodeDecodeError) as error:
             raise InputError(f"{self.folder / CITY_MODEL}: cannot be read ({error}): run it again") from error
 

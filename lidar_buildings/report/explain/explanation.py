@@ -81,7 +81,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
         site = read_site(result.clouds(), frame, _box(building.shape.bounds))
         roof = site.roof_of(building.building_id)
         if len(roof.points):
-            model = model_arrays(result.features({building.name}), [building.name], _MANY)
+            model = model_arrays(result.lines({building.name}), [building.name], _MANY)
             sections["Roof"] = list(roof_findings(roof, model, spacing, frame, limits))
             if result.has(GPKG):
                 sections["Roof"] += line_findings(result.folder / GPKG, building.name, frame.horizontal_unit)
