@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import gc
 import os
 import sys
@@ -99,6 +100,7 @@ def _run(options: argparse.Namespace) -> int:
     options.output = options.update or options.output
     gc.freeze()
     gc.enable()
+    atexit.register(gc.freeze)  # the interpreter's end looks for garbage once more
     return run_command(options)
 
 
