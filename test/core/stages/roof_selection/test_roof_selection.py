@@ -57,6 +57,28 @@ def tree_scene(density=12.0):
     return scene, is_tree, {"return_number": number, "number_of_returns": of}
 
 
+def test_a_smooth_spot_of_a_crown_that_has_grown_onto_a_roof_is_no_part_of_it():
+    rng = np.random.default_rng(0)
+
+    def grid(west, east, south, north):
+        x, y = np.meshgrid(np.arange(west, east, 0.35), np.arange(south, north, 0.35))
+        places = np.column_stack([x.ravel(), y.ravel()])
+        return places + rng.uniform(-0.1, 0.1, places.shape)
+
+    def at(places, heights):
+        return np.column_stack([places, np.broadcast_to(heights, len(places))])
+
+    crown = grid(9, 20, -1, 11)
+    crown = crown[np.hypot(*(crown - (14.5, 5.0)).T) < 5.5]
+    is_spot = abs(crown - (12.5, 5.0)).max(axis=1) < 1.6
+    tree = at(crown, np.where(is_spot, 11.0, rng.uniform(9.5, 12.5, len(crown))))
+    roof = at(grid(0, 12, 0, 10), 6.0)
+    points = np.vstack([roof, tree, at(grid(-8, 28, -8, 18), 0.0)])
+    found = select_roofs(points, height_above_ground=points[:, 2]).classification == BUILDING
+    assert found[: len(roof)].mean() > 0.99
+    assert not found[len(roof) :].any()
+
+
 def test_a_tree_over_the_eave_is_vegetation_and_the_roof_stays():
     scene, is_tree, returns = tree_scene()
     crown = is_tree & (scene.points[:, 2] > scenes.GROUND + 7)

@@ -18,7 +18,7 @@ ROOF, LEVEL, BEHIND = 1, 2, 4
 
 def stands_out(cells: Columns, building: NDArray[np.int64], n_buildings: int) -> NDArray[np.bool_]:
     """
-    Tell which buildings end: along most of their rims nothing goes on at their level.
+    Tell which buildings, or parts of them, end: along most of their rims nothing goes on at their level.
 
     What is one cell wide, a parapet or a façade, is an end.
 

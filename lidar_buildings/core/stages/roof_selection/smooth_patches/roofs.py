@@ -100,8 +100,12 @@ def _without_narrow(
     part, found = label[rows], np.zeros(len(roof), dtype=bool)
     area = plan_areas(part, n, plan.first, plan.size)
     found[rows] = wide_levels(plan, part, area, config)
-    building, n = candidates.buildings(found, config.min_building_area)
-    rows, cells = np.flatnonzero(building >= 0), candidates.cells
-    found[:] = False
-    found[rows] = stands_out(cells, building[cells.rows], n)[building[rows]]
-    return found
+    found = _ending(candidates, *candidates.buildings(found, config.min_building_area))
+    found = _ending(candidates, np.where(found, label, -1), n)
+    return candidates.of_buildings(found, config.min_building_area)
+
+
+def _ending(candidates: Candidates, label: NDArray[np.int64], n_labels: int) -> NDArray[np.bool_]:
+    """Tell which points are of labels, −1 being none, that stand out."""
+    ends = stands_out(candidates.cells, label[candidates.cells.rows], n_labels)
+    return np.asarray(np.append(ends, False)[label])
