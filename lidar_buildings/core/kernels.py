@@ -25,12 +25,14 @@ _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
 class _WholeLibrary(JITCodeLibrary):
     """A loop with all that it calls: made fast once, as a whole, since numba's earlier looks gain nothing."""
 
+    packs = False
+
     def _optimize_functions(self, ll_module: Any) -> None:
         """Leave each of its functions to the look at the whole."""
         ll_module.data_layout = self._codegen._data_layout
 
     def _optimize_final_module(self) -> None:
-        passes, builder = self._codegen._module_pass_manager()
+        passes, builder = self._codegen._module_pass_manager(slp_vectorize=self.packs)
         passes.run(self._final_module, builder)
 
 
@@ -61,6 +63,7 @@ class _WholeCompiler(Compiler):
         generator = self.state.targetctx.codegen()
         kind, generator._library_class = generator._library_class, _InnerLibrary
         self.state.library = _WholeLibrary(generator, function.__qualname__)
+        self.state.library.packs = hasattr(function, "packs")
         self.state.library.enable_object_caching()
         try:
             return super().compile_extra(function)
@@ -139,6 +142,17 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inner_kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop that only loops call: called from Python it ends the process (test/contracts looks)."""
     return _without_literals(njit(**_INNER_OPTIONS)(function))
+
+
+def packed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """
+    Let a loop do sums beside one another in one instruction (SLP), before `kernel` takes it.
+
+    Not for all: LLVM has got some loops wrong that way, which is why numba leaves it out. Tests compare what
+    such a loop finds with numpy's results.
+    """
+    function.packs = True  # type: ignore[attr-defined]
+    return function
 
 
 def inlined(loop: Any) -> Any:

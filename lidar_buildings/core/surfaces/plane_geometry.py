@@ -11,7 +11,7 @@ import math
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import covariance
-from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, principal_axes
+from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, values_and_normal
 
 #: A normal is that of a line or a point if (λ1 − λ3)(λ2 − λ3) is a smaller share of the squared scatter: wide
 #: margin, rounding leaves 1e-15.
@@ -31,7 +31,7 @@ def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     n = moments[0]
     if n < 3.0:
         return -1.0
-    first, second, third, _, _, _, a, b, c = principal_axes(*covariance(moments))
+    first, second, third, a, b, c = values_and_normal(*covariance(moments))
     if (first - third) * (second - third) <= _DEGENERATE * (first + second + third) ** 2:
         return -1.0
     plane[0], plane[1], plane[2] = a, b, c

@@ -60,13 +60,13 @@ def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
 
 @inlined
 @kernel
-def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
-    Return λ1 ≥ λ2 ≥ λ3, the axis of λ1 and the axis of λ3 of a positive semidefinite matrix: nine numbers.
+    Return λ1 ≥ λ2 ≥ λ3 and the axis of λ3 of a positive semidefinite matrix: six numbers.
 
     The axis of the eigenvalue farthest from the others is the longest cross product of two rows of A − λ;
-    the two others lie across it, a matter of 2 × 2. So double eigenvalues are exact to rounding as well. Axes
-    have z ≥ 0. Where they are not unique that of λ1 is the most level, that of λ3 the most upward one.
+    the two others lie across it, a matter of 2 × 2. So double eigenvalues are exact to rounding as well. The axis
+    has z ≥ 0; where it is not unique it is the most upward one.
     """
     trace = xx + yy + zz
     scale = 1.0 / max(trace, SMALLEST)
@@ -90,21 +90,12 @@ def principal_axes(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     apart = math.sqrt(difference * difference + uv * uv)
     c, s = _half_angle(difference, uv, apart)
     along = 1.0 - uu - vv
-    lx, ly, lz = c * ux + s * vx, c * uy + s * vy, s * vz
     nx, ny, nz = c * vx - s * ux, c * vy - s * uy, c * vz
-    lx, ly, lz = _upward(ax if is_line else lx, ay if is_line else ly, az if is_line else lz)
     nx, ny, nz = _upward(nx if is_line else ax, ny if is_line else ay, nz if is_line else az)
     high, low = middle + apart, middle - apart
     first, third = max(along, high), min(along, low)
     second = max(min(along, high), low)
-    return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), lx, ly, lz, nx, ny, nz
-
-
-@kernel
-def smallest_eigenvector_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
-    """Return the axis of λ3 alone, see `principal_axes`."""
-    axes = principal_axes(xx, xy, xz, yy, yz, zz)
-    return np.array([axes[6], axes[7], axes[8]])
+    return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), nx, ny, nz
 
 
 @inlined

@@ -76,9 +76,7 @@ def test_features_are_those_of_the_definition_at_every_radius(radius):
         near, values, axes = brute_force(points, i, radius)
         assert found.n_neighbours[i] == len(near)
         assert found.eigenvalues[i] == pytest.approx(values, abs=1e-12)
-        # Two points, or a disc, leave a direction open.
-        if values[0] - values[1] > 1e-6:
-            assert abs(found.directions[i] @ axes[:, 0]) == pytest.approx(1, abs=1e-9)
+        # Two points leave a direction open.
         if values[1] - values[2] > 1e-6:
             assert abs(found.normals[i] @ axes[:, 2]) == pytest.approx(1, abs=1e-9)
 
@@ -120,7 +118,6 @@ def test_the_chosen_radius_is_the_one_of_least_entropy(kind):
         best = min(allowed, key=lambda one: entropy_of(one.eigenvalues[i], kind))
         assert chosen.radius[i] == pytest.approx(best.radius[i])
         assert chosen.eigenvalues[i] == pytest.approx(best.eigenvalues[i], rel=1e-9)
-        assert chosen.entropy[i] == pytest.approx(entropy_of(chosen.eigenvalues[i], kind), abs=1e-7)
     assert len(np.unique(chosen.radius)) == len(radii)
 
 
@@ -152,7 +149,7 @@ def test_a_wall_is_vertical_and_a_flat_roof_is_not():
     assert eigen_features(wall, [1.0]).verticality.min() == pytest.approx(1)
 
 
-COLUMNS = ("eigenvalues", "normals", "radius", "n_neighbours", "directions", "entropy")
+COLUMNS = ("eigenvalues", "normals", "radius", "n_neighbours")
 
 
 def assert_same_bits(found, rows, expected, expected_rows):
@@ -235,7 +232,6 @@ def test_points_that_coincide_have_no_shape_however_many():
     assert not found.eigenvalues.any()
     assert found.n_neighbours.tolist() == [50] * 50
     assert found.radius.tolist() == [1.0] * 50
-    assert found.entropy == pytest.approx(np.log(3))
     for values in (
         found.linearity,
         found.planarity,
@@ -264,10 +260,9 @@ def test_a_plane_without_noise_has_its_exact_normal_and_no_roughness():
     assert found.scattering.max() < 1e-12
 
 
-def test_a_line_without_noise_is_all_linear_along_its_direction():
+def test_a_line_without_noise_is_all_linear():
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
     found = eigen_features(np.arange(100)[:, None] * 0.1 * direction + 5.0, [0.5, 1.0])
-    assert found.directions @ direction == pytest.approx(1, abs=1e-12)
     assert found.normals @ direction == pytest.approx(0, abs=1e-9)
     assert found.linearity == pytest.approx(1, abs=1e-12)
 

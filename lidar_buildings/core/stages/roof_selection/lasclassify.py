@@ -12,7 +12,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
-from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, smallest_eigenvector_3x3
+from lidar_buildings.core.surfaces.symmetric_eigen import values_and_normal
 
 #: Places of the grid along x and along y at which every point is judged ("substeps").
 SUBSTEPS = 4
@@ -102,19 +102,17 @@ def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # ty
         inside = rows[first[c] : first[c + 1]]
         if len(inside) < MIN_CELL_POINTS:
             continue
-        matrix = _covariance(points, inside)
-        first_value, second_value, third_value = eigenvalues_3x3(*matrix)
+        first_value, second_value, third_value, a, b, c = values_and_normal(*_covariance(points, inside))
         deviation = math.sqrt(third_value)
-        normal = smallest_eigenvector_3x3(*matrix)
         found = RUGGED if deviation > min_rugged else NEITHER
         is_line = first_value - second_value > MAX_LINEARITY * first_value or first_value == 0.0
-        if deviation <= max_planar and normal[2] >= min_upward and not is_line:
+        if deviation <= max_planar and c >= min_upward and not is_line:
             found = PLANAR
         for i in inside:
             kind[i] = max(kind[i], found)
             if found == PLANAR and deviation < least[i]:
                 least[i] = deviation
-                normals[i, 0], normals[i, 1], normals[i, 2] = normal
+                normals[i, 0], normals[i, 1], normals[i, 2] = a, b, c
 
 
 @inner_kernel

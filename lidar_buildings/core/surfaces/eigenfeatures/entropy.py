@@ -11,8 +11,6 @@ from lidar_buildings.core.surfaces.symmetric_eigen import SMALLEST, eigenvalues_
 
 #: How the entropy is counted: of the shares of line, plane and volume, or of the eigenvalues.
 ENTROPIES = ("dimensionality", "eigenentropy")
-#: The largest entropy of three shares.
-MAX_ENTROPY = math.log(3.0)
 LN_2 = math.log(2.0)
 #: The bits of √½, from which on a number's exponent is counted: what is left lies between √½ and √2.
 SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))

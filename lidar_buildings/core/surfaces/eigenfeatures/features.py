@@ -42,19 +42,12 @@ class EigenFeatures:
         Radius of the neighbourhood [m].
     n_neighbours : ndarray of int64, shape (n_points,)
         Points within the radius, the point itself included.
-    directions : ndarray of shape (n_points, 3)
-        Unit direction of λ1, z ≥ 0; the most level one where it is not unique.
-    entropy : ndarray of shape (n_points,)
-        The least entropy that the radius was chosen by, from 0 to ln 3, which is also that of a neighbourhood
-        whose points all coincide.
     """
 
     eigenvalues: NDArray[np.float64]
     normals: NDArray[np.float64]
     radius: NDArray[np.float64]
     n_neighbours: NDArray[np.int64]
-    directions: NDArray[np.float64]
-    entropy: NDArray[np.float64]
 
     @property
     def linearity(self) -> NDArray[np.float64]:
@@ -134,16 +127,14 @@ def eigen_features(
     cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]) / WINDOW_REACH)
     lookup, of_dimensions = shell_lookup(squares), entropy == ENTROPIES[0]
     n = len(cloud.points)
-    eigenvalues, normals, directions = np.empty((3, n, 3))
-    radius, least = np.empty((2, n))
-    found = EigenFeatures(eigenvalues, normals, radius, np.empty(n, dtype=np.int64), directions, least)
-    outputs = (eigenvalues, normals, radius, found.n_neighbours, directions, least)
+    eigenvalues, normals = np.empty((2, n, 3))
+    outputs = (eigenvalues, normals, np.empty(n), np.empty(n, dtype=np.int64))
     for_row_blocks(
         lambda a, b: describe_cells(cloud, squares, lookup, min_neighbours, of_dimensions, outputs, a, b),
         len(cloud.numbers),
         CELLS_A_BLOCK,
     )
-    return found
+    return EigenFeatures(*outputs)
 
 
 def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:

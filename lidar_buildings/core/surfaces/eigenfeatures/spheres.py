@@ -1,5 +1,5 @@
 """
-From the neighbours of each point to the radius of least entropy and the principal axes there.
+From the neighbours of each point to the radius of least entropy and the eigenvalues and normal there.
 
 Candidates are gathered once for the points of a cell, and radii are judged by the batch, so that the loops
 over candidates and over radii are long and plain enough to become vector instructions.
@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
+from lidar_buildings.core.kernels import inlined, inner_kernel, kernel, packed
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
-from lidar_buildings.core.surfaces.eigenfeatures.entropy import MAX_ENTROPY, entropy_of_shape
+from lidar_buildings.core.surfaces.eigenfeatures.entropy import entropy_of_shape
 from lidar_buildings.core.surfaces.eigenfeatures.moments import (
     MAX_CANDIDATES,
     gather_window,
@@ -22,18 +22,19 @@ from lidar_buildings.core.surfaces.eigenfeatures.moments import (
     sum_sphere,
 )
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
-from lidar_buildings.core.surfaces.symmetric_eigen import principal_axes
+from lidar_buildings.core.surfaces.symmetric_eigen import values_and_normal
 
 #: Cells that a window extends on each side: they are as wide as the largest radius. With smaller ones there
 #: are fewer candidates, but fewer points share them, which takes longer in all.
 WINDOW_REACH = 1
 #: Neighbourhoods that are judged together, one for each radius of some points; as many radii are allowed.
 BATCH_ROWS = 512
-#: Numbers of a covariance, and of what `principal_axes` makes of it.
-N_COVARIANCE, N_AXES = 6, 9
+#: Numbers of a covariance, and as many are what `values_and_normal` makes of it.
+N_COVARIANCE = 6
 
 
 @kernel
+@packed
 def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found, begin, end):  # type: ignore[no-untyped-def]
     """
     Describe the neighbourhoods of the points in some cells.
@@ -114,17 +115,15 @@ def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # 
     chosen = np.empty(len(waiting), dtype=np.int64)
     for slot in range(len(waiting)):
         chosen[slot] = slot * n_radii + _least_entropy(batch, slot * n_radii, n_radii, min_neighbours)
-    axes = _axes_of(batch, chosen)
-    eigenvalues, normals, radius, n_neighbours, directions, entropy = found
+    shapes = _shapes_of(batch, chosen)
+    eigenvalues, normals, radius, n_neighbours = found
     for slot in range(len(waiting)):
         row = waiting[slot]
         for k in range(3):
-            eigenvalues[row, k] = axes[k * BATCH_ROWS + slot]
-            directions[row, k] = axes[(3 + k) * BATCH_ROWS + slot]
-            normals[row, k] = axes[(6 + k) * BATCH_ROWS + slot]
+            eigenvalues[row, k] = shapes[k, slot]
+            normals[row, k] = shapes[3 + k, slot]
         radius[row] = math.sqrt(squares[chosen[slot] % n_radii])
         n_neighbours[row] = int(batch[chosen[slot]])
-        entropy[row] = min(batch[N_MOMENTS * BATCH_ROWS + chosen[slot]], MAX_ENTROPY)
 
 
 @inner_kernel
@@ -149,27 +148,20 @@ def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-un
 
 
 @inner_kernel
-def _axes_of(batch, rows):  # type: ignore[no-untyped-def]
-    """
-    Return eigenvalues and axes of the batch's chosen rows, one after the other at steps of `BATCH_ROWS`.
-    """
-    axes = np.empty((N_COVARIANCE + N_AXES) * BATCH_ROWS)
+def _shapes_of(batch, rows):  # type: ignore[no-untyped-def]
+    """Return eigenvalues and normals of the batch's chosen rows, a number a row, a row a column."""
+    shapes = np.empty((N_COVARIANCE, BATCH_ROWS))
     for i in range(len(rows)):
         covariance = _covariance(batch, rows[i])
         for k in range(N_COVARIANCE):
-            axes[k * BATCH_ROWS + i] = covariance[k]
+            shapes[k, i] = covariance[k]
     for i in range(len(rows)):
-        found = principal_axes(
-            axes[i],
-            axes[BATCH_ROWS + i],
-            axes[2 * BATCH_ROWS + i],
-            axes[3 * BATCH_ROWS + i],
-            axes[4 * BATCH_ROWS + i],
-            axes[5 * BATCH_ROWS + i],
+        found = values_and_normal(
+            shapes[0, i], shapes[1, i], shapes[2, i], shapes[3, i], shapes[4, i], shapes[5, i]
         )
-        for k in range(N_AXES):
-            axes[(N_COVARIANCE + k) * BATCH_ROWS + i] = found[k]
-    return axes[N_COVARIANCE * BATCH_ROWS :]
+        for k in range(N_COVARIANCE):
+            shapes[k, i] = found[k]
+    return shapes
 
 
 @inlined
