@@ -9,14 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
 SLACK = 1e-9
-#: Runs of columns so many steps away are kept for the next who asks; wider ones take more memory than time.
-KEPT_STEPS = 2
-#: Up to so many places a column are counted one by one, else walked along; the result is the same.
+#: Up to so many places a column are looked up in a table, else walked along; the result is the same.
 MAX_PLACES = 16
 
 
@@ -62,18 +60,32 @@ class Columns:
             self._shared["places"] = places.astype(np.int32)
         return self._shared["places"]
 
+    @property
+    def _before(self) -> NDArray[np.int32]:
+        """How many columns stand before each place and the one after the last; empty if places are too many."""
+        if "before" not in self._shared:
+            n, last = len(self.numbers), int(self.numbers[-1]) if len(self.numbers) else 0
+            before = np.zeros(last + 2 if last < MAX_PLACES * n else 0, dtype=np.int32)
+            if len(before):
+                before[self.numbers + 1] = 1
+                np.cumsum(before, out=before)
+            self._shared["before"] = before
+        return self._shared["before"]
+
     def select(self, kept: NDArray[np.bool_]) -> Columns:
         """Return some of the points in the same columns; their `rows` are positions among these points."""
-        chosen = np.flatnonzero(kept)
-        return replace(self, points=self.points.take(chosen, axis=0), rows=chosen, first=self.first_of(kept))
+        rows, first = np.empty(np.count_nonzero(kept) + 1, dtype=np.intp), np.empty_like(self.first)
+        _keep(kept, self.first, rows, first)
+        return replace(self, points=self.points.take(rows[:-1], axis=0), rows=rows[:-1], first=first)
 
-    def first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Return where the columns of `select` begin."""
-        first = np.empty_like(self.first)
-        _count_kept(kept, self.first, first)
-        return first
+    def holding(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the columns with wanted points, rising."""
+        columns = self.column[wanted]
+        return columns[np.diff(columns, prepend=-1) > 0]
 
-    def around(self, reach: float, asking: NDArray[np.intp] | None = None) -> NDArray[np.int32]:
+    def around(
+        self, reach: float, asking: NDArray[np.intp] | None = None, *, north: bool = False
+    ) -> NDArray[np.int32]:
         """
         Return the runs of columns within reach of any place in each column, row by row from the south.
 
@@ -83,6 +95,8 @@ class Columns:
             In plan [m].
         asking : ndarray of intp, shape (n_asking,), optional
             For which columns, rising; for all if not given.
+        north : bool
+            Whether to leave out the rows south of each column's own.
 
         Returns
         -------
@@ -91,15 +105,13 @@ class Columns:
             points are left out, those just beyond the reach are not.
         """
         steps = math.ceil(reach / self.size - SLACK)
-        key = repr(float(reach))
-        if asking is None and key in self._shared:
-            return self._shared[key]
         across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
         half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
         own = self.numbers if asking is None else self.numbers[asking]
-        runs: NDArray[np.int32] = _find_runs(own, self.numbers, self.row_length, half.astype(np.int64))
-        if asking is None and steps <= KEPT_STEPS:
-            self._shared[key] = runs
+        south = 0 if north else steps
+        runs = np.zeros((len(own), 1 + steps + south, 2), dtype=np.int32)
+        half = half[steps - south :].astype(np.int64)
+        _find_runs(own, self.numbers, self._before, self.row_length, half, south, runs)
         return runs
 
 
@@ -110,62 +122,39 @@ def by_column(points: NDArray[np.float64], size: float) -> Columns:
 
 
 @kernel
-def _count_kept(kept, first, first_kept):  # type: ignore[no-untyped-def]
-    """Write where columns begin among the kept points."""
+def _keep(kept, first, rows, first_kept):  # type: ignore[no-untyped-def]
+    """Write the rows that are kept, with room for one more, and where columns begin among them."""
     n = 0
     for k in range(len(first) - 1):
         first_kept[k] = n
         for i in range(first[k], first[k + 1]):
+            # Written always: quicker than a branch.
+            rows[n] = i
             n += kept[i]
     first_kept[-1] = n
 
 
 @kernel
-def _find_runs(own, numbers, row_length, half):  # type: ignore[no-untyped-def]
-    n = len(numbers)
-    runs = np.zeros((len(own), len(half), 2), dtype=np.int32)
-    last = numbers[-1] if n else 0
-    if last < MAX_PLACES * n:
-        _look_up_runs(own, numbers, row_length, half, runs)
-        return runs
-    for row in range(len(half)):
-        begin, end, start = 0, 0, 0
-        for k in range(len(own)):
-            start, west, east = _span(own[k], start, row, row_length, half)
-            while begin < n and numbers[begin] < west:
-                begin += 1
-            end = max(begin, end)
-            while end < n and numbers[end] <= east:
-                end += 1
-            runs[k, row, 0], runs[k, row, 1] = begin, end
-    return runs
-
-
-@inner_kernel
-def _look_up_runs(own, numbers, row_length, half, runs):  # type: ignore[no-untyped-def]
-    """Find the runs of one column after the other, in a table of how many columns stand before each place."""
-    last = numbers[-1]
-    before = np.zeros(last + 2, dtype=np.int32)
-    for number in numbers:
-        before[number + 1] = 1
-    for place in range(last + 1):
-        before[place + 1] += before[place]
+def _find_runs(own, numbers, before, row_length, half, south, runs):  # type: ignore[no-untyped-def]
+    """Find the runs of one column after the other; see `Columns.around`."""
+    n, last = len(numbers), len(before) - 2
+    begin, end = np.zeros((2, len(half)), dtype=np.int64)
     start = 0
     for k in range(len(own)):
+        # That of the column before as a rule: a division for each would take longer than all else.
+        while own[k] >= start + row_length:
+            start = own[k] // row_length * row_length
+        place = own[k] - start
         for row in range(len(half)):
-            start, west, east = _span(own[k], start, row, row_length, half)
-            runs[k, row, 0] = before[min(max(west, 0), last + 1)]
-            runs[k, row, 1] = before[min(max(east, -1), last) + 1]
-
-
-@inner_kernel
-def _span(number, start, row, row_length, half):  # type: ignore[no-untyped-def]
-    """
-    Return where a column's own row starts, and the first and the last place of a run beside it.
-
-    `start` is that of the column before: a division for each would take longer than all else.
-    """
-    while number >= start + row_length:
-        start = number // row_length * row_length
-    place, middle = number - start, number + (row - len(half) // 2) * row_length
-    return start, middle - min(half[row], place), middle + min(half[row], row_length - 1 - place)
+            middle = own[k] + (row - south) * row_length
+            west, east = middle - min(half[row], place), middle + min(half[row], row_length - 1 - place)
+            if last >= 0:
+                runs[k, row, 0] = before[min(max(west, 0), last + 1)]
+                runs[k, row, 1] = before[min(max(east, -1), last) + 1]
+                continue
+            while begin[row] < n and numbers[begin[row]] < west:
+                begin[row] += 1
+            end[row] = max(begin[row], end[row])
+            while end[row] < n and numbers[end[row]] <= east:
+                end[row] += 1
+            runs[k, row, 0], runs[k, row, 1] = begin[row], end[row]

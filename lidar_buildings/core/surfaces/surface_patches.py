@@ -58,8 +58,9 @@ def smooth_patches(
     # Most links are short as a rule, and found in fewer columns.
     for chosen in (reach == least, reach > least):
         if chosen.any():
-            runs = columns.around(float(reach[chosen].max()))
-            _link_smooth(columns.points, columns.first, runs, normals, chosen, reach, *limits, parent)
+            asking = columns.holding(chosen)
+            runs = columns.around(float(reach[chosen].max()), asking)
+            _link_smooth(columns.points, columns.first, asking, runs, normals, chosen, reach, *limits, parent)
     return _numbered(parent)
 
 
@@ -81,8 +82,9 @@ def connected_columns(columns: Columns, radius: float, *, in_plan: bool = False)
     pairs are looked at only until one connects two such groups: quick if columns are half a radius wide.
     """
     part = np.empty(len(columns.points), dtype=np.int64)
-    runs = (columns.around(columns.size), columns.around(radius))
-    _connect(columns.points, columns.first, *runs, radius, columns.size, in_plan, part)
+    held = np.flatnonzero(np.diff(columns.first))
+    runs = (columns.around(reach, held, north=True) for reach in (columns.size, radius))
+    _connect(columns.points, columns.first, held, *runs, radius, columns.size, in_plan, part)
     return part
 
 
@@ -127,7 +129,7 @@ def _count_cells(labels, first, counts):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _connect(points, first, beside, around, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
+def _connect(points, first, held, beside, around, radius, size, in_plan, part):  # type: ignore[no-untyped-def]
     """Write the number of each point's part."""
     square = radius * radius
     height = math.sqrt(square - 2.0 * size * size) if square > 2.0 * size * size else -1.0
@@ -145,12 +147,14 @@ def _connect(points, first, beside, around, radius, size, in_plan, part):  # typ
     parent = np.arange(n)
     # What lies beside connects most of it; little remains to be measured farther away.
     for runs in (beside, around):
-        for k in range(len(first) - 1):
+        for place in range(len(held)):
+            k = held[place]
             for one in range(group[k], group[k + 1]):
                 own = root(parent, one)
                 low, high = points[start[one], 2] - radius, points[start[one + 1] - 1, 2] + radius
-                for row in range(runs.shape[1] // 2, runs.shape[1]):
-                    for other in range(max(group[runs[k, row, 0]], one + 1), group[runs[k, row, 1]]):
+                for row in range(runs.shape[1]):
+                    west, east = group[runs[place, row, 0]], group[runs[place, row, 1]]
+                    for other in range(max(west, one + 1), east):
                         begin, end = start[other], start[other + 1]
                         if parent[other] == own or (
                             not in_plan and (points[begin, 2] > high or points[end - 1, 2] < low)
@@ -186,9 +190,10 @@ def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type
 
 
 @kernel
-def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
+def _link_smooth(points, first, asking, runs, normals, chosen, reach, min_cosine, max_offset, parent):  # type: ignore[no-untyped-def]
     """Link the chosen points to all others within their reach."""
-    for k in range(len(first) - 1):
+    for one in range(len(asking)):
+        k = asking[one]
         for i in range(first[k], first[k + 1]):
             if not chosen[i]:
                 continue
@@ -196,7 +201,7 @@ def _link_smooth(points, first, runs, normals, chosen, reach, min_cosine, max_of
             a, b, c = normals[i]
             own = root(parent, i)
             for row in range(runs.shape[1]):
-                for j in range(first[runs[k, row, 0]], first[runs[k, row, 1]]):
+                for j in range(first[runs[one, row, 0]], first[runs[one, row, 1]]):
                     # A chosen one before it that reaches back has found this link itself.
                     if parent[j] == own or (j < i and chosen[j] and reach[j] >= reach[i]):
                         continue

@@ -115,7 +115,7 @@ def surroundings(
     wanted : ndarray of bool, shape (n_points,)
         Which points ask; for the columns of others there is no answer.
     """
-    around, asking = columns.select(chosen), np.flatnonzero(np.diff(columns.first_of(wanted)))
+    around, asking = columns.select(chosen), columns.holding(wanted)
     is_held = np.diff(around.first, append=around.first[-1]) > 0
     holds = np.flatnonzero(is_held)
     before: NDArray[np.int64] = np.cumsum(is_held) - is_held

@@ -7,7 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
     MIN_CELLS,
@@ -53,21 +55,21 @@ def wide_levels(
     min_width = config.min_building_width if config.min_building_width >= MIN_BUILDING_CELLS * size else 0.0
     chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
+    if len(chosen) == 0:
+        return kept
     begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
     half = 0.5 * config.min_roof_width / size
     reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
-    for rows in np.split(chosen, begins[1:]) if len(chosen) else ():
-        cells = columns.places[columns.column[rows]]
-        low = cells.min(axis=0) - (2 * reach + 4)
-        y, x = (cells - low).T
-        shape = (y.max() + 2 * reach + 5, x.max() + 2 * reach + 5)
-        own, below, others = np.zeros(shape, np.int32), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-        np.add.at(own, (y, x), 1)
-        top = columns.points[rows, 2].max()
-        line, held = _columns_within(columns, low, shape)
-        place = (line, columns.places[held, 1] - low[1])
-        below[place] = columns.points[columns.first[held], 2] <= top
-        others[place] = columns.first[held + 1] - columns.first[held] > own[place]
+    places = columns.places[columns.column[chosen]]
+    lows = np.minimum.reduceat(places, begins) - (2 * reach + 4)
+    shapes = np.maximum.reduceat(places, begins) - lows + (2 * reach + 5)
+    tops = np.maximum.reduceat(columns.points[chosen, 2], begins)
+    plan = (columns.points, columns.first, columns.numbers, columns.row_length)
+    cut = np.append(begins, len(chosen))
+    for start, end, low, shape, top in zip(cut[:-1], cut[1:], lows, shapes, tops, strict=True):
+        rows, (y, x) = chosen[start:end], (places[start:end] - low).T
+        own, (below, others) = np.zeros(shape, np.int32), np.zeros((2, *shape), np.uint8)
+        _draw(*plan, y, x, low, top, own, below, others)
         depth = square_distances(closed(below), 0, reach)
         if area[part[rows[0]]] < max_opened:
             kept[rows] = opened(depth, half)[y, x]
@@ -86,15 +88,18 @@ def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> 
     return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
 
 
-def _columns_within(
-    columns: Columns, low: NDArray[np.integer], shape: tuple[int, int]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the columns with points in a window of places, line by line, and their lines in it."""
-    start = (np.arange(shape[0]) + int(low[0])) * columns.row_length
-    west, east = max(int(low[1]), 0), min(int(low[1]) + shape[1], columns.row_length)
-    begin, end = np.searchsorted(columns.numbers, (start + west, start + east))
-    n = end - begin
-    line = np.repeat(np.arange(shape[0]), n)
-    within = np.arange(len(line)) + np.repeat(begin - (np.cumsum(n) - n), n)
-    is_held = columns.first[within + 1] > columns.first[within]
-    return line[is_held], within[is_held]
+@kernel
+def _draw(points, first, numbers, row_length, y, x, low, top, own, below, others):  # type: ignore[no-untyped-def]
+    """Count a part's points in a window of places, and mark what is no higher than its top, and other roofs."""
+    for i in range(len(y)):
+        own[y[i], x[i]] += 1
+    west, east = max(low[1], 0), min(low[1] + own.shape[1], row_length)
+    for line in range(len(own)):
+        start = (low[0] + line) * row_length
+        k = first_from(numbers, start + west)
+        while k < len(numbers) and numbers[k] < start + east:
+            place = numbers[k] - start - low[1]
+            if first[k + 1] > first[k]:
+                below[line, place] = points[first[k], 2] <= top
+                others[line, place] = first[k + 1] - first[k] > own[line, place]
+            k += 1
