@@ -74,14 +74,18 @@ class Columns:
 
     def select(self, kept: NDArray[np.bool_]) -> Columns:
         """Return some of the points in the same columns; their `rows` are positions among these points."""
-        rows, first = np.empty(np.count_nonzero(kept) + 1, dtype=np.intp), np.empty_like(self.first)
-        _keep(kept, self.first, rows, first)
-        return replace(self, points=self.points.take(rows[:-1], axis=0), rows=rows[:-1], first=first)
+        rows = np.flatnonzero(kept)
+        return replace(self, points=self.points.take(rows, axis=0), rows=rows, first=self._first_of(kept))
 
     def holding(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the columns with wanted points, rising."""
-        columns = self.column[wanted]
-        return columns[np.diff(columns, prepend=-1) > 0]
+        return np.flatnonzero(np.diff(self._first_of(wanted)))
+
+    def _first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return where the columns of `select` begin."""
+        before = np.zeros(len(kept) + 1, dtype=np.int64)
+        np.cumsum(kept, out=before[1:])
+        return before[self.first]
 
     def around(
         self, reach: float, asking: NDArray[np.intp] | None = None, *, north: bool = False
@@ -109,7 +113,7 @@ class Columns:
         half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
         own = self.numbers if asking is None else self.numbers[asking]
         south = 0 if north else steps
-        runs = np.zeros((len(own), 1 + steps + south, 2), dtype=np.int32)
+        runs = np.empty((len(own), 1 + steps + south, 2), dtype=np.int32)
         half = half[steps - south :].astype(np.int64)
         _find_runs(own, self.numbers, self._before, self.row_length, half, south, runs)
         return runs
@@ -119,19 +123,6 @@ def by_column(points: NDArray[np.float64], size: float) -> Columns:
     """Sort points into square columns of a side [m], which is doubled for an enormous extent."""
     grid = sort_by_cell(points, size)
     return Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
-
-
-@kernel
-def _keep(kept, first, rows, first_kept):  # type: ignore[no-untyped-def]
-    """Write the rows that are kept, with room for one more, and where columns begin among them."""
-    n = 0
-    for k in range(len(first) - 1):
-        first_kept[k] = n
-        for i in range(first[k], first[k + 1]):
-            # Written always: quicker than a branch.
-            rows[n] = i
-            n += kept[i]
-    first_kept[-1] = n
 
 
 @kernel
