@@ -171,14 +171,17 @@ def _interpolate(  # type: ignore[no-untyped-def]
     points, origin, frame, vertices, triangles, neighbours, start, elevation, slope, begin, end
 ):
     """Set the elevation [m] and the slope (rise over run) at points `begin` to `end`, walking along."""
-    triangle = start
+    triangle, last = start, -1
+    a = b = c = (0.0, 0.0, 0.0)
+    steepness = 0.0
     for i in range(begin, end):
         x = min(max(points[i, 0] - origin[0], frame[0, 0]), frame[1, 0])
         y = min(max(points[i, 1] - origin[1], frame[0, 1]), frame[1, 1])
         triangle = walk(x, y, triangle, vertices, triangles, neighbours)
-        a, b, c = corners_of(triangle, vertices, triangles)
-        elevation[i] = plane_elevation(x, y, a, b, c)
-        slope[i] = plane_slope(a, b, c)
+        if triangle != last:
+            a, b, c = corners_of(triangle, vertices, triangles)
+            last, steepness = triangle, plane_slope(a, b, c)
+        elevation[i], slope[i] = plane_elevation(x, y, a, b, c), steepness
 
 
 @inner_kernel
@@ -205,7 +208,8 @@ def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
     area = ux * vy - uy * vx
     if area <= 0.0:
         return 0.0
-    return math.hypot(uy * vz - uz * vy, uz * vx - ux * vz) / area
+    east, north = uy * vz - uz * vy, uz * vx - ux * vz
+    return math.sqrt(east * east + north * north) / area
 
 
 @inner_kernel

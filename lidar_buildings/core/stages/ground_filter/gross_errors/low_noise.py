@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
     columns_in_row,
@@ -85,12 +86,13 @@ def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untype
     Whatever lies apart has a westernmost and an easternmost column.
     """
     around, level = np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
+    windows = first_windows(layers.numbers, layers.width, REACH, begin)
     for k in range(begin, end):
+        move_windows(layers.numbers, layers.width, REACH, k, windows)
         top = high_end(layers, layers.first[k]) + gap
         around[0], around[1], level[0], level[1] = 0, 0, 0, 0
         for step in range(-1, 2):
-            start, stop = columns_in_row(layers, k, step, REACH)
-            for other in range(start, stop):
+            for other in range(windows[REACH + step, 0], windows[REACH + step, 1]):
                 across = layers.numbers[other] - layers.numbers[k] - step * layers.width
                 if across != 0:
                     side = 0 if across < 0 else 1

@@ -61,7 +61,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     """
     angle, gain, distance, _ = limits
     slope = plane_slope(a, b, c)
-    above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.hypot(1.0, slope)
+    above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.sqrt(1.0 + slope * slope)
     if above < -FLAT_DISTANCE:
         return above
     if above < FLAT_DISTANCE or above > distance:
