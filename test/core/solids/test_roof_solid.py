@@ -184,13 +184,6 @@ def test_a_courtyard_may_touch_the_outer_ring():
         assert solid.volume == pytest.approx(3 * 94.0, rel=1e-3)
 
 
-def test_flat_pieces_that_hardly_differ_stay_flat_and_get_one_elevation():
-    solid = roof_solid([flat(rectangle(0, 0, 10, 5), 3.0), flat(rectangle(0, 5, 10, 10), 3.006)], 0.0)
-    assert check_solid(solid) == ()
-    assert set(solid.vertices[:, 2]) == {0.0, 3.003}
-    assert count(solid, WALL_SURFACE) == 6
-
-
 def test_where_elevations_hardly_differ_there_is_no_wall():
     pieces = [flat(rectangle(0, 0, 10, 5), 3.0), piece(rectangle(0, 5, 10, 10), (0.0, 0.4, 1.006))]
     solid = roof_solid(pieces, 0.0)
@@ -320,17 +313,18 @@ def test_the_order_of_the_pieces_changes_nothing_but_their_order():
     assert face_set(roof_solid(pieces, 0.0)) == face_set(roof_solid(pieces[::-1], 0.0))
 
 
-def shells(pieces):
-    """Shells above plans as they are given, before anything is simplified, whether valid or not."""
+def shell_of(pieces):
+    """The shell above a plan as it is given, before anything is simplified, whether valid or not."""
     planes = np.array([each.plane for each in pieces])
     graph = labelled_graph(piece_rings(pieces))
-    return [assemble(HalfEdges(graph, planes, 0, within)) for within in (0.008, 0.002)] if graph else []
+    return assemble(HalfEdges(graph, planes, 0)) if graph else None
 
 
 def test_what_is_told_from_the_plan_is_what_all_checks_say():
     told = 0
     for seed in range(300):
-        for shell in shells(random_roof(seed)):
+        shell = shell_of(random_roof(seed))
+        if shell is not None:
             codes = check_solid(shell.solid)
             assert (seed, raised_codes(shell)) == (seed, codes)
             told += shell.is_clean and not codes
@@ -349,6 +343,7 @@ def test_what_is_told_from_the_plan_is_what_all_checks_say():
     ],
 )
 def test_a_plan_that_is_none_is_not_told_to_be_sound(pieces):
-    for shell in shells(pieces):
+    shell = shell_of(pieces)
+    if shell is not None:
         assert not shell.is_clean
         assert raised_codes(shell) == check_solid(shell.solid)

@@ -25,7 +25,7 @@ from lidar_buildings.core.solids.raising.vertex_fans import (
 )
 
 #: Elevations at one vertex within this become one: no face leaves its plane by more than half of it [m].
-MERGE_TOLERANCE = 0.008
+_MERGE_TOLERANCE = 0.008
 #: Repairs may make others necessary; no more rounds than this.
 _MAX_ROUNDS = 10
 
@@ -46,14 +46,14 @@ class HalfEdges:
         Whether nothing is left to be repaired.
     """
 
-    def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int, merge_tolerance: float) -> None:
+    def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int) -> None:
         self._vertices = np.zeros((len(graph.places), 4), dtype=np.int64)
         self._vertices[:, :2] = graph.places
         self._edges = np.zeros((2 * len(graph.ends), 5), dtype=np.int64)
         self._edges[:, START] = graph.ends.ravel()
         self._edges[:, LEFT] = graph.sides.ravel()
         self._sizes = np.array([len(self._vertices), len(self._edges), 0])
-        within = merge_tolerance / GRID
+        within = _MERGE_TOLERANCE / GRID
         link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
             by_place, self.order = self._orders()

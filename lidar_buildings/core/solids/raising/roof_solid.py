@@ -11,8 +11,7 @@ from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.assembly import assemble
 from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
-from lidar_buildings.core.solids.raising.flat_heights import align_flat_heights
-from lidar_buildings.core.solids.raising.half_edges import MERGE_TOLERANCE, HalfEdges
+from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
 from lidar_buildings.core.solids.raising.raised_codes import raised_codes
@@ -21,15 +20,11 @@ from lidar_buildings.core.solids.raising.triangulate_non_planar import triangula
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 
-#: Elevations at one vertex that lie within this become one where merging more folds a small face [m].
-_FINE_MERGE_TOLERANCE = 0.002
 #: Codes of faces that are not flat.
 _NON_PLANAR = {203, 204}
 #: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
 #: [steps of the output grid].
 _SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
-
-
 #: Share of its area that a plan may gain or lose by being simplified.
 _MAX_CHANGE = 0.05
 
@@ -78,7 +73,7 @@ def checked_roof_solid(
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
     check_pieces(pieces)
     ground = round(ground_elevation / GRID)
-    pieces = align_flat_heights(with_minimum_height(pieces, ground * GRID))
+    pieces = with_minimum_height(pieces, ground * GRID)
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
     numbers = np.arange(len(pieces))
     if join_equal and len(pieces):
@@ -86,18 +81,13 @@ def checked_roof_solid(
         numbers = np.array([first.setdefault(piece.plane, k) for k, piece in enumerate(pieces)])
     first_tried = None
     for graph in _plans(pieces, numbers):
-        tried = []
-        for tolerance in (MERGE_TOLERANCE, _FINE_MERGE_TOLERANCE):
-            shell = assemble(HalfEdges(graph, planes, ground, tolerance))
-            tried.append((shell, raised_codes(shell)))
-            if not tried[-1][1]:
-                return shell.solid, ()
-        for shell, codes in tried:
-            if _NON_PLANAR.issuperset(codes):
-                triangulated = triangulate_non_planar(shell.solid)
-                if not check_solid(triangulated):
-                    return triangulated, ()
-        first_tried = first_tried or tried[0]
+        shell = assemble(HalfEdges(graph, planes, ground))
+        codes = raised_codes(shell)
+        if not codes:
+            return shell.solid, ()
+        if _NON_PLANAR.issuperset(codes) and not check_solid(cut := triangulate_non_planar(shell.solid)):
+            return cut, ()
+        first_tried = first_tried or (shell, codes)
     if first_tried is None:
         nothing = Solid(np.empty((0, 3)), (), ())
         return nothing, check_solid(nothing)
