@@ -171,8 +171,10 @@ class PointTile:
 
     def select(self, rows: NDArray[Any]) -> PointTile:
         """Return the tile's rows chosen by a mask or by indices."""
-        chosen = {name: column[rows] for name, column in self.columns.items()}
-        return replace(self, points=self.points[rows], **chosen)
+        tile = copy(self)  # what it has needs no more casting
+        for name in ("points", *self.columns):
+            object.__setattr__(tile, name, getattr(self, name)[rows])
+        return tile
 
     def joined(self, other: PointTile) -> PointTile:
         """

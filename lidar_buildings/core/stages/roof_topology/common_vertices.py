@@ -32,7 +32,7 @@ def piece_ends(pieces: Pieces, gradients: FloatArray) -> FloatArray:
 
 
 def find_common_vertices(
-    pieces: Pieces, gradients: FloatArray, centre: FloatArray, rings: tuple[FloatArray, ...], spacing: float
+    pieces: Pieces, gradients: FloatArray, centre: FloatArray, walls: FloatArray, spacing: float
 ) -> list[CommonVertex]:
     """
     Collect the common vertices that lines hint at; the adjustment finds out which of them the points allow.
@@ -44,8 +44,8 @@ def find_common_vertices(
         a, b, c of the planes about the centre.
     centre : ndarray of shape (2 or more,)
         [m].
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Ends of the outline's edges about the centre [m].
     spacing : float
         Point spacing [m].
     """
@@ -53,8 +53,8 @@ def find_common_vertices(
         return []
     ends = piece_ends(pieces, gradients)
     vertices = _common_points(pieces, ends, gradients, centre, spacing)
-    if rings:
-        vertices += _corners(pieces, ends, np.concatenate(rings) - centre[:2], centre, spacing)
+    if len(walls):
+        vertices += _corners(pieces, ends, walls[:, 0], centre, spacing)
     return vertices
 
 

@@ -5,16 +5,9 @@ from __future__ import annotations
 import math
 
 from lidar_buildings.core.kernels import inner_kernel
-from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.outline import ring_walls
 
 #: Places differ by less from where they are in whole numbers [m].
 _ROUNDING = 1e-3
-
-
-def walls_about(rings: tuple[FloatArray, ...], centre: FloatArray) -> FloatArray:
-    """Return the edges of rings about the centre, shape (n, 2, 2) [m]."""
-    return ring_walls(rings) - centre[:2]
 
 
 @inner_kernel

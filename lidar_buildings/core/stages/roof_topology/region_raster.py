@@ -15,6 +15,8 @@ from lidar_buildings.core.model.array_types import FloatArray
 
 #: Side of a cell in point spacings.
 CELL = 0.5
+#: Points of other cells are farther from a cell's middle than half its side [square of the side].
+_NEARER = 0.249
 #: Cells are enlarged until so many suffice.
 _MAX_CELLS = 4_000_000
 #: Without an outline a cell belongs to the roof if a point lies within so many spacings.
@@ -126,6 +128,8 @@ def _nearest_points(points, plane_id, west, south, cell, nearest, square):  # ty
                     c = cc if along < 0 else n_columns - 1 - cc
                     x = west + (c + 0.5) * cell
                     least, own = square[r, c], nearest[r, c]
+                    if least < _NEARER * cell * cell:
+                        continue
                     for k in range(last):
                         pr, pc = (r, c + along) if k == 0 else (r - step, c + k - 2)
                         if pc < 0 or pc >= n_columns:

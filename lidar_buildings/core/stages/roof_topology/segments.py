@@ -9,7 +9,7 @@ import numpy as np
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
-from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
+from lidar_buildings.core.stages.roof_topology.obstacles import stop
 from lidar_buildings.core.stages.roof_topology.pieces import (
     LEAST_BEND,
     Pieces,
@@ -35,7 +35,7 @@ def finished(
     pieces: Pieces,
     gradients: FloatArray,
     centre: FloatArray,
-    rings: tuple[FloatArray, ...],
+    walls: FloatArray,
     steps: FloatArray,
     vertices: tuple[CommonVertex, ...],
     spacing: float,
@@ -52,8 +52,8 @@ def finished(
         a, b, c of the planes about the centre.
     centre : ndarray of shape (3,)
         [m].
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Ends of the outline's edges about the centre [m].
     steps : ndarray of shape (n_steps, 2, 2)
         Ends of the step edges about the centre [m].
     vertices : tuple of CommonVertex
@@ -61,7 +61,7 @@ def finished(
     spacing : float
         Point spacing [m].
     """
-    stops = np.concatenate([walls_about(rings, centre), steps])
+    stops = np.concatenate([walls, steps])
     partners = _partners(pieces, len(gradients))
     positions, members = _points_of(vertices, len(gradients), centre)
     lines = intersection_lines(pieces.first, pieces.second, gradients)

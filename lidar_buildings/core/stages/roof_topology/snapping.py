@@ -8,7 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.stages.roof_topology.obstacles import stop, walls_about
+from lidar_buildings.core.stages.roof_topology.obstacles import stop
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, step_segments
 
 #: Ends move along their line to what they cross within so many spacings; others may end as far off.
@@ -19,17 +19,15 @@ _MOST_MOVE = 0.75
 _REACH, _PARALLEL_DEG = 4.0, 4.0
 
 
-def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray, spacing: float) -> StepLines:
+def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     """
     Move lines onto outline walls that they continue, else into corners that they end near.
 
     Parameters
     ----------
     steps : StepLines
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's [m].
-    centre : ndarray of shape (2 or more,)
-        [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Ends of the outline's edges about the centre [m].
     spacing : float
         Point spacing [m].
     """
@@ -40,7 +38,7 @@ def snapped(steps: StepLines, rings: tuple[FloatArray, ...], centre: FloatArray,
     np.minimum.at(low, steps.line, steps.t[:, 0])
     np.maximum.at(high, steps.line, steps.t[:, 1])
     angle, offset = steps.angle.copy(), steps.offset.copy()
-    _onto_walls(angle, offset, low, high, walls_about(rings, centre), spacing)
+    _onto_walls(angle, offset, low, high, walls, spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
@@ -103,9 +101,7 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
     return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)
 
 
-def extended(
-    steps: StepLines, ridges: FloatArray, rings: tuple[FloatArray, ...], centre: FloatArray, spacing: float
-) -> StepLines:
+def extended(steps: StepLines, ridges: FloatArray, walls: FloatArray, spacing: float) -> StepLines:
     """
     Move the ends of steps along their lines to walls, other steps and intersection lines that are near.
 
@@ -114,16 +110,13 @@ def extended(
     steps : StepLines
     ridges : ndarray of shape (n, 2, 2)
         Ends of the pieces of intersection lines about the centre [m].
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's [m].
-    centre : ndarray of shape (2 or more,)
-        [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Ends of the outline's edges about the centre [m].
     spacing : float
         Point spacing [m].
     """
     if not len(steps.line):
         return steps
-    walls = walls_about(rings, centre)
     angle, offset = steps.angle[steps.line], steps.offset[steps.line]
     reach = _END_REACH * spacing
     t = _extended(steps.t, angle, offset, walls, np.concatenate([step_segments(steps), ridges]), reach)

@@ -14,8 +14,8 @@ from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, St
 from lidar_buildings.core.stages.roof_topology.straight_runs import straight_runs
 from lidar_buildings.core.surfaces.roof_planes.directions import (
     main_directions,
-    outline_directions,
     plane_directions,
+    wall_directions,
 )
 
 #: Shorter pieces of a line between one pair of planes are left out [spacings].
@@ -31,7 +31,7 @@ def find_step_lines(
     points: FloatArray,
     gradients: FloatArray,
     area: FloatArray,
-    rings: tuple[FloatArray, ...],
+    walls: FloatArray,
     centre: FloatArray,
     spacing: float,
 ) -> StepLines:
@@ -49,8 +49,8 @@ def find_step_lines(
         a, b, c of the planes about the centre.
     area : ndarray of shape (n_planes,)
         How large each plane is in plan [m²].
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's [m].
+    walls : ndarray of shape (n_walls, 2, 2)
+        Ends of the outline's edges [m].
     centre : ndarray of shape (2 or more,)
         [m].
     spacing : float
@@ -66,7 +66,7 @@ def find_step_lines(
     tops, others = (_elevations(gradients[planes - 1], xy) for planes in (first, second))
     upper = np.where(tops >= others, first, second)
     chains = step_chains(xy, borders.upright[rows], upper, np.maximum(tops, others), borders.cell)
-    runs, run = straight_runs(xy, chains, _candidate_angles(gradients, area, rings), borders.cell, spacing)
+    runs, run = straight_runs(xy, chains, _candidate_angles(gradients, area, walls), borders.cell, spacing)
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
     higher = _first_is_higher(first, tops - others, run)
@@ -84,9 +84,9 @@ def _elevations(gradients: FloatArray, xy: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("ki,ki->k", gradients[:, :2], xy) + gradients[:, 2])
 
 
-def _candidate_angles(gradients: FloatArray, area: FloatArray, rings: tuple[FloatArray, ...]) -> FloatArray:
+def _candidate_angles(gradients: FloatArray, area: FloatArray, walls: FloatArray) -> FloatArray:
     """Return the directions of the outline and the planes, and those across them [rad]."""
-    outline, planes = outline_directions(rings), plane_directions(gradients, area)
+    outline, planes = wall_directions(walls), plane_directions(gradients, area)
     angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
     main = main_directions(angles, weights)
     return np.concatenate([main, main + math.pi / 2])

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.roof_topology.borders import find_borders
 from lidar_buildings.core.stages.roof_topology.common_vertices import find_common_vertices, piece_ends
 from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
 from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
-from lidar_buildings.core.stages.roof_topology.result import (
-    RoofTopology,
-)
+from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
 from lidar_buildings.core.stages.roof_topology.segments import finished
 from lidar_buildings.core.stages.roof_topology.snapping import extended, snapped
 from lidar_buildings.core.stages.roof_topology.step_lines import step_edges, step_segments
 from lidar_buildings.core.stages.roof_topology.steps import find_step_lines
-from lidar_buildings.core.surfaces.roof_planes import Adjustment, adjust, with_gaps, without_gaps
+from lidar_buildings.core.surfaces.roof_planes import Adjustment, adjust, without_gaps
 
 #: What edges of roofs are straighter than, however densely points lie [m].
 _LEAST_DETAIL = 0.3
@@ -32,7 +27,7 @@ _SAME_DECIMALS = 9
 
 
 def find_topology(
-    points: ArrayLike,
+    points: FloatArray,
     plane_id: ArrayLike,
     outline: Outline | None = None,
     *,
@@ -43,7 +38,7 @@ def find_topology(
 
     Parameters
     ----------
-    points : array_like of shape (n_points, 3)
+    points : ndarray of shape (n_points, 3)
         The building's roof points, in any order [m].
     plane_id : array_like of shape (n_points,)
         Number of each point's plane, 0 = none.
@@ -55,23 +50,10 @@ def find_topology(
     Returns
     -------
     RoofTopology
-
-    Raises
-    ------
-    ValueError
-        If an array has another shape, a value is not finite, or the spacing no positive length.
+        Its planes are numbered from 1 in their order, without gaps.
     """
-    points = checked_points(points)
-    numbers, number = without_gaps(checked_column("plane_id", plane_id, len(points), np.uint16))
-    spacing = given_or_measured(points, point_spacing)
-    topology = _topology(points, numbers, outline, spacing)
-    return topology if number[-1] == len(number) - 1 else _renumbered(topology, number)
-
-
-def _topology(
-    points: FloatArray, numbers: NDArray[np.uint16], outline: Outline | None, spacing: float
-) -> RoofTopology:
-    """Find the topology of planes whose numbers have no gaps."""
+    numbers = without_gaps(np.asarray(plane_id, dtype=np.uint16))
+    spacing = point_spacing or quantised_spacing(points)
     adjustment = adjust(points, numbers)
     seen = _regions_of(adjustment)[numbers]
     if np.count_nonzero(seen) < 3:
@@ -82,10 +64,11 @@ def _topology(
         return RoofTopology(adjustment.planes, (), (), kind)
     rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
     raster = region_raster(points, seen, rings, spacing)
-    centre = adjustment.centre
+    centre, walls = adjustment.centre, ring_walls(rings)
+    about = walls - centre[:2]
     borders = find_borders(raster, centre)
     pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
-    vertices = find_common_vertices(pieces, adjustment.coefficients, centre, rings, spacing)
+    vertices = find_common_vertices(pieces, adjustment.coefficients, centre, about, spacing)
     if vertices:
         adjustment = adjustment.with_common_vertices(vertices)
         pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
@@ -93,32 +76,13 @@ def _topology(
     area = adjustment.free.counts * spacing**2
     ends = piece_ends(pieces, gradients)
     scale = max(spacing, _LEAST_DETAIL)
-    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, rings, centre, scale)
-    lines = snapped(lines, rings, centre, scale)
-    lines = extended(lines, ends, rings, centre, scale)
+    lines = find_step_lines(borders, pieces.on_line, points, gradients, area, walls, centre, scale)
+    lines = extended(snapped(lines, about, scale), ends, about, scale)
     segments = step_segments(lines)
-    intersections = finished(pieces, gradients, centre, rings, segments, adjustment.vertices, spacing)
+    intersections = finished(pieces, gradients, centre, about, segments, adjustment.vertices, spacing)
     steps = step_edges(lines, segments, gradients, centre)
     kind = roof_type(points, seen, gradients, intersections, steps, spacing)
-    return RoofTopology(
-        adjustment.planes,
-        tuple(intersections),
-        tuple(steps),
-        kind,
-    )
-
-
-def _renumbered(topology: RoofTopology, number: IntArray) -> RoofTopology:
-
-    def old(k: int) -> int:
-        return int(number[k])
-
-    return RoofTopology(
-        with_gaps(topology.planes, number),
-        tuple(replace(x, first=old(x.first), second=old(x.second)) for x in topology.intersections),
-        tuple(replace(x, upper=old(x.upper), lower=old(x.lower)) for x in topology.steps),
-        topology.roof_type,
-    )
+    return RoofTopology(adjustment.planes, tuple(intersections), tuple(steps), kind)
 
 
 def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:

