@@ -62,7 +62,7 @@ class Columns:
 
     @property
     def _before(self) -> NDArray[np.int32]:
-        """How many columns stand before each place and the one after the last; empty if places are too many."""
+        """How many columns stand before each place and after the last; empty if places are too many."""
         if "before" not in self._shared:
             n, last = len(self.numbers), int(self.numbers[-1]) if len(self.numbers) else 0
             before = np.zeros(last + 2 if last < MAX_PLACES * n else 0, dtype=np.int32)

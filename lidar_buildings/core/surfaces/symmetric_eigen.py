@@ -65,8 +65,8 @@ def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     Return λ1 ≥ λ2 ≥ λ3 and the axis of λ3 of a positive semidefinite matrix: six numbers.
 
     The axis of the eigenvalue farthest from the others is the longest cross product of two rows of A − λ;
-    the two others lie across it, a matter of 2 × 2. So double eigenvalues are exact to rounding as well. The axis
-    has z ≥ 0; where it is not unique it is the most upward one.
+    the two others lie across it, a matter of 2 × 2. So double eigenvalues are exact to rounding as well. The
+    axis has z ≥ 0; where it is not unique it is the most upward one.
     """
     trace = xx + yy + zz
     scale = 1.0 / max(trace, SMALLEST)

@@ -16,7 +16,8 @@ TOP_REACH = 1.0
 #: have to show some: one at a straight edge sees it in five.
 WELL_REACH = 2.0
 MIN_SECTORS = 6
-#: Lowest point of a façade above ground; below it is pavement and planting [m].
+#: Lowest point of a façade above ground, and no less than a spacing: below it is pavement, and planting where
+#: points are too far apart to part it from the wall [m].
 MIN_HEIGHT = 0.8
 
 
@@ -53,7 +54,7 @@ def find_facades(
         return np.zeros(len(height), dtype=bool)
     column, z = columns.column, columns.points[:, 2]
     reach = max(reach, REACH_SPACINGS * spacing)
-    can_be = ~is_roof & (height >= MIN_HEIGHT)
+    can_be = ~is_roof & (height >= max(MIN_HEIGHT, spacing))
     hangs = can_be & (z <= around.highest[column])
     both = columns.select(is_roof | hangs)
     hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], reach)

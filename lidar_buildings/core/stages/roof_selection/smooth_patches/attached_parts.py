@@ -90,7 +90,7 @@ def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> 
 
 @kernel
 def _draw(points, first, numbers, row_length, y, x, low, top, own, below, others):  # type: ignore[no-untyped-def]
-    """Count a part's points in a window of places, and mark what is no higher than its top, and other roofs."""
+    """Count a part's points in a window of places; mark what is no higher than its top, and other roofs."""
     for i in range(len(y)):
         own[y[i], x[i]] += 1
     west, east = max(low[1], 0), min(low[1] + own.shape[1], row_length)

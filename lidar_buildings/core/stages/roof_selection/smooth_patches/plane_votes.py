@@ -1,4 +1,4 @@
-"""The plane through a point that most of its neighbours lie on: roofs where points are few."""
+"""Where points are few: planes through a point that most of its neighbours lie on."""
 
 from __future__ import annotations
 
@@ -10,19 +10,58 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG
+from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
 
 #: Neighbours that vote: two rings around a point on an even surface.
 N_VOTERS = 12
 #: Least sine of the angle between the two neighbours that span a plane with the point.
 MIN_SINE = 0.4
+#: Largest distance from a plane, in the cells in which areas are counted, two spacings: neighbours in foliage
+#: differ in height as they lie apart, and so as few come near a plane by chance at any density.
+DISTANCE_CELLS = 1.0 / 32.0
+#: Mean votes, of twelve, around a point of a roof; and where returns are not known, so that nothing but
+#: planes tells of foliage. Houses have 7 in the mean, crowns 1 to 3.
+MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 5.0
 
 
-def plane_votes(
-    points: NDArray[np.float64], max_distance: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def find_voted_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
-    Return how many of each point's nearest neighbours lie on one plane through it, and its normal.
+    Tell which points are roof by the planes that points around them lie on, where points are few.
+
+    One point's votes say little where faces hold few points; a crown has few votes as a whole. Everything
+    raised is asked, whichever the return: what others of its pulse came after has no votes, and foliage has
+    many of those.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        Everything that rises above ground; votes are those of last returns.
+    config : RoofSelectionConfig
+        `max_roughness` is the largest distance from the plane, if that is not narrower still.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_points,)
+        Decks are none.
+    """
+    points, n = candidates.points, len(candidates.points)
+    votes = np.zeros(n, dtype=np.int64)
+    distance = min(config.max_roughness, DISTANCE_CELLS * candidates.cell)
+    votes[candidates.is_last] = plane_votes(points[candidates.is_last], distance)
+    least = MIN_VOTES_UNKNOWN if candidates.is_only.all() else MIN_VOTES
+    rows = np.flatnonzero(_mean_around(points[:, :2], votes) >= least)
+    label, n_parts = candidates.parts(rows, candidates.radius)
+    part, roof = label[rows], np.zeros(n, dtype=bool)
+    decks = is_deck(points[rows], part, n_parts, candidates.ground, candidates.cell)
+    roof[rows[~decks[part]]] = True
+    return roof
+
+
+def plane_votes(points: NDArray[np.float64], max_distance: float) -> NDArray[np.int64]:
+    """
+    Return how many of each point's nearest neighbours lie on one plane through it: 0 to `N_VOTERS`.
 
     Parameters
     ----------
@@ -30,46 +69,25 @@ def plane_votes(
         [m].
     max_distance : float
         Largest distance from the plane [m].
-
-    Returns
-    -------
-    votes : ndarray of int64, shape (n_points,)
-        0 to `N_VOTERS`.
-    normals : ndarray of shape (n_points, 3)
-        Unit, z > 0; straight up where no plane is found. Of planes with as many votes the first.
     """
-    n = len(points)
-    votes, normals = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
-    normals[:, 2] = 1.0
-    if n <= N_VOTERS:
-        return votes, normals
+    votes = np.zeros(len(points), dtype=np.int64)
+    if len(points) <= N_VOTERS:
+        return votes
     near = cKDTree(points).query(points, N_VOTERS + 1)[1]
     least = math.cos(math.radians(MAX_SLOPE_DEG))
-    for_row_blocks(lambda a, b: _vote(points, near, max_distance, least, votes, normals, a, b), n)
-    return votes, normals
+    for_row_blocks(lambda a, b: _vote(points, near, max_distance, least, votes, a, b), len(points))
+    return votes
 
 
-def mean_votes(points: NDArray[np.float64], votes: NDArray[np.integer]) -> NDArray[np.float64]:
-    """
-    Return the mean votes of each point and its nearest neighbours in plan.
-
-    One point's votes say little where faces hold few points; a crown has few votes as a whole.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Everything that is high enough to be roof, whichever the return [m].
-    votes : ndarray of int, shape (n_points,)
-        0 for returns that others of their pulse came after: foliage has many.
-    """
-    if len(points) <= N_VOTERS:
+def _mean_around(plan: NDArray[np.float64], votes: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the mean votes of each point and its nearest neighbours in plan."""
+    if len(plan) <= N_VOTERS:
         return votes.astype(np.float64)
-    plan = points[:, :2]
     return np.asarray(votes[cKDTree(plan).query(plan, N_VOTERS + 1)[1]].mean(axis=1))
 
 
 @kernel
-def _vote(points, near, max_distance, min_upward, votes, normals, begin, end):  # type: ignore[no-untyped-def]
+def _vote(points, near, max_distance, min_upward, votes, begin, end):  # type: ignore[no-untyped-def]
     away = np.empty((near.shape[1], 3))
     for i in range(begin, end):
         for k in range(near.shape[1]):
@@ -83,12 +101,8 @@ def _vote(points, near, max_distance, min_upward, votes, normals, begin, end):  
                 spans = (ax * ax + ay * ay + az * az) * (bx * bx + by * by + bz * bz)
                 if length <= MIN_SINE * math.sqrt(spans) or abs(z) < min_upward * length:
                     continue
-                scale = (1.0 if z > 0.0 else -1.0) / length
-                x, y, z = scale * x, scale * y, scale * z
                 found = -1
                 for k in range(len(away)):
                     off = x * away[k, 0] + y * away[k, 1] + z * away[k, 2]
-                    found += abs(off) <= max_distance
-                if found > votes[i]:
-                    votes[i] = found
-                    normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z
+                    found += abs(off) <= max_distance * length
+                votes[i] = max(votes[i], found)

@@ -12,7 +12,6 @@ from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import mean_votes, plane_votes
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches
@@ -33,9 +32,6 @@ MAX_SPLIT = 0.5
 HORIZONTAL_NOISE = 1.5
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
 PATCH_OFFSET = 1.5
-#: Wider neighbourhoods reach beyond the faces of houses and are hardly ever smooth [m]; then so many of a
-#: point's nearest neighbours have to lie on one plane through it, of `N_VOTERS`.
-FACE_WIDTH, MIN_VOTES = 4.0, 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,17 +47,11 @@ class RoofSurface:
         Point of a smooth surface steeper than a roof.
     normals : ndarray of shape (n_surface_points, 3)
         Their unit normals.
-    is_deck : ndarray of bool, shape (n_points,)
-        Point of a patch that is a deck.
-    votes : ndarray of shape (n_points,) or None
-        Mean votes around each point; None where neighbourhoods are no wider than faces.
     """
 
     is_surface: NDArray[np.bool_]
     is_wall: NDArray[np.bool_]
     normals: NDArray[np.float64]
-    is_deck: NDArray[np.bool_]
-    votes: NDArray[np.float64] | None
 
 
 def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
@@ -91,16 +81,6 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     is_surface, is_wall = np.zeros((2, n), dtype=bool)
     is_wall[rows[smooth & steep]] = True
     level, normals = smooth & ~steep, features.normals
-    around = None
-    if 2.0 * radius > FACE_WIDTH:
-        votes, voted = plane_votes(columns.points.take(rows, axis=0), config.max_roughness)
-        is_voted = ~level & (votes >= MIN_VOTES)
-        normals = np.where(is_voted[:, None], voted, normals)
-        roughness[is_voted] = 0.0
-        level |= is_voted
-        own = np.zeros(n, dtype=np.int64)
-        own[rows] = votes
-        around = mean_votes(columns.points, own)
     is_surface[rows[level]] = True
     points, normals, roughness = columns.select(is_surface), normals[level], roughness[level]
     reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
@@ -112,17 +92,15 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         max_angle_deg=MAX_ANGLE_DEG,
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
-    accepted, is_deck_point = _accepted(candidates, points, label, roughness / config.max_roughness)
+    accepted = _accepted(candidates, points, label, roughness / config.max_roughness)
     is_surface[points.rows[~accepted]] = False
-    on_deck = np.zeros(n, dtype=bool)
-    on_deck[points.rows[is_deck_point]] = True
-    return RoofSurface(is_surface, is_wall, normals[accepted], on_deck, around)
+    return RoofSurface(is_surface, is_wall, normals[accepted])
 
 
 def _accepted(
     candidates: Candidates, smooth: Columns, label: NDArray[np.int64], roughness: NDArray[np.float64]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which smooth points are of patches that start a roof, and which of decks."""
+) -> NDArray[np.bool_]:
+    """Tell which smooth points are of patches that start a roof."""
     patch = np.full(len(candidates.points), -1, dtype=np.int64)
     patch[smooth.rows] = label
     area, n_points = candidates.areas(patch, label.max(initial=-1) + 1), np.bincount(label)
@@ -132,7 +110,7 @@ def _accepted(
     accepted = (area >= MIN_PATCH_AREA) & is_smooth & (is_large | is_opaque)
     asked = accepted[label]
     decks = is_deck(smooth.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
-    return (accepted & ~decks)[label], decks[label]
+    return np.asarray((accepted & ~decks)[label])
 
 
 def _link_lengths(

@@ -10,6 +10,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import find_voted_roofs
 from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
@@ -26,9 +27,8 @@ PART_SINK = 0.5
 MAX_PART_HEIGHT = 3.0
 #: Share of a part's points that have to have roof around them.
 PART_SHARE = 0.7
-#: Where neighbourhoods are wider than faces: mean votes, of twelve, around a point of a roof, and those from
-#: which on it is one whatever its patch. Houses have 7 in the mean, crowns 1 to 3.
-MIN_VOTES, SURE_VOTES = 4.0, 5.5
+#: Wider neighbourhoods reach beyond the faces of houses and are hardly ever smooth [m].
+FACE_WIDTH = 4.0
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
 MIN_PLAN_CELL = 0.25
 
@@ -54,16 +54,17 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
         Roofs of buildings.
     """
     columns, radius = candidates.columns, candidates.radius
-    surface = find_roof_surface(candidates, config)
-    roof = ~surface.is_wall & near_tangent_plane(
-        columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
-    )
-    if surface.votes is not None:
-        roof = (roof & (surface.votes >= MIN_VOTES)) | (surface.votes >= SURE_VOTES)
-        roof &= ~surface.is_wall & ~surface.is_deck
+    if 2.0 * radius > FACE_WIDTH:
+        roof, is_wall = find_voted_roofs(candidates, config), np.zeros(len(columns.points), dtype=bool)
+    else:
+        surface = find_roof_surface(candidates, config)
+        is_wall = surface.is_wall
+        roof = ~is_wall & near_tangent_plane(
+            columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
+        )
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~surface.is_wall
+    roof |= stands & ~is_wall
     return _without_narrow(candidates, roof, config)
 
 
