@@ -12,14 +12,7 @@ from lidar_buildings.report.result_folder import ReportedBuilding, read_result
 
 
 def explain_command(options: argparse.Namespace) -> int:
-    """
-    Print the explanation, and write the building's own page if that is wanted.
-
-    Returns
-    -------
-    int
-        0.
-    """
+    """Print the explanation, and write the building's own page if that is wanted."""
     result = read_result(options.folder)
     found = find_building(result, options.building)
     if not isinstance(found, ReportedBuilding):

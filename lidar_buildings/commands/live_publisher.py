@@ -57,8 +57,6 @@ class LivePublisher:
 
     Parameters
     ----------
-    survey : MovingSurvey
-        What is published.
     context : rclpy.Context
         Initialised.
     namespace : str

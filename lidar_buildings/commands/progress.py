@@ -40,8 +40,6 @@ class RunOutcome:
 
     Attributes
     ----------
-    summary : RunSummary
-        What the files hold.
     failed : mapping
         Stamp of each tile that was given up → why.
     recording : Recording or None

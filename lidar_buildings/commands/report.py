@@ -8,13 +8,6 @@ from lidar_buildings.report.page_file import write_report
 
 
 def report_command(options: argparse.Namespace) -> int:
-    """
-    Write the page, and print where it is.
-
-    Returns
-    -------
-    int
-        0.
-    """
+    """Write the page, and print where it is."""
     print(f"  {write_report(options.folder)}")
     return 0

@@ -34,14 +34,7 @@ def add_view_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def view_command(options: argparse.Namespace) -> int:
-    """
-    Draw the result, and print where the picture is if one is wanted.
-
-    Returns
-    -------
-    int
-        0.
-    """
+    """Draw the result, and print where the picture is if one is wanted."""
     from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
     from lidar_buildings.report.contents import contents_of
     from lidar_buildings.report.result_folder import read_result

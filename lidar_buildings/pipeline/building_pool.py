@@ -94,8 +94,6 @@ class BuildingPool(Sharing):
         ----------
         function : callable
             At the top of a module. It may share buildings by the pool that it is given, if it is given one.
-        job : object
-            What it is called with.
 
         Returns
         -------
@@ -123,8 +121,6 @@ class BuildingPool(Sharing):
         ----------
         function : callable
             At the top of a module.
-        *arguments : object
-            What it is called with.
         shares : bool
             Whether it takes a `pool`, over which it shares a tile's buildings.
 

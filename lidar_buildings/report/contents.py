@@ -32,16 +32,12 @@ class Contents:
 
     Attributes
     ----------
-    result : Result
     buildings : list of ReportedBuilding
         Those that can be clicked, by row.
     others : list of ReportedBuilding
         Those that are dots on the map.
-    models : ModelArrays
-    points : ShownPoints
     terrain, overview : Relief or None
         Of what is shown and, where that is not all, of all.
-    worst : list of Worst
     focus : int or None
         Row of the building that the page opens with.
     """
@@ -63,7 +59,6 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Sh
 
     Parameters
     ----------
-    result : Result
     focus : ReportedBuilding, optional
         Show this one and what stands next to it, with all its points.
     share : callable

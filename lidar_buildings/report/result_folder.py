@@ -73,7 +73,6 @@ class Result:
 
     Attributes
     ----------
-    folder : Path
     run : dict
         The content of ``run.json``.
     frame : MapFrame
@@ -131,7 +130,6 @@ def read_result(folder: Path, run: dict[str, Any] | None = None) -> Result:
 
     Parameters
     ----------
-    folder : Path
     run : dict, optional
         What ``run.json`` is to hold, where it is not written yet.
 

@@ -63,12 +63,8 @@ class VirtualScene:
 
     Attributes
     ----------
-    name : str
-        As given to `make_scene`.
     size : tuple of two float
         Extent along x and y [m].
-    terrain : Terrain
-        The ground.
     buildings : tuple of Building
         Numbered from 1.
     obstacles : tuple of Building
@@ -77,8 +73,6 @@ class VirtualScene:
         Vegetation.
     roads : tuple of Road
         Ground of another brightness.
-    frame : MapFrame
-        Where the scene lies.
     """
 
     name: str

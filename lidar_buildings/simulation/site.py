@@ -24,10 +24,6 @@ class Site:
     ----------
     size : tuple of two float
         Extent along x and y [m].
-    terrain : Terrain
-        The ground.
-    seed : int
-        Seed of `random`.
 
     Attributes
     ----------

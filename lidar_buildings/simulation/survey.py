@@ -39,8 +39,6 @@ class SurveySummary:
         The strips' LAZ files.
     truth_files : tuple of Path
         GeoPackage and CityJSONSeq.
-    n_points, n_buildings : int
-        How many there are.
     seconds : float
         Wall time [s].
     """

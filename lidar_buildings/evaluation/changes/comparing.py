@@ -70,8 +70,6 @@ class Comparison:
     ----------
     old, new : MetricPolygons
         The outlines of both results.
-    changes : list of Change
-        What has changed of which building.
     words : tuple of list of str
         What became of each building of either result.
     offset, scatter : float

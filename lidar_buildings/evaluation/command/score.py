@@ -67,10 +67,6 @@ def run_score(
     **options
         Members of `ScoreOptions`.
 
-    Returns
-    -------
-    Score
-
     Raises
     ------
     InputError

@@ -36,8 +36,6 @@ class CityBuilding:
 
     Attributes
     ----------
-    name : str
-        Its identifier.
     attributes : dict
         As written, in the file's units.
     solids : dict of str to tuple of Solid
@@ -61,7 +59,6 @@ class CityModel:
 
     Attributes
     ----------
-    buildings : tuple of CityBuilding
     crs : str
         ``"EPSG:28992"``, empty if the file does not say.
     """

@@ -36,10 +36,6 @@ def score_adjustment(spacing: ArrayLike, sigma: ArrayLike, max_offset: ArrayLike
     spacing, sigma, max_offset : array_like of shape (n_buildings,)
         Per building [m]; NaN where unknown, σ = 0 where the outline is the traced one.
 
-    Returns
-    -------
-    AdjustmentScore
-
     Raises
     ------
     ValueError

@@ -48,10 +48,6 @@ def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Bloc
         One geometry per building [m]; invalid ones are repaired.
     tolerance : float
         Width of a gap between two walls that counts as none [m]; gaps within a block are closed.
-
-    Returns
-    -------
-    Blocks
     """
     given = valid_polygons(buildings)
     # A set is named by its first row: blocks come in the order of these.

@@ -44,10 +44,6 @@ def boundary_distances(
         Polygons, row by row the partners [m].
     limits : shapely geometry, optional
         The area that both were cut to: along its edge nothing is measured.
-
-    Returns
-    -------
-    BoundaryDistances
     """
     cut = None if limits is None else shapely.boundary(limits)
     along, corners = [np.empty(0)], [np.empty(0)]

@@ -229,10 +229,6 @@ def score_buildings(
         Side of the cells [m].
     area : array_like of shapely.Polygon or MultiPolygon, optional
         Only cells with their centre inside count; everywhere if not given.
-
-    Returns
-    -------
-    BuildingScore
     """
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)

@@ -55,10 +55,6 @@ def score_corners(
     area : array_like of shapely.Polygon or MultiPolygon, optional
         Only corners inside count.
 
-    Returns
-    -------
-    CornerScore
-
     Raises
     ------
     ValueError

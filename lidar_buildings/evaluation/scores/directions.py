@@ -52,10 +52,6 @@ def score_directions(
         Greatest distance of half a wall from the one that it stands for [m].
     limits : shapely geometry, optional
         Only walls with their middle inside count.
-
-    Returns
-    -------
-    DirectionScore
     """
     angles, lengths = [np.empty(0)], [np.empty(0)]
     for mine, theirs in zip(result, simplified(reference), strict=True):

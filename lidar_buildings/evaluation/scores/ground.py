@@ -71,10 +71,6 @@ def score_ground(
     result_ground, reference_ground : collection of int
         The classes that count as ground; give 2, 9, 11 where the reference has water and roads apart.
 
-    Returns
-    -------
-    GroundScore
-
     Raises
     ------
     ValueError

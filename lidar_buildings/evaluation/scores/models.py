@@ -113,10 +113,6 @@ def score_models(
     area : array_like of shapely.Polygon or MultiPolygon, optional
         Only what lies inside counts.
 
-    Returns
-    -------
-    ModelScore
-
     Raises
     ------
     ValueError

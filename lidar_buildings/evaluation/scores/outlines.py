@@ -84,10 +84,6 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
     area : array_like of shapely.Polygon or MultiPolygon, optional
         Where the reference is complete.
 
-    Returns
-    -------
-    OutlineScore
-
     Notes
     -----
     Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
@@ -193,10 +189,6 @@ def score_coverage(
         One geometry per building [m]; invalid ones are repaired.
     area : array_like of shapely.Polygon or MultiPolygon, optional
         Where the reference is complete; buildings are cut to it, and those mostly outside do not count.
-
-    Returns
-    -------
-    CoverageScore
     """
     theirs, inside = cut_to(valid_polygons(reference), limits_of(area))
     size = shapely.area(theirs)

@@ -24,8 +24,6 @@ class BagSummary(NamedTuple):
 
     Attributes
     ----------
-    path : str
-        The bag.
     start : int or None
         When it begins [ns].
     seconds : float

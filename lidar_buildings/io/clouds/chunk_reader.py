@@ -35,8 +35,6 @@ class ChunkReader:
     ----------
     file : BinaryIO
         The file, closed by whoever opened it.
-    header : laspy.LasHeader
-        Of it.
     """
 
     def __init__(self, file: BinaryIO, header: laspy.LasHeader) -> None:

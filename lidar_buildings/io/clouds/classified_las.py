@@ -66,8 +66,6 @@ def write_classified(
 
     Parameters
     ----------
-    cloud : Cloud
-        The input.
     rows : callable
         Gives the results of a range of points.
     path : Path

@@ -28,8 +28,6 @@ class CloudExtent:
 
     Attributes
     ----------
-    path : Path
-        The file.
     raw : RawHeader
         Header and records byte for byte.
     crs : SourceCrs

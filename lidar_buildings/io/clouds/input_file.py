@@ -16,10 +16,6 @@ class InputFile(NamedTuple):
 
     Attributes
     ----------
-    path : Path
-        The file.
-    point_count : int
-        Its number of points.
     state : tuple of int, optional
         Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
     """

@@ -48,8 +48,6 @@ class RawRecord:
     ----------
     user_id : bytes
         Without its trailing zeros.
-    record_id : int
-        Its number.
     head : bytes
         Its own header, as it stands in the file.
     start, size : int
@@ -77,8 +75,6 @@ class RawHeader:
 
     Attributes
     ----------
-    block : bytes
-        The header itself.
     vlrs, evlrs : tuple of RawRecord
         In file order.
     offset : int

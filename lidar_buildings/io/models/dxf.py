@@ -52,8 +52,6 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     ----------
     path : Path
         It appears when the block ends well.
-    frame : MapFrame
-        Of the buildings.
 
     Raises
     ------

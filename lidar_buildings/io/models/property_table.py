@@ -22,8 +22,6 @@ def schema(name: str, fields: Mapping[str, type]) -> dict[str, Any]:
 
     Parameters
     ----------
-    name : str
-        Of the one class.
     fields : mapping
         Attribute → int, float or str.
     """
@@ -42,8 +40,6 @@ def property_table(
 
     Parameters
     ----------
-    name : str
-        Its class.
     fields : mapping
         Attribute → int, float or str.
     rows : sequence of mapping

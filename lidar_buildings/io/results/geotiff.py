@@ -65,8 +65,6 @@ class RasterLayout:
         Side of a cell in the source's horizontal unit.
     crs : str
         ``"EPSG:28992"``, a WKT text, or empty if unknown.
-    unit : str
-        Of the values.
     """
 
     width: int
@@ -94,10 +92,6 @@ class GeotiffWriter:
     ----------
     path : Path
         An existing file is replaced; see `io.files.atomic_files` for writing it under another name.
-    layout : RasterLayout
-        Size, place and units.
-    meaning : str
-        What the values are.
 
     Raises
     ------

@@ -19,8 +19,6 @@ class ModelHeading(NamedTuple):
 
     Attributes
     ----------
-    title : str
-        What it is of.
     crs : str
         The reference system together with the vertical one, where that is known.
     earth : EarthFrame or None

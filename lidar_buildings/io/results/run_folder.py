@@ -64,8 +64,6 @@ def claim_folder(
 
     Parameters
     ----------
-    path : Path
-        The output folder.
     identity : dict
         What must be equal for a run to be the same: inputs, parameters, last stage.
     inputs : sequence of InputFile

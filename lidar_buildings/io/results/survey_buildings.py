@@ -63,8 +63,6 @@ class SurveyPart:
 
     Attributes
     ----------
-    frame : MapFrame
-        Of the tiles.
     extent : ndarray of shape (2, 3) or None
         Of their solids, as of `SurveyBuildings`.
     bounds : ndarray of shape (2, 2) or None
@@ -90,10 +88,6 @@ class SurveyBuildings:
     ----------
     path : Path
         File for the models' lines, replaced if it is there.
-    frame : MapFrame
-        Of the tiles.
-    without : collection of int
-        Ids of buildings to leave out.
     footprint_id : mapping or None
         Building id → what the file of footprints calls it; None where outlines were traced.
     """

@@ -27,16 +27,10 @@ class FilePart(NamedTuple):
 
     Attributes
     ----------
-    cloud : Cloud
-        The file.
     source : int
         Its place among the inputs.
     first, last : int
         The first point, and the one behind the last.
-    grid : TileGrid
-        Tiles and spool cells.
-    frame : MapFrame
-        The map frame of all tiles.
     folder : Path
         One that all processes see.
     """
@@ -67,8 +61,6 @@ def read_files(
         A point's `source` is its file's place in it.
     order : sequence of int
         In which they are brought.
-    store : TileStore
-        Where their points go.
     submit : callable, optional
         Reads parts in other processes, many ahead; files are read here, chunk by chunk, if not given.
 

@@ -40,10 +40,6 @@ class LiveFeed:
 
     Parameters
     ----------
-    tiling : LiveTilingConfig
-        Tiles, and where points are kept.
-    scans : ScanConfig
-        How they are placed.
     frame : MapFrame, optional
         Where the map lies, if that is known. An interrupted feed knows it.
 

@@ -36,8 +36,6 @@ class Recorded(NamedTuple):
     ----------
     scale : FeedScale
         Side and point spacing of tiles.
-    given : MapPlace
-        Where the map lies.
     frame : MapFrame
         The frame of tiles: the map's, with an origin near them.
     """

@@ -35,8 +35,6 @@ class LiveTile:
         Its column and row in the grid.
     stamp : int
         Its key: the stamp of its first revision [ns].
-    block : Block
-        Its spool cells.
     buffer : Buffer
         With which it was sent last.
     near : tuple of Cell
@@ -63,13 +61,6 @@ class LiveTile:
 class LiveTiles:
     """
     All tiles of a feed.
-
-    Parameters
-    ----------
-    grid : TileGrid
-        Where tiles and spool cells lie.
-    config : LiveTilingConfig
-        How wide buffers are, and how long tiles are waited for.
 
     Attributes
     ----------

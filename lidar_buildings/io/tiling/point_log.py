@@ -27,11 +27,6 @@ class PointLog:
     folder : Path
         Made if it is not there; what it holds is gone on with.
 
-    Attributes
-    ----------
-    count : int
-        Number of records.
-
     Raises
     ------
     OutputError

@@ -17,10 +17,6 @@ class SpooledTile:
 
     Attributes
     ----------
-    plan : TilePlan
-        Its place and core points.
-    store : TileStore
-        Where its points are.
     buffer, max_buffer : Buffer, float
         The strip of neighbours that comes with it, and how wide it may grow [m].
     """

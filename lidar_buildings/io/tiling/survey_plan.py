@@ -23,8 +23,6 @@ class SurveyPlan:
 
     Attributes
     ----------
-    n_files, n_points, n_bytes : int
-        Of the files.
     system : str
         Reference system, empty if no file says.
     bounds : tuple of float

@@ -52,8 +52,6 @@ class TilePlan:
     ----------
     stamp : int
         The tile's key [ns].
-    block : Block
-        Its spool cells.
     core : dict
         Spool cell → first and last (exclusive) record.
     dark_limit : float or None
@@ -72,10 +70,6 @@ class TileStore:
 
     Parameters
     ----------
-    grid : TileGrid
-        Tiles and spool cells.
-    frame : MapFrame
-        The map frame of all tiles.
     temporary : path or None
         Where the temporary folder is made.
     spacing : float, optional
@@ -208,12 +202,6 @@ class TileStore:
 
         Parameters
         ----------
-        plan : TilePlan
-            The tile.
-        buffer : Buffer
-            As it is.
-        sides : Sides
-            On which it may grow.
         most : float
             Width of the largest buffer [m].
         """

@@ -38,8 +38,6 @@ class FootprintSource:
 
     Attributes
     ----------
-    path : Path
-        The file.
     layer : str
         Its layer, empty for the only one of polygons.
     id_column : str
@@ -58,8 +56,6 @@ class FootprintFile:
 
     Attributes
     ----------
-    source : FootprintSource
-        As asked for.
     footprints : Footprints
         In the map frame.
     footprint_id : mapping
@@ -83,7 +79,6 @@ def read_footprints(source: FootprintSource, frame: MapFrame) -> FootprintFile:
 
     Parameters
     ----------
-    source : FootprintSource
     frame : MapFrame
         Of the clouds. Where they or the file name no reference system, both are taken to be in the same one.
 
@@ -134,7 +129,6 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
 
     Parameters
     ----------
-    file : FootprintFile
     bounds : tuple of four float
         West, south, east and north limit of all clouds, in their own coordinates.
     frame : MapFrame

@@ -45,8 +45,6 @@ class VectorLayer:
 
     Attributes
     ----------
-    name : str
-        Of the layer.
     geometries : sequence of shapely geometries
         Polygons with holes, or lines; none is legal.
     fields : dict of str to type

@@ -30,10 +30,6 @@ class PolygonLayer:
 
     Attributes
     ----------
-    path : Path
-        The file.
-    name : str
-        Of the layer.
     geometries : ndarray
         shapely geometries of any type; None where a feature has none or one that cannot be understood.
     columns : mapping

@@ -17,7 +17,6 @@ class Finding(NamedTuple):
 
     Attributes
     ----------
-    text : str
     parameters : tuple of str
         ``stage.name``.
     """

@@ -80,8 +80,6 @@ class Leg:
 
     Attributes
     ----------
-    number : int
-        From 1.
     start : tuple of three float
         Where it begins [m].
     heading : tuple of two float
@@ -90,8 +88,6 @@ class Leg:
         [m/s], [s].
     stamp : int
         When it begins, Unix time [ns].
-    sway : Sway
-        How the body sways.
     on_line : tuple of three float
         Which point of the body moves straight on, in its own frame [m].
     ground : Terrain or None

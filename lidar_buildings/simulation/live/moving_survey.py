@@ -74,8 +74,6 @@ class MovingSurvey:
 
     Attributes
     ----------
-    scene : VirtualScene
-        What is measured.
     mounting : str
         As `scan_assembler.mounting` takes it: lever arm and boresight.
     legs : tuple of Leg
