@@ -45,27 +45,16 @@ _REPEATS = 3
 
 
 class _WayFigures(NamedTuple):
-    """
-    What a way of running costs beside its tiles.
+    """What a way of running costs beside its tiles."""
 
-    Attributes
-    ----------
-    start, worker_start : float
-        Processor time until it works, and of each worker until that does [s].
-    factor : float
-        Of the time of the work.
-    memory, worker_memory : float
-        Of the command, and of each worker [bytes].
-    memory_factor : float
-        Of the memory of points.
-    """
-
+    #: Processor time until it works, and of each worker until that does [s].
     start: float
     worker_start: float
-    factor: float
+    factor: float  #: of the time of the work
+    #: Of the command, and of each worker [bytes].
     memory: float
     worker_memory: float
-    memory_factor: float
+    memory_factor: float  #: of the memory of points
 
 
 class Way(Enum):
@@ -79,23 +68,15 @@ class Way(Enum):
 
 @dataclass(frozen=True)
 class Cost:
-    """
-    What a run is expected to take.
+    """What a run is expected to take."""
 
-    Attributes
-    ----------
-    wall, processor : float
-        Time with nothing else on the machine, and that of all processes [s].
-    memory, worker_memory : float
-        The most at a time of all processes, and of one worker [bytes].
-    temporary, outputs : float
-        Files that are there for a while, and results [bytes].
-    """
-
+    #: Time with nothing else on the machine, and that of all processes [s].
     wall: float
     processor: float
+    #: The most at a time of all processes, and of one worker [bytes].
     memory: float
     worker_memory: float
+    #: Files that are there for a while, and results [bytes].
     temporary: float
     outputs: float
 

@@ -18,40 +18,20 @@ if TYPE_CHECKING:
 
 
 class Usage(NamedTuple):
-    """
-    What the processes of a run took together.
+    """What the processes of a run took together."""
 
-    Attributes
-    ----------
-    processor : float
-        Processor time [s].
-    memory : int
-        The most at a time [bytes].
-    """
-
-    processor: float
-    memory: int
+    processor: float  #: processor time [s]
+    memory: int  #: the most at a time [bytes]
 
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """
-    What a run gave.
-
-    Attributes
-    ----------
-    failed : mapping
-        Stamp of each tile that was given up → why.
-    recording : Recording or None
-        The bag that was wanted beside the files.
-    usage : Usage or None
-        What it took, None where that is not known.
-    """
+    """What a run gave."""
 
     summary: RunSummary
-    failed: Mapping[int, str]
-    recording: Recording | None = None
-    usage: Usage | None = None
+    failed: Mapping[int, str]  #: stamp of each tile that was given up → why
+    recording: Recording | None = None  #: the bag that was wanted beside the files
+    usage: Usage | None = None  #: what it took, None where that is not known
 
 
 class TilesDone(NamedTuple):

@@ -58,15 +58,9 @@ def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class EarlierBuildings:
-    """
-    Buildings of an earlier result, near a place.
+    """Buildings of an earlier result, near a place."""
 
-    Attributes
-    ----------
-    number, anchor, polygon : list
-        Id, the position that it is made from, and outline of each, in the map frame [m].
-    """
-
+    #: Id, the position that it is made from, and outline of each, in the map frame [m].
     number: list[int]
     anchor: list[tuple[float, float]]
     polygon: list[shapely.Polygon]

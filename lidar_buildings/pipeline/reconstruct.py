@@ -91,32 +91,18 @@ def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:
 
 @dataclass(frozen=True, eq=False)
 class TileResult:
-    """
-    All that the chain made of one tile; members of stages that were not run are None or empty.
+    """All that the chain made of one tile; members of stages that were not run are None or empty."""
 
-    Attributes
-    ----------
-    classified : PointTile
-        Every point of the tile with its class and height above ground.
-    roofs : PointTile or None
-        The points of class 6 with edge labels, building and plane ids as far as the chain went.
-    traced, outlines : tuple of BuildingOutline
-        Before and after regularisation, by rising building id.
-    models : tuple of TileModel
-        One per outline.
-    clipped : Sides
-        On which sides a building of this tile reaches beyond it; the chain then ends after tracing.
-    seconds : dict
-        Stage name → seconds it took.
-    """
-
-    classified: PointTile
+    classified: PointTile  #: every point of the tile with its class and height above ground
+    #: The points of class 6 with edge labels, building and plane ids as far as the chain went.
     roofs: PointTile | None = None
+    #: Before and after regularisation, by rising building id.
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
-    models: tuple[TileModel, ...] = ()
+    models: tuple[TileModel, ...] = ()  #: one per outline
+    #: On which sides a building of this tile reaches beyond it; the chain then ends after tracing.
     clipped: Sides = NONE
-    seconds: dict[str, float] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)  #: stage name → seconds it took
 
 
 def reconstruct_tile(

@@ -26,18 +26,10 @@ _LARGE = 65_536
 
 
 class Parcel(NamedTuple):
-    """
-    Something that is packed.
+    """Something that is packed."""
 
-    Attributes
-    ----------
-    pickled : bytes
-        All but its large arrays.
-    large : sequence of buffers
-        These, in the pickle's order; not copied, so nothing may write to them meanwhile.
-    """
-
-    pickled: bytes
+    pickled: bytes  #: all but its large arrays
+    #: These, in the pickle's order; not copied, so nothing may write to them meanwhile.
     large: Sequence[Any] = ()
 
 

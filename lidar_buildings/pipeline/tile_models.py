@@ -32,25 +32,12 @@ _NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
 
 @dataclass(frozen=True, eq=False)
 class TileModel:
-    """
-    One building's model with everything that files say about it.
+    """One building's model with everything that files say about it."""
 
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    anchor : tuple of two float
-        The anchor point's x and y in the map frame [m].
-    model : BuildingModel
-        Solids and roof faces.
-    attributes : dict
-        The attributes of DESIGN.md section 3, by name.
-    """
-
-    building_id: int
-    anchor: tuple[float, float]
-    model: BuildingModel
-    attributes: dict[str, Any]
+    building_id: int  #: see `lidar_buildings.core.model.ids`
+    anchor: tuple[float, float]  #: the anchor point's x and y in the map frame [m]
+    model: BuildingModel  #: solids and roof faces
+    attributes: dict[str, Any]  #: the attributes of DESIGN.md section 3, by name
 
 
 def build_models(

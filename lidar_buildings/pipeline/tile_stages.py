@@ -39,38 +39,21 @@ _MARKER_SIZE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class LabelledTile:
-    """
-    A tile's roof points after edge labelling.
+    """A tile's roof points after edge labelling."""
 
-    Attributes
-    ----------
-    tile : PointTile
-        With `edge` and the features.
-    n_roofs : dict
-        Status of the clusters → how many roofs, or how many tiles where the tile is clustered as one.
-    """
-
-    tile: PointTile
+    tile: PointTile  #: with `edge` and the features
+    #: Status of the clusters → how many roofs, or how many tiles where the tile is clustered as one.
     n_roofs: dict[str, int]
 
 
 @dataclass(frozen=True, eq=False)
 class TracedTile:
-    """
-    A tile's buildings after segmentation and tracing.
+    """A tile's buildings after segmentation and tracing."""
 
-    Attributes
-    ----------
-    tile : PointTile
-        The roof points with `building_id`; 0 for those of no building and of the neighbours' buildings.
-    outlines : tuple of BuildingOutline
-        One per building of this tile, by rising id.
-    clipped : Sides
-        On which sides one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
-    """
-
+    #: The roof points with `building_id`; 0 for those of no building and of the neighbours' buildings.
     tile: PointTile
-    outlines: tuple[BuildingOutline, ...]
+    outlines: tuple[BuildingOutline, ...]  #: one per building of this tile, by rising id
+    #: On which sides one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
     clipped: Sides
 
 

@@ -27,30 +27,18 @@ _MARGIN = 30.0
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """
-    What a page shows.
-
-    Attributes
-    ----------
-    buildings : list of ReportedBuilding
-        Those that can be clicked, by row.
-    others : list of ReportedBuilding
-        Those that are dots on the map.
-    terrain, overview : Relief or None
-        Of what is shown and, where that is not all, of all.
-    focus : int or None
-        Row of the building that the page opens with.
-    """
+    """What a page shows."""
 
     result: Result
-    buildings: list[ReportedBuilding]
-    others: list[ReportedBuilding]
+    buildings: list[ReportedBuilding]  #: those that can be clicked, by row
+    others: list[ReportedBuilding]  #: those that are dots on the map
     models: ModelArrays
     points: ShownPoints
+    #: Of what is shown and, where that is not all, of all.
     terrain: Relief | None
     overview: Relief | None
-    worst: list[Worst]
-    focus: int | None = None
+    worst: list[Worst]  #: to be looked at first
+    focus: int | None = None  #: row of the building that the page opens with
 
 
 def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Share = map) -> Contents:

@@ -22,31 +22,17 @@ _BATCH = 400_000
 
 
 class ModelArrays(NamedTuple):
-    """
-    Solids one after the other.
+    """Solids one after the other."""
 
-    Attributes
-    ----------
-    vertices : ndarray of int32, shape (n_vertices, 3)
-        Each building's once, for all its levels [mm].
-    triangles : ndarray of uint32, shape (n_triangles, 3)
-        Rows of the vertices, counter-clockwise from outside.
-    faces : ndarray of uint16, shape (n_triangles,)
-        Number of the solid's face that a triangle is of.
-    kinds : ndarray of uint8, shape (n_triangles,)
-        Values of `KINDS`.
-    solids : ndarray of int32, shape (n_solids, 4)
-        The building's row, the level of detail times ten, its first triangle, and how many it has.
-    n_left_out : int
-        Buildings beyond the budget.
-    """
-
-    vertices: NDArray[np.int32]
+    vertices: NDArray[np.int32]  #: each building's once, for all its levels [mm], shape (n_vertices, 3)
+    #: Rows of the vertices, counter-clockwise from outside, shape (n_triangles, 3).
     triangles: NDArray[np.uint32]
-    faces: NDArray[np.uint16]
-    kinds: NDArray[np.uint8]
+    faces: NDArray[np.uint16]  #: number of the solid's face that a triangle is of, shape (n_triangles,)
+    kinds: NDArray[np.uint8]  #: values of `KINDS`, shape (n_triangles,)
+    #: The building's row, the level of detail times ten, its first triangle, and how many it has, shape
+    #: (n_solids, 4).
     solids: NDArray[np.int32]
-    n_left_out: int
+    n_left_out: int  #: buildings beyond the budget
 
 
 class _Solid(NamedTuple):

@@ -23,27 +23,17 @@ _STEPS = 65_000
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """
-    Elevations, row by row from north to south.
+    """Elevations, row by row from north to south."""
 
-    Attributes
-    ----------
-    steps : ndarray of int16, shape (n_rows, n_columns)
-        Elevations are `middle` + `steps` × `step`; `UNKNOWN` where there are none.
-    middle, step : float
-        Map frame [m].
-    west, north : float
-        Outer corner of the first cell, map frame [m].
-    cell : tuple of two float
-        Width and height of a cell [m].
-    """
-
+    #: Elevations are `middle` + `steps` × `step`; `UNKNOWN` where there are none. Shape (n_rows, n_columns).
     steps: NDArray[np.int16]
+    #: Map frame [m].
     middle: float
     step: float
+    #: Outer corner of the first cell, map frame [m].
     west: float
     north: float
-    cell: tuple[float, float]
+    cell: tuple[float, float]  #: width and height of a cell [m]
 
 
 def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -> Relief:

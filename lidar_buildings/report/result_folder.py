@@ -32,21 +32,12 @@ _TERRAIN = "terrain-"
 
 @dataclass(frozen=True, eq=False)
 class ReportedBuilding:
-    """
-    A building of a result.
+    """A building of a result."""
 
-    Attributes
-    ----------
-    name : str
-        Its readable id.
-    attributes : dict
-        As the files have them, in the source's units; None where a value is missing.
-    outline, traced : shapely.Polygon or None
-        After and before regularisation, map frame [m]; None where the result has no such layer.
-    """
-
-    name: str
+    name: str  #: its readable id
+    #: As the files have them, in the source's units; None where a value is missing.
     attributes: dict[str, Any]
+    #: After and before regularisation, map frame [m]; None where the result has no such layer.
     outline: shapely.Polygon | None = None
     traced: shapely.Polygon | None = None
 
@@ -68,20 +59,11 @@ class ReportedBuilding:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """
-    What a folder holds.
-
-    Attributes
-    ----------
-    run : dict
-        The content of ``run.json``.
-    frame : MapFrame
-        Of all coordinates here.
-    """
+    """What a folder holds."""
 
     folder: Path
-    run: dict[str, Any]
-    frame: MapFrame
+    run: dict[str, Any]  #: the content of ``run.json``
+    frame: MapFrame  #: of all coordinates here
 
     @cached_property
     def buildings(self) -> list[ReportedBuilding]:

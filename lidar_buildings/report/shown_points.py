@@ -36,38 +36,20 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ShownPoints:
-    """
-    Points without noise, in whole steps from a corner, sorted by building.
+    """Points without noise, in whole steps from a corner, sorted by building."""
 
-    Attributes
-    ----------
-    steps : ndarray of uint16, shape (n_points, 3)
-        Coordinates are `corner` + `steps` × `step`.
-    corner, step : ndarray of shape (3,)
-        Map frame [m].
-    classes : ndarray of uint8, shape (n_points,)
-        ASPRS class, with `FACADE` added for walls.
-    building : ndarray of uint16, shape (n_points,)
-        One more than the building's row, 0 for none of those that are shown.
-    plane : ndarray of uint8, shape (n_points,)
-        The plane within its building, 0 for none, counted on from 1 after 255.
-    edge : ndarray of bool, shape (n_points,)
-        Whether the point lies on an edge of a roof.
-    intensity : ndarray of uint16, shape (n_points,)
-        The source's, 0 where it has none.
-    height : ndarray of float32, shape (n_points,)
-        Above ground [m], 0 where it is not known.
-    """
-
-    steps: NDArray[np.uint16]
+    steps: NDArray[np.uint16]  #: coordinates are `corner` + `steps` × `step`, shape (n_points, 3)
+    #: Map frame [m], shape (3,).
     corner: NDArray[np.float64]
     step: NDArray[np.float64]
-    classes: NDArray[np.uint8]
+    classes: NDArray[np.uint8]  #: ASPRS class, with `FACADE` added for walls, shape (n_points,)
+    #: One more than the building's row, 0 for none of those that are shown, shape (n_points,).
     building: NDArray[np.uint16]
+    #: The plane within its building, 0 for none, counted on from 1 after 255, shape (n_points,).
     plane: NDArray[np.uint8]
-    edge: NDArray[np.bool_]
-    intensity: NDArray[np.uint16]
-    height: NDArray[np.float32]
+    edge: NDArray[np.bool_]  #: whether the point lies on an edge of a roof, shape (n_points,)
+    intensity: NDArray[np.uint16]  #: the source's, 0 where it has none, shape (n_points,)
+    height: NDArray[np.float32]  #: above ground [m], 0 where it is not known, shape (n_points,)
 
 
 def read_shown_points(

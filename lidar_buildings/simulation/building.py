@@ -17,19 +17,11 @@ GRID = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class RoofFace:
-    """
-    One plane piece of roof: z = a·x + b·y + c over a polygon.
+    """One plane piece of roof: z = a·x + b·y + c over a polygon."""
 
-    Attributes
-    ----------
-    rings : tuple of ndarray of shape (n_vertices, 2)
-        Outer ring counter-clockwise, then holes clockwise; open [m].
-    plane : tuple of three float
-        a, b [m/m] and c [m].
-    """
-
+    #: Outer ring counter-clockwise, then holes clockwise; open [m]. Shape (n_vertices, 2).
     rings: tuple[NDArray[np.float64], ...]
-    plane: tuple[float, float, float]
+    plane: tuple[float, float, float]  #: a, b [m/m] and c [m]
 
     @cached_property
     def polygon(self) -> shapely.Polygon:
@@ -55,28 +47,14 @@ class RoofFace:
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """
-    A building whose walls stand under the rim of its roof.
+    """A building whose walls stand under the rim of its roof."""
 
-    Attributes
-    ----------
-    roof_type : str
-        ``"gable"``, ``"hip"``, … as the functions of `lidar_buildings.simulation.roof_shapes` are called.
-    faces : tuple of RoofFace
-        They partition the outline. Face i has plane id i + 1.
-    outline : Outline
-        The roofprint, without vertices in the middle of straight edges [m].
-    ground_elevation : float
-        Elevation of the foot of the walls [m].
-    number : int
-        From 1 within a scene.
-    """
-
+    #: ``"gable"``, ``"hip"``, … as the functions of `lidar_buildings.simulation.roof_shapes` are called.
     roof_type: str
-    faces: tuple[RoofFace, ...]
-    outline: Outline
-    ground_elevation: float = 0.0
-    number: int = 1
+    faces: tuple[RoofFace, ...]  #: they partition the outline; face i has plane id i + 1
+    outline: Outline  #: the roofprint, without vertices in the middle of straight edges [m]
+    ground_elevation: float = 0.0  #: elevation of the foot of the walls [m]
+    number: int = 1  #: from 1 within a scene
 
     @cached_property
     def polygon(self) -> shapely.Polygon:

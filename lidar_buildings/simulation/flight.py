@@ -23,33 +23,15 @@ RUN_IN = 5.0
 
 @dataclass(frozen=True)
 class Strip:
-    """
-    One straight flight.
+    """One straight flight."""
 
-    Attributes
-    ----------
-    number : int
-        The point source id, from 1.
-    start : tuple of three float
-        Position of the first pulse [m].
-    heading : tuple of two float
-        Unit vector of flight.
-    speed : float
-        [m/s].
-    start_time : float
-        Adjusted standard GPS time [s].
-    pulse_rate : float
-        [1/s].
-    n_lines, pulses_per_line : int
-        Scan lines and pulses in each.
-    """
-
-    number: int
-    start: tuple[float, float, float]
-    heading: tuple[float, float]
-    speed: float
-    start_time: float
-    pulse_rate: float
+    number: int  #: the point source id, from 1
+    start: tuple[float, float, float]  #: position of the first pulse [m]
+    heading: tuple[float, float]  #: unit vector of flight
+    speed: float  #: [m/s]
+    start_time: float  #: adjusted standard GPS time [s]
+    pulse_rate: float  #: [1/s]
+    #: Scan lines and pulses in each.
     n_lines: int
     pulses_per_line: int
 

@@ -22,43 +22,24 @@ DEFAULTS = SimulationConfig()
 
 @dataclass(frozen=True, eq=False)
 class StripPoints:
-    """
-    The points of one strip in the order of measurement, one row each.
+    """The points of one strip in the order of measurement, one row each."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        Map frame [m].
-    gps_time : ndarray of float64
-        Adjusted standard GPS time [s].
-    scan_angle : ndarray of float32
-        Positive to the right of the flight [deg].
-    intensity, point_source_id : ndarray of uint16
-        Brightness by material; number of the strip.
-    return_number, number_of_returns : ndarray of uint8
-        From 1.
-    scan_direction, edge_of_flight_line : ndarray of uint8
-        1 = from left to right; 1 = last pulse of its scan line.
-    true_class : ndarray of uint8
-        ASPRS class. Façades are building, roads ground, cars and free walls unclassified.
-    true_building : ndarray of uint32
-        Number of the building, 0 = none.
-    true_plane : ndarray of uint16
-        Roof face of the building from 1; 0 = none, façades too.
-    """
-
-    points: NDArray[np.float64]
-    gps_time: NDArray[np.float64]
-    scan_angle: NDArray[np.float32]
+    points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
+    gps_time: NDArray[np.float64]  #: adjusted standard GPS time [s]
+    scan_angle: NDArray[np.float32]  #: positive to the right of the flight [deg]
+    #: Brightness by material; number of the strip.
     intensity: NDArray[np.uint16]
     point_source_id: NDArray[np.uint16]
+    #: From 1.
     return_number: NDArray[np.uint8]
     number_of_returns: NDArray[np.uint8]
+    #: 1 = from left to right; 1 = last pulse of its scan line.
     scan_direction: NDArray[np.uint8]
     edge_of_flight_line: NDArray[np.uint8]
+    #: ASPRS class. Façades are building, roads ground, cars and free walls unclassified.
     true_class: NDArray[np.uint8]
-    true_building: NDArray[np.uint32]
-    true_plane: NDArray[np.uint16]
+    true_building: NDArray[np.uint32]  #: number of the building, 0 = none
+    true_plane: NDArray[np.uint16]  #: roof face of the building from 1; 0 = none, façades too
 
 
 def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS) -> Iterator[StripPoints]:

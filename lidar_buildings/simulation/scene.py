@@ -18,70 +18,39 @@ FRAME = MapFrame("EPSG:25832", (565_000.0, 5_930_000.0, 0.0))
 
 @dataclass(frozen=True)
 class Tree:
-    """
-    A tree whose crown is an ellipsoid; its trunk is never hit.
+    """A tree whose crown is an ellipsoid; its trunk is never hit."""
 
-    Attributes
-    ----------
-    x, y : float
-        Position [m].
-    crown_elevation : float
-        Elevation of the crown's middle [m].
-    crown_radius, crown_half_height : float
-        Semi-axes of the crown [m].
-    """
-
+    #: Position [m].
     x: float
     y: float
-    crown_elevation: float
+    crown_elevation: float  #: elevation of the crown's middle [m]
+    #: Semi-axes of the crown [m].
     crown_radius: float
     crown_half_height: float
 
 
 @dataclass(frozen=True)
 class Road:
-    """
-    A straight road on the terrain.
+    """A straight road on the terrain."""
 
-    Attributes
-    ----------
-    start, end : tuple of two float
-        Ends of its axis [m].
-    width : float
-        [m].
-    """
-
+    #: Ends of its axis [m].
     start: tuple[float, float]
     end: tuple[float, float]
-    width: float = 6.0
+    width: float = 6.0  #: [m]
 
 
 @dataclass(frozen=True, eq=False)
 class VirtualScene:
-    """
-    A rectangle from the origin of the map frame, and what stands on it.
-
-    Attributes
-    ----------
-    size : tuple of two float
-        Extent along x and y [m].
-    buildings : tuple of Building
-        Numbered from 1.
-    obstacles : tuple of Building
-        Cars and free-standing walls, numbered 0: neither ground nor building.
-    trees : tuple of Tree
-        Vegetation.
-    roads : tuple of Road
-        Ground of another brightness.
-    """
+    """A rectangle from the origin of the map frame, and what stands on it."""
 
     name: str
-    size: tuple[float, float]
+    size: tuple[float, float]  #: extent along x and y [m]
     terrain: Terrain
-    buildings: tuple[Building, ...] = ()
+    buildings: tuple[Building, ...] = ()  #: numbered from 1
+    #: Cars and free-standing walls, numbered 0: neither ground nor building.
     obstacles: tuple[Building, ...] = ()
     trees: tuple[Tree, ...] = ()
-    roads: tuple[Road, ...] = ()
+    roads: tuple[Road, ...] = ()  #: ground of another brightness
     frame: MapFrame = FRAME
 
     def blocks(self) -> NDArray[np.int64]:

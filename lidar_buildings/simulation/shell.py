@@ -17,42 +17,25 @@ SAME_ELEVATION = 1e-6
 
 @dataclass(frozen=True)
 class Wall:
-    """
-    A vertical piece of wall over the edge from `start` to `end`; outside is to the right of it.
+    """A vertical piece of wall over the edge from `start` to `end`; outside is to the right of it."""
 
-    Attributes
-    ----------
-    start, end : tuple of two float
-        Feet of the two verticals [m].
-    bottom, top : tuple of two float
-        Elevations at the start and at the end [m].
-    outer : bool
-        Whether it stands on the ground; else on a lower roof.
-    """
-
+    #: Feet of the two verticals [m].
     start: tuple[float, float]
     end: tuple[float, float]
+    #: Elevations at the start and at the end [m].
     bottom: tuple[float, float]
     top: tuple[float, float]
-    outer: bool
+    outer: bool  #: whether it stands on the ground; else on a lower roof
 
 
 @dataclass(frozen=True)
 class Shell:
-    """
-    Surfaces of a solid: neighbours share their vertices, seen from outside they are counter-clockwise.
+    """Surfaces of a solid: neighbours share their vertices, seen from outside they are counter-clockwise."""
 
-    Attributes
-    ----------
-    roofs, walls : tuple of surfaces
-        Each surface is a tuple of rings (outer ring, then holes) of shape (n, 3) [m].
-    floor : surface
-        At the foot of the walls.
-    """
-
+    #: Each surface is a tuple of rings (outer ring, then holes) of shape (n, 3) [m].
     roofs: tuple[tuple[NDArray[np.float64], ...], ...]
     walls: tuple[tuple[NDArray[np.float64], ...], ...]
-    floor: tuple[NDArray[np.float64], ...]
+    floor: tuple[NDArray[np.float64], ...]  #: at the foot of the walls
 
     @property
     def surfaces(self) -> tuple[tuple[NDArray[np.float64], ...], ...]:

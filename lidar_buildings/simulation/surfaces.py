@@ -35,30 +35,20 @@ ROAD = np.dtype([*EDGE.descr, ("half_width", "f8")])
 
 
 class Surfaces(NamedTuple):
-    """
-    Everything that a beam can hit.
+    """Everything that a beam can hit."""
 
-    Attributes
-    ----------
-    terrain : ndarray of float64
-        As `Terrain.coefficients` gives it.
-    faces, edges, walls, crowns, roads : structured ndarrays
-        Their fields are described at `FACE`, `EDGE`, `WALL`, `CROWN` and `ROAD`; building 0 is an obstacle.
-    columns, rows : int
-        Size of the grid.
-    cell_start, cell_items : ndarray of int64
-        The faces (walls, …) that beams to cell i may hit are the rows
-        ``cell_items[cell_start[FACES, i]:cell_start[FACES, i + 1]]``.
-    """
-
-    terrain: NDArray[np.float64]
+    terrain: NDArray[np.float64]  #: as `Terrain.coefficients` gives it
+    #: Their fields are described at `FACE`, `EDGE`, `WALL`, `CROWN` and `ROAD`; building 0 is an obstacle.
     faces: NDArray[Any]
     edges: NDArray[Any]
     walls: NDArray[Any]
     crowns: NDArray[Any]
     roads: NDArray[Any]
+    #: Size of the grid.
     columns: int
     rows: int
+    #: The faces (walls, …) that beams to cell i may hit are the rows
+    #: ``cell_items[cell_start[FACES, i]:cell_start[FACES, i + 1]]``.
     cell_start: NDArray[np.int64]
     cell_items: NDArray[np.int64]
 

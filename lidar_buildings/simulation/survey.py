@@ -30,47 +30,23 @@ STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "tr
 
 @dataclass(frozen=True)
 class SurveySummary:
-    """
-    What a virtual survey gave.
+    """What a virtual survey gave."""
 
-    Attributes
-    ----------
-    files : tuple of Path
-        The strips' LAZ files.
-    truth_files : tuple of Path
-        GeoPackage and CityJSONSeq.
-    seconds : float
-        Wall time [s].
-    """
-
-    files: tuple[Path, ...]
-    truth_files: tuple[Path, ...]
+    files: tuple[Path, ...]  #: the strips' LAZ files
+    truth_files: tuple[Path, ...]  #: GeoPackage and CityJSONSeq
     n_points: int
     n_buildings: int
-    seconds: float
+    seconds: float  #: wall time [s]
 
 
 @dataclass(frozen=True, eq=False)
 class TileTruth:
-    """
-    What is true of a tile's points, row by row.
+    """What is true of a tile's points, row by row."""
 
-    Attributes
-    ----------
-    scene : VirtualScene
-        What was measured; `scene.buildings` in map coordinates.
-    classification : ndarray of uint8
-        ASPRS classes.
-    building : ndarray of uint32
-        Number of the building, 0 = none.
-    plane : ndarray of uint16
-        Roof face from 1; 0 = none, façades too.
-    """
-
-    scene: VirtualScene
-    classification: NDArray[np.uint8]
-    building: NDArray[np.uint32]
-    plane: NDArray[np.uint16]
+    scene: VirtualScene  #: what was measured; `scene.buildings` in map coordinates
+    classification: NDArray[np.uint8]  #: ASPRS classes
+    building: NDArray[np.uint32]  #: number of the building, 0 = none
+    plane: NDArray[np.uint16]  #: roof face from 1; 0 = none, façades too
 
     @property
     def buildings(self) -> tuple[Building, ...]:

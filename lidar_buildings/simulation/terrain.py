@@ -12,43 +12,22 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 
 @dataclass(frozen=True)
 class Wave:
-    """
-    One sine wave of the terrain.
+    """One sine wave of the terrain."""
 
-    Attributes
-    ----------
-    amplitude, wavelength : float
-        [m].
-    direction_deg : float
-        Direction in which it runs, counter-clockwise from x.
-    phase : float
-        [rad].
-    """
-
+    #: [m].
     amplitude: float
     wavelength: float
-    direction_deg: float = 0.0
-    phase: float = 0.0
+    direction_deg: float = 0.0  #: direction in which it runs, counter-clockwise from x
+    phase: float = 0.0  #: [rad]
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """
-    Ground whose elevation is known everywhere.
+    """Ground whose elevation is known everywhere."""
 
-    Attributes
-    ----------
-    elevation : float
-        At the origin, without the waves [m].
-    slope : tuple of two float
-        Rise per metre along x and y.
-    waves : tuple of Wave
-        What is added to the slope.
-    """
-
-    elevation: float = 0.0
-    slope: tuple[float, float] = (0.0, 0.0)
-    waves: tuple[Wave, ...] = ()
+    elevation: float = 0.0  #: at the origin, without the waves [m]
+    slope: tuple[float, float] = (0.0, 0.0)  #: rise per metre along x and y
+    waves: tuple[Wave, ...] = ()  #: what is added to the slope
 
     def coefficients(self) -> NDArray[np.float64]:
         """Return (elevation, slope x, slope y, 0), then amplitude, wave numbers x and y, phase per wave."""

@@ -23,36 +23,21 @@ UNCHANGED, NOT_SEEN = "unchanged", "not seen"
 
 
 class Change(NamedTuple):
-    """
-    What has changed of a building.
+    """What has changed of a building."""
 
-    Attributes
-    ----------
-    change : str
-        ``"new"``, ``"gone"``, ``"raised"``, ``"lowered"``, ``"extended"``, ``"reduced"``, ``"roof changed"``.
-    old, new : int
-        Row of the building in either survey, −1 where it is in none.
-    area : float
-        Of what has changed [m²].
-    height : float
-        Median change of elevation; for what was built or removed, the height of the roof above ground [m].
-    sigma : float
-        Standard deviation of `height` by the scatter of what has not changed [m].
-    share, seen : float
-        Of the building's cells that have changed, and that both surveys tell of.
-    place : shapely geometry
-        Where: the outline, or the cells of a part [m].
-    """
-
+    #: ``"new"``, ``"gone"``, ``"raised"``, ``"lowered"``, ``"extended"``, ``"reduced"``, ``"roof changed"``.
     change: str
+    #: Row of the building in either survey, −1 where it is in none.
     old: int
     new: int
-    area: float
+    area: float  #: of what has changed [m²]
+    #: Median change of elevation; for what was built or removed, the height of the roof above ground [m].
     height: float
-    sigma: float
+    sigma: float  #: standard deviation of `height` by the scatter of what has not changed [m]
+    #: Of the building's cells that have changed, and that both surveys tell of.
     share: float
     seen: float
-    place: Any
+    place: Any  #: where: the outline, or the cells of a part [m]
 
 
 def judge_buildings(

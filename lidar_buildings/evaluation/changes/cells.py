@@ -26,46 +26,25 @@ _AROUND, _BLOCK = np.ones((3, 3), dtype=bool), np.ones((2, 2), dtype=bool)
 
 
 class Limits(NamedTuple):
-    """
-    From when on a difference is a change.
+    """From when on a difference is a change."""
 
-    Attributes
-    ----------
-    height : float
-        Of a roof's elevation [m].
-    area : float
-        Of a part of a roof [m²].
-    storey : float
-        Of a roof above ground that was free before [m].
-    shift : float
-        By how much a roof may lie elsewhere, as outlines and cells are known no better [m].
-    """
-
-    height: float
-    area: float
-    storey: float
-    shift: float
+    height: float  #: of a roof's elevation [m]
+    area: float  #: of a part of a roof [m²]
+    storey: float  #: of a roof above ground that was free before [m]
+    shift: float  #: by how much a roof may lie elsewhere, as outlines and cells are known no better [m]
 
 
 @dataclass(frozen=True, eq=False)
 class CellChanges:
-    """
-    What became of each cell of a plan.
-
-    Attributes
-    ----------
-    state : ndarray of int8, shape (n_cells,)
-        `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`, in the order of the plan's numbers.
-    height : ndarray of shape (n_cells,)
-        By how much the roof is higher, or rises above what was free [m].
-    least : float
-        Area of the least part that is a change [m²].
-    """
+    """What became of each cell of a plan."""
 
     plan: CellPlan
+    #: `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`, in the order of the plan's numbers, shape
+    #: (n_cells,).
     state: NDArray[np.int8]
+    #: By how much the roof is higher, or rises above what was free [m], shape (n_cells,).
     height: NDArray[np.float64]
-    least: float
+    least: float  #: area of the least part that is a change [m²]
 
     def within(self, polygon: Any) -> tuple[NDArray[np.float64], NDArray[np.int8], NDArray[np.float64]]:
         """Return the cells whose middles lie in a polygon: these [m], states, heights."""

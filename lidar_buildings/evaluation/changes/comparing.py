@@ -37,22 +37,12 @@ _ID = "building_id"
 
 @dataclass(frozen=True)
 class ChangeConfig:
-    """
-    From when on a difference is a change.
+    """From when on a difference is a change."""
 
-    Attributes
-    ----------
-    min_height : float
-        Of a roof's elevation [m]; raising it passes over chimneys, solar panels and rough roofs.
-    min_area : float
-        Of a part of a roof [m²]; raising it passes over dormers.
-    min_storey : float
-        Height above ground from which a roof is a building [m].
-    """
-
+    #: Of a roof's elevation [m]; raising it passes over chimneys, solar panels and rough roofs.
     min_height: float = 0.5
-    min_area: float = 4.0
-    min_storey: float = 1.5
+    min_area: float = 4.0  #: of a part of a roof [m²]; raising it passes over dormers
+    min_storey: float = 1.5  #: height above ground from which a roof is a building [m]
 
     def __post_init__(self) -> None:
         for name in ("min_height", "min_area", "min_storey"):
@@ -63,28 +53,17 @@ class ChangeConfig:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """
-    What has changed.
+    """What has changed."""
 
-    Attributes
-    ----------
-    old, new : MetricPolygons
-        The outlines of both results.
-    words : tuple of list of str
-        What became of each building of either result.
-    offset, scatter : float
-        By how much the new survey lies above the old one, and the scatter of what has not changed [m].
-    cell : float
-        Side of the cells [m].
-    """
-
+    #: The outlines of both results.
     old: MetricPolygons
     new: MetricPolygons
-    changes: list[Change]
-    words: tuple[list[str], list[str]]
+    changes: list[Change]  #: what has changed of which building
+    words: tuple[list[str], list[str]]  #: what became of each building of either result
+    #: By how much the new survey lies above the old one, and the scatter of what has not changed [m].
     offset: float
     scatter: float
-    cell: float
+    cell: float  #: side of the cells [m]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row per change: what, of which buildings, how large, how sure."""

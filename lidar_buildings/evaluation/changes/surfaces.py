@@ -20,25 +20,12 @@ _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 
 
 class CellBlock(NamedTuple):
-    """
-    A rectangle of a plan's cells with a margin, as a raster.
+    """A rectangle of a plan's cells with a margin, as a raster."""
 
-    Attributes
-    ----------
-    cells : ndarray of int64
-        Which of the plan's cells lie in it.
-    places : tuple of ndarray of int64
-        Row and column of each in the raster.
-    shape : tuple of two int
-        Of the raster.
-    is_own : ndarray of bool
-        Which of the cells lie in the rectangle, not in the margin.
-    """
-
-    cells: NDArray[np.int64]
-    places: tuple[NDArray[np.int64], NDArray[np.int64]]
-    shape: tuple[int, int]
-    is_own: NDArray[np.bool_]
+    cells: NDArray[np.int64]  #: which of the plan's cells lie in it
+    places: tuple[NDArray[np.int64], NDArray[np.int64]]  #: row and column of each in the raster
+    shape: tuple[int, int]  #: of the raster
+    is_own: NDArray[np.bool_]  #: which of the cells lie in the rectangle, not in the margin
 
     @property
     def own(self) -> NDArray[np.int64]:
@@ -48,25 +35,12 @@ class CellBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class CellPlan:
-    """
-    The cells that are looked at, the same for both surveys.
+    """The cells that are looked at, the same for both surveys."""
 
-    Attributes
-    ----------
-    size : float
-        Side of a cell [m].
-    low : tuple of two int
-        Column and row of the south-western cell, counted in cells from (0, 0).
-    shape : tuple of two int
-        Rows and columns.
-    numbers : ndarray of int64
-        The cells in or near an outline, rising: row by row from the south-west.
-    """
-
-    size: float
-    low: tuple[int, int]
-    shape: tuple[int, int]
-    numbers: NDArray[np.int64]
+    size: float  #: side of a cell [m]
+    low: tuple[int, int]  #: column and row of the south-western cell, counted in cells from (0, 0)
+    shape: tuple[int, int]  #: rows and columns
+    numbers: NDArray[np.int64]  #: the cells in or near an outline, rising: row by row from the south-west
 
     @classmethod
     def around(cls, polygons: NDArray[Any], size: float, margin: int) -> CellPlan:

@@ -34,42 +34,27 @@ class ScoreOptions:
     """
     The options of all kinds of score.
 
-    Attributes
-    ----------
-    area : MetricPolygons or None
-        The area of interest: only what lies inside counts.
-    cell : float
-        Side of the cells in which buildings are compared [m].
-    fill : float
-        How far an empty cell looks for its nearest point [spacings]; see `evaluation.scores.cells`.
-    reference_classes : collection of int or None
-        The reference's classes of ground (default 2) or of buildings and roofs (default 6).
-    merge_touching : bool
-        Whether outlines that share a wall are compared as one block; see `evaluation.scores.blocks`.
-    alpha : float or None
-        Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if None.
-    split_steps : bool
-        Whether a step in height parts one roof of the reference from another, and so is an edge.
-    corner_tolerance : float
-        How far a corner of an outline or of a roof may lie from the one that it stands for [m].
-    lod : str
-        The finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``.
-
     Raises
     ------
     ParameterError
         If a number is out of range or the level is unknown.
     """
 
-    area: MetricPolygons | None = None
-    cell: float = 0.5
+    area: MetricPolygons | None = None  #: the area of interest: only what lies inside counts
+    cell: float = 0.5  #: side of the cells in which buildings are compared [m]
+    #: How far an empty cell looks for its nearest point [spacings]; see `evaluation.scores.cells`.
     fill: float = 1.5
+    #: The reference's classes of ground (default 2) or of buildings and roofs (default 6).
     reference_classes: Collection[int] | None = None
+    #: Whether outlines that share a wall are compared as one block; see `evaluation.scores.blocks`.
     merge_touching: bool = False
+    #: Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if None.
     alpha: float | None = None
+    #: Whether a step in height parts one roof of the reference from another, and so is an edge.
     split_steps: bool = False
+    #: How far a corner of an outline or of a roof may lie from the one that it stands for [m].
     corner_tolerance: float = 1.0
-    lod: str = LODS[-1]
+    lod: str = LODS[-1]  #: the finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``
 
     def __post_init__(self) -> None:
         for name, (least, greatest) in _RANGES.items():

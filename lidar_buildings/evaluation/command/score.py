@@ -26,19 +26,10 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class Score:
-    """
-    What a comparison gave.
+    """What a comparison gave."""
 
-    Attributes
-    ----------
-    figures : dict
-        Name → number, unrounded; None for a share or mean of nothing.
-    table : str
-        The same for reading, one figure a line.
-    """
-
-    figures: dict[str, Any]
-    table: str
+    figures: dict[str, Any]  #: name → number, unrounded; None for a share or mean of nothing
+    table: str  #: the same for reading, one figure a line
 
 
 def run_score(

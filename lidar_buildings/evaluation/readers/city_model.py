@@ -31,20 +31,11 @@ _UPRIGHT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class CityBuilding:
-    """
-    One building as read.
-
-    Attributes
-    ----------
-    attributes : dict
-        As written, in the file's units.
-    solids : dict of str to tuple of Solid
-        Level of detail → the building's solids, one per part [m].
-    """
+    """One building as read."""
 
     name: str
-    attributes: dict[str, Any]
-    solids: dict[str, tuple[Solid, ...]]
+    attributes: dict[str, Any]  #: as written, in the file's units
+    solids: dict[str, tuple[Solid, ...]]  #: level of detail → the building's solids, one per part [m]
 
     def finest(self, lod: str) -> tuple[str, tuple[Solid, ...]]:
         """Return the finest level up to this one and its solids; an empty name where there is none."""
@@ -54,17 +45,10 @@ class CityBuilding:
 
 @dataclass(frozen=True, eq=False)
 class CityModel:
-    """
-    The buildings of a file or a folder.
-
-    Attributes
-    ----------
-    crs : str
-        ``"EPSG:28992"``, empty if the file does not say.
-    """
+    """The buildings of a file or a folder."""
 
     buildings: tuple[CityBuilding, ...]
-    crs: str
+    crs: str  #: ``"EPSG:28992"``, empty if the file does not say
 
 
 def holds_city_model(path: Path) -> bool:

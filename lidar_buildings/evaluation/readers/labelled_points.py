@@ -28,22 +28,12 @@ _SAME = "point by point only the same points in the same order can be compared"
 
 @dataclass(frozen=True, eq=False)
 class LabelledPoints:
-    """
-    Points and what one or two sources say they are.
+    """Points and what one or two sources say they are."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In the clouds' reference system, but in metres.
-    labels : tuple of ndarray of uint8, shape (n_points,)
-        ASPRS classes, 1 for edges, or 1 for façades; one array per source and kind.
-    crs : str
-        Name of the reference system, empty if the clouds do not say.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  #: in the clouds' reference system, but in metres, shape (n_points, 3)
+    #: ASPRS classes, 1 for edges, or 1 for façades; one array per source and kind. Shape (n_points,).
     labels: tuple[NDArray[np.uint8], ...]
-    crs: str
+    crs: str  #: name of the reference system, empty if the clouds do not say
 
 
 def has_clouds(path: Path) -> bool:

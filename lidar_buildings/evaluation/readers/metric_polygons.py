@@ -23,25 +23,14 @@ IN_BLOCKS = [f"{BLOCKS}/*/{name}" for name in ("outlines.fgb", "outlines.parquet
 
 @dataclass(frozen=True, eq=False)
 class MetricPolygons:
-    """
-    The polygons of a file, in plan.
+    """The polygons of a file, in plan."""
 
-    Attributes
-    ----------
-    polygons : ndarray of shapely.Polygon
-        In the file's reference system, but in metres.
-    crs : str
-        The horizontal reference system: ``"EPSG:28992"``, a WKT text where no code is known, or empty.
-    attributes : dict of str to ndarray
-        The layer's columns, one value per polygon, in the file's own units.
-    unit : float
-        Metres in the file's unit of length.
-    """
-
-    polygons: NDArray[Any]
+    polygons: NDArray[Any]  #: shapely.Polygon, in the file's reference system, but in metres
+    #: The horizontal reference system: ``"EPSG:28992"``, a WKT text where no code is known, or empty.
     crs: str
+    #: The layer's columns, one value per polygon, in the file's own units.
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)
-    unit: float = 1.0
+    unit: float = 1.0  #: metres in the file's unit of length
 
 
 def read_metric_polygons(path: Path) -> MetricPolygons:

@@ -29,29 +29,15 @@ _PER_BUILDING = 65536
 
 @dataclass(frozen=True, eq=False)
 class PlaneLabels:
-    """
-    Points of one file and the planes that a result and a reference give them.
+    """Points of one file and the planes that a result and a reference give them."""
 
-    Attributes
-    ----------
-    name : str
-        The result's file.
-    points : ndarray of shape (n_points, 3)
-        In the clouds' reference system, but in metres.
-    result, reference : ndarray of int64, shape (n_points,)
-        A number for each plane, 0 = none.
-    by_colour : bool
-        Whether the reference's numbers are colours, −1 for black.
-    crs : str
-        Name of the reference system, empty if the clouds do not say.
-    """
-
-    name: str
-    points: NDArray[np.float64]
+    name: str  #: the result's file
+    points: NDArray[np.float64]  #: in the clouds' reference system, but in metres, shape (n_points, 3)
+    #: A number for each plane, 0 = none, shape (n_points,).
     result: NDArray[np.int64]
     reference: NDArray[np.int64]
-    by_colour: bool
-    crs: str
+    by_colour: bool  #: whether the reference's numbers are colours, −1 for black
+    crs: str  #: name of the reference system, empty if the clouds do not say
 
 
 def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:

@@ -20,19 +20,12 @@ MIN_WALL = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """
-    Buildings merged where they share a wall.
+    """Buildings merged where they share a wall."""
 
-    Attributes
-    ----------
-    polygons : ndarray of shapely geometries, shape (n_blocks,)
-        In the order of each block's first building; a building that touches none is unchanged.
-    block : ndarray of int, shape (n_buildings,)
-        Row of the block that each building belongs to.
-    """
-
+    #: In the order of each block's first building; a building that touches none is unchanged;
+    #: shapely geometries, shape (n_blocks,).
     polygons: NDArray[Any]
-    block: NDArray[np.int64]
+    block: NDArray[np.int64]  #: row of the block that each building belongs to, shape (n_buildings,)
 
 
 def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Blocks:

@@ -189,30 +189,16 @@ def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
 
 @dataclass(frozen=True)
 class BuildingScore:
-    """
-    Agreement of building areas in cells; a share of nothing is NaN.
+    """Agreement of building areas in cells; a share of nothing is NaN."""
 
-    Attributes
-    ----------
-    cell : float
-        Side of a cell [m].
-    n_result_cells, n_reference_cells, n_common_cells : int
-        Building cells of the result, of the reference, and of both.
-    recall : float
-        Common / reference (completeness).
-    precision : float
-        Common / result (correctness).
-    iou : float
-        Common / either (quality).
-    """
-
-    cell: float
+    cell: float  #: side of a cell [m]
+    #: Building cells of the result, of the reference, and of both.
     n_result_cells: int
     n_reference_cells: int
     n_common_cells: int
-    recall: float
-    precision: float
-    iou: float
+    recall: float  #: common / reference (completeness)
+    precision: float  #: common / result (correctness)
+    iou: float  #: common / either (quality)
 
 
 def score_buildings(

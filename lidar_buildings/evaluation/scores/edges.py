@@ -21,27 +21,17 @@ PAPER_ALPHA, PAPER_DENSITY = 0.60, 5.0
 
 @dataclass(frozen=True)
 class EdgeScore:
-    """
-    Agreement of two labellings of roof points, edge or not; a share of nothing is NaN.
+    """Agreement of two labellings of roof points, edge or not; a share of nothing is NaN."""
 
-    Attributes
-    ----------
-    n_points : int
-        Points that count.
-    n_edges_reference, n_edges_result : int
-        Edge points among them.
-    edge_completeness, edge_correctness, edge_f_score : float
-        Edges in both / in the reference, / in the result, and the harmonic mean.
-    non_edge_completeness, non_edge_correctness, non_edge_f_score : float
-        The same of the points on no edge.
-    """
-
-    n_points: int
+    n_points: int  #: points that count
+    #: Edge points among them.
     n_edges_reference: int
     n_edges_result: int
+    #: Edges in both / in the reference, / in the result, and the harmonic mean.
     edge_completeness: float
     edge_correctness: float
     edge_f_score: float
+    #: The same of the points on no edge.
     non_edge_completeness: float
     non_edge_correctness: float
     non_edge_f_score: float

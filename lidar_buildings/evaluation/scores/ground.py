@@ -24,34 +24,19 @@ REFERENCE_GROUND = (int(PointClass.GROUND),)
 
 @dataclass(frozen=True)
 class GroundScore:
-    """
-    The errors as Sithole and Vosselman (2004) define them; a share of nothing is NaN.
+    """The errors as Sithole and Vosselman (2004) define them; a share of nothing is NaN."""
 
-    Attributes
-    ----------
-    n_points, n_ground, n_object : int
-        Points of the reference.
-    n_ground_rejected, n_object_accepted : int
-        Ground taken for object, and object taken for ground.
-    type_1_error : float
-        Ground rejected / ground.
-    type_2_error : float
-        Object accepted / object.
-    total_error : float
-        Both errors / points.
-    kappa : float
-        Cohen's kappa.
-    """
-
+    #: Points of the reference.
     n_points: int
     n_ground: int
     n_object: int
+    #: Ground taken for object, and object taken for ground.
     n_ground_rejected: int
     n_object_accepted: int
-    type_1_error: float
-    type_2_error: float
-    total_error: float
-    kappa: float
+    type_1_error: float  #: ground rejected / ground
+    type_2_error: float  #: object accepted / object
+    total_error: float  #: both errors / points
+    kappa: float  #: Cohen's kappa
 
 
 def score_ground(

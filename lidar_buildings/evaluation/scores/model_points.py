@@ -24,13 +24,6 @@ class ModelPointScore:
     Vertical distances of points to roofs; a share or mean of nothing is NaN.
 
     `doc/scores.md` says what the figures are.
-
-    Attributes
-    ----------
-    within : tuple of float
-        Shares of the points within 0.1, 0.2 and 0.5 m of the roof.
-    rmse_per_building : ndarray of shape (n_given_buildings,)
-        NaN with fewer than ten points [m].
     """
 
     n_points: int
@@ -38,11 +31,11 @@ class ModelPointScore:
     median: float
     bias: float
     rmse: float
-    within: tuple[float, ...]
+    within: tuple[float, ...]  #: shares of the points within 0.1, 0.2 and 0.5 m of the roof
     building_rmse_median: float
     building_rmse_95: float
     n_buildings: int
-    rmse_per_building: NDArray[np.float64]
+    rmse_per_building: NDArray[np.float64]  #: NaN with fewer than ten points [m], shape (n_given_buildings,)
 
 
 def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelPointScore:

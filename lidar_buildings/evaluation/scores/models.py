@@ -68,23 +68,18 @@ class ModelScore:
     Agreement of building models.
 
     `doc/scores.md` says what the figures are.
-
-    Attributes
-    ----------
-    rmse : ndarray of float, shape (n_given_reference,)
-        The same per building of the reference, NaN where the result has no roof [m].
-    volume_ratio : ndarray of float, shape (n_given_reference,)
-        Volume of the partner / of the building, NaN without a partner.
-    partner : ndarray of int, shape (n_given_reference,)
-        Row of the partner in the result, −1 if there is none.
     """
 
     n_result: int
     n_reference: int
     n_matched: int
     heights: HeightDifferences
+    #: The same per building of the reference, NaN where the result has no roof [m], shape
+    #: (n_given_reference,).
     rmse: NDArray[np.float64]
+    #: Volume of the partner / of the building, NaN without a partner, shape (n_given_reference,).
     volume_ratio: NDArray[np.float64]
+    #: Row of the partner in the result, −1 if there is none, shape (n_given_reference,).
     partner: NDArray[np.int64]
     ridges: RidgeScore
     wireframe: WireframeScore

@@ -36,13 +36,6 @@ class OutlineScore:
     Agreement of outlines; a share or mean of nothing is NaN.
 
     `doc/scores.md` says what the figures are.
-
-    Attributes
-    ----------
-    partner : ndarray of int, shape (n_given_reference,)
-        Row of the result outline that belongs to each given reference outline, −1 if none does.
-    iou : ndarray of float, shape (n_given_reference,)
-        Their intersection over union.
     """
 
     n_result: int
@@ -66,8 +59,10 @@ class OutlineScore:
     n_vertices_result: int
     n_vertices_reference: int
     n_vertices_reference_simplified: int
+    #: Row of the result outline that belongs to each given reference outline, −1 if none does, shape
+    #: (n_given_reference,).
     partner: NDArray[np.int64]
-    iou: NDArray[np.float64]
+    iou: NDArray[np.float64]  #: their intersection over union, shape (n_given_reference,)
 
 
 def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | None = None) -> OutlineScore:
@@ -164,16 +159,12 @@ class CoverageScore:
     Buildings of the reference under the result; a share of nothing is NaN.
 
     `doc/scores.md` says what the figures are.
-
-    Attributes
-    ----------
-    covered : ndarray of float, shape (n_given_reference,)
-        Share of each given building's area that lies in the result.
     """
 
     n_buildings: int
     n_covered: int
     covered_share: float
+    #: Share of each given building's area that lies in the result, shape (n_given_reference,).
     covered: NDArray[np.float64]
 
 

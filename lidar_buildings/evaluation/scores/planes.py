@@ -29,11 +29,6 @@ class PlaneScore:
     Agreement of two divisions of points into planes; a share of nothing is NaN.
 
     `doc/scores.md` says what the figures are.
-
-    Attributes
-    ----------
-    iou : ndarray of shape (n_reference,)
-        That largest intersection over union of each of the reference's planes, by rising number.
     """
 
     n_points: int
@@ -45,6 +40,8 @@ class PlaneScore:
     f1: float
     weighted_coverage: float
     coverage: float
+    #: That largest intersection over union of each of the reference's planes, by rising number, shape
+    #: (n_reference,).
     iou: NDArray[np.float64]
 
 

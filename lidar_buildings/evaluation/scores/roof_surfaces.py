@@ -22,25 +22,12 @@ _GRID = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class RoofSurfaces:
-    """
-    All roof faces of some buildings.
+    """All roof faces of some buildings."""
 
-    Attributes
-    ----------
-    polygons : ndarray of shapely.Polygon
-        The faces in plan [m].
-    slopes : ndarray of shape (n_faces, 2)
-        Rise of each face's plane along x and y [m/m].
-    origins : ndarray of shape (n_faces, 3)
-        A point of each plane [m].
-    building : ndarray of int, shape (n_faces,)
-        Row of the building that each face belongs to.
-    """
-
-    polygons: NDArray[Any]
-    slopes: NDArray[np.float64]
-    origins: NDArray[np.float64]
-    building: NDArray[np.int64]
+    polygons: NDArray[Any]  #: the faces in plan, shapely.Polygon [m]
+    slopes: NDArray[np.float64]  #: rise of each face's plane along x and y [m/m], shape (n_faces, 2)
+    origins: NDArray[np.float64]  #: a point of each plane [m], shape (n_faces, 3)
+    building: NDArray[np.int64]  #: row of the building that each face belongs to, shape (n_faces,)
 
     def over(self, xy: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """

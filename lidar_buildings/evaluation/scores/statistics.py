@@ -12,25 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 
 @dataclass(frozen=True)
 class Confusion:
-    """
-    What the result says against what the reference says; a figure without a base (0/0) is NaN.
+    """What the result says against what the reference says; a figure without a base (0/0) is NaN."""
 
-    Attributes
-    ----------
-    hits : int
-        Yes in both.
-    false_alarms : int
-        Yes in the result only.
-    misses : int
-        Yes in the reference only.
-    rejections : int
-        No in both.
-    """
-
-    hits: int
-    false_alarms: int
-    misses: int
-    rejections: int
+    hits: int  #: yes in both
+    false_alarms: int  #: yes in the result only
+    misses: int  #: yes in the reference only
+    rejections: int  #: no in both
 
     @property
     def total(self) -> int:

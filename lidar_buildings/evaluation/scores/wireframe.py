@@ -27,21 +27,11 @@ Pair = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Wireframe:
-    """
-    Corners and the straight edges between them.
+    """Corners and the straight edges between them."""
 
-    Attributes
-    ----------
-    corners : ndarray of shape (n_corners, 3)
-        Where edges end or turn [m].
-    edges : ndarray of int, shape (n_edges, 2)
-        Rows of the corners.
-    is_ridge : ndarray of bool, shape (n_edges,)
-        Whether the roof falls to both sides of an edge that is level.
-    """
-
-    corners: NDArray[np.float64]
-    edges: NDArray[np.int64]
+    corners: NDArray[np.float64]  #: where edges end or turn [m], shape (n_corners, 3)
+    edges: NDArray[np.int64]  #: rows of the corners, shape (n_edges, 2)
+    #: Whether the roof falls to both sides of an edge that is level, shape (n_edges,).
     is_ridge: NDArray[np.bool_]
 
     @property

@@ -27,23 +27,13 @@ _SECOND = 1_000_000_000
 
 
 class BagTopic(NamedTuple):
-    """
-    A topic of a bag.
+    """A topic of a bag."""
 
-    Attributes
-    ----------
-    name, type : str
-        As in ROS 2: ``/points``, ``sensor_msgs/msg/PointCloud2``.
-    n_messages : int
-        How many.
-    rate : float
-        Messages a second, over the whole bag; 0 for a single one.
-    """
-
+    #: As in ROS 2: ``/points``, ``sensor_msgs/msg/PointCloud2``.
     name: str
     type: str
-    n_messages: int
-    rate: float
+    n_messages: int  #: how many
+    rate: float  #: messages a second, over the whole bag; 0 for a single one
 
 
 class BagMessage(NamedTuple):
@@ -199,32 +189,19 @@ def _reported(path: Path) -> Iterator[None]:
 
 
 class TopicContent(NamedTuple):
-    """
-    A topic of a bag and what its first message tells.
+    """A topic of a bag and what its first message tells."""
 
-    Attributes
-    ----------
-    name, type, n_messages, rate
-        As of `BagTopic`.
-    frame, child_frame : str
-        Of its header, and of odometry; empty where it has none.
-    n_points : int or None
-        Points of the first cloud.
-    fields : tuple of str
-        The cloud's fields.
-    problem : str
-        Why the message cannot be read, empty if it can.
-    """
-
+    #: As of `BagTopic`.
     name: str
     type: str
     n_messages: int
     rate: float
+    #: Of its header, and of odometry; empty where it has none.
     frame: str = ""
     child_frame: str = ""
-    n_points: int | None = None
-    fields: tuple[str, ...] = ()
-    problem: str = ""
+    n_points: int | None = None  #: points of the first cloud
+    fields: tuple[str, ...] = ()  #: the cloud's fields
+    problem: str = ""  #: why the message cannot be read, empty if it can
 
     def __str__(self) -> str:
         parts = [self.type, f"{self.n_messages} message{'s' * (self.n_messages != 1)}"]

@@ -19,32 +19,15 @@ _FIRST = 100
 
 
 class BagSummary(NamedTuple):
-    """
-    A bag at a glance.
-
-    Attributes
-    ----------
-    start : int or None
-        When it begins [ns].
-    seconds : float
-        How long it is [s].
-    topics : list of TopicContent
-        All, by name.
-    taken : BagTopics or None
-        What a run takes without options, None if it cannot choose.
-    notes : list of str
-        How the scans are placed, or what is missing for it.
-    problem : str
-        Why only a part of it can be read, empty if all can.
-    """
+    """A bag at a glance."""
 
     path: str
-    start: int | None
-    seconds: float
-    topics: list[TopicContent]
-    taken: BagTopics | None
-    notes: list[str]
-    problem: str
+    start: int | None  #: when it begins [ns]
+    seconds: float  #: how long it is [s]
+    topics: list[TopicContent]  #: all, by name
+    taken: BagTopics | None  #: what a run takes without options, None if it cannot choose
+    notes: list[str]  #: how the scans are placed, or what is missing for it
+    problem: str  #: why only a part of it can be read, empty if all can
 
 
 def summarise_bag(path: Path) -> BagSummary:

@@ -24,26 +24,14 @@ from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
 
 @dataclass
 class PlacedCount:
-    """
-    What became of a bag's points.
+    """What became of a bag's points."""
 
-    Attributes
-    ----------
-    n_scans, n_points : int
-        Scans that were read, points that were placed.
-    left_out : Counter
-        Reason → points.
-    messages : Counter
-        What is to be said of messages → how many.
-    problem : str
-        Why only a part of the bag could be read, and which; empty if all could.
-    """
-
+    #: Scans that were read, points that were placed.
     n_scans: int = 0
     n_points: int = 0
-    left_out: Counter[str] = field(default_factory=Counter)
-    messages: Counter[str] = field(default_factory=Counter)
-    problem: str = ""
+    left_out: Counter[str] = field(default_factory=Counter)  #: reason → points
+    messages: Counter[str] = field(default_factory=Counter)  #: what is to be said of messages → how many
+    problem: str = ""  #: why only a part of the bag could be read, and which; empty if all could
 
 
 def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConfig) -> PlacedCount:

@@ -20,23 +20,13 @@ MOST_WAITING = 500_000_000
 
 
 class RecordedTopic(NamedTuple):
-    """
-    A topic to be recorded.
+    """A topic to be recorded."""
 
-    Attributes
-    ----------
-    name, type : str
-        As they stand in the bag: ``/points``, ``sensor_msgs/msg/PointCloud2``.
-    depth : int
-        How many messages whoever plays it is to keep; 0 = all.
-    is_latched : bool
-        Whether those that come late are to get them.
-    """
-
+    #: As they stand in the bag: ``/points``, ``sensor_msgs/msg/PointCloud2``.
     name: str
     type: str
-    depth: int
-    is_latched: bool
+    depth: int  #: how many messages whoever plays it is to keep; 0 = all
+    is_latched: bool  #: whether those that come late are to get them
 
 
 class Recording:

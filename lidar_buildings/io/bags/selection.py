@@ -26,23 +26,14 @@ _ORIGIN, _UNITS = "map_origin", "map_units"
 
 
 class BagTopics(NamedTuple):
-    """
-    What is read of a bag.
+    """What is read of a bag."""
 
-    Attributes
-    ----------
-    clouds, odometry : str
-        Topic of the scans; of the poses, empty if there is none.
-    transforms : tuple of str
-        Topics of /tf and /tf_static.
-    origin, units, fix : str
-        Topics that tell where the map lies, how long its reference system's units are, and where by satellite
-        what moves is; empty if there is none.
-    """
-
+    #: Topic of the scans; of the poses, empty if there is none.
     clouds: str
     odometry: str
-    transforms: tuple[str, ...]
+    transforms: tuple[str, ...]  #: topics of /tf and /tf_static
+    #: Topics that tell where the map lies, how long its reference system's units are, and where by satellite
+    #: what moves is; empty if there is none.
     origin: str
     units: str
     fix: str

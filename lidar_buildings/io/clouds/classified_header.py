@@ -44,21 +44,12 @@ DIMENSIONS = {
 
 @dataclass(frozen=True, eq=False)
 class OutputFormat:
-    """
-    How a classified file's points and header are made from the input's.
+    """How a classified file's points and header are made from the input's."""
 
-    Attributes
-    ----------
-    header : laspy.LasHeader
-        To be given to the writer; texts and records in it are placeholders of the true size.
-    records : tuple of RawRecord
-        The plain records, byte for byte; the extra bytes record completed.
-    dtype : dtype
-        Of an output point: the input's bytes first, whatever they are called, then the new dimensions.
-    """
-
+    #: To be given to the writer; texts and records in it are placeholders of the true size.
     header: laspy.LasHeader
-    records: tuple[RawRecord, ...]
+    records: tuple[RawRecord, ...]  #: the plain records, byte for byte; the extra bytes record completed
+    #: Of an output point: the input's bytes first, whatever they are called, then the new dimensions.
     dtype: np.dtype[Any]
 
 

@@ -23,27 +23,15 @@ CHUNK = 500_000
 
 @dataclass(frozen=True, eq=False)
 class CloudExtent:
-    """
-    A LAS, LAZ or COPC file by its header.
-
-    Attributes
-    ----------
-    raw : RawHeader
-        Header and records byte for byte.
-    crs : SourceCrs
-        What it says of its coordinates.
-    mins, maxs : ndarray of shape (3,)
-        Bounds in source coordinates; NaN if the file holds no point.
-    state : tuple of int
-        Size [bytes] and time of the last change [ns] when it was opened.
-    """
+    """A LAS, LAZ or COPC file by its header."""
 
     path: Path
-    raw: RawHeader
-    crs: SourceCrs
+    raw: RawHeader  #: header and records byte for byte
+    crs: SourceCrs  #: what it says of its coordinates
+    #: Bounds in source coordinates; NaN if the file holds no point. Shape (3,).
     mins: NDArray[np.float64]
     maxs: NDArray[np.float64]
-    state: tuple[int, int]
+    state: tuple[int, int]  #: size [bytes] and time of the last change [ns] when it was opened
 
     @property
     def point_count(self) -> int:

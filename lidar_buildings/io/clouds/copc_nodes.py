@@ -28,29 +28,15 @@ _SQUARE = 100.0
 
 
 class CopcNodes(NamedTuple):
-    """
-    The nodes of an octree that hold points.
+    """The nodes of an octree that hold points."""
 
-    Attributes
-    ----------
-    level : ndarray of shape (n,)
-        0 for the root.
-    place : ndarray of shape (n, 3)
-        Number of each along x, y and z among those of its level.
-    offset, count : ndarray of shape (n,)
-        Where its chunk begins in the file [bytes], and its points.
-    corner : ndarray of shape (3,)
-        Of the root's cube, in source coordinates.
-    side : float
-        Of the root's cube.
-    """
-
-    level: NDArray[np.int32]
-    place: NDArray[np.int32]
+    level: NDArray[np.int32]  #: 0 for the root, shape (n,)
+    place: NDArray[np.int32]  #: number of each along x, y and z among those of its level, shape (n, 3)
+    #: Where its chunk begins in the file [bytes], and its points, shape (n,).
     offset: NDArray[np.uint64]
     count: NDArray[np.int32]
-    corner: NDArray[np.float64]
-    side: float
+    corner: NDArray[np.float64]  #: of the root's cube, in source coordinates, shape (3,)
+    side: float  #: of the root's cube
 
     @property
     def bounds(self) -> NDArray[np.float64]:

@@ -11,17 +11,11 @@ from lidar_buildings.io.files.locations import state_of
 
 
 class InputFile(NamedTuple):
-    """
-    One input of a run.
-
-    Attributes
-    ----------
-    state : tuple of int, optional
-        Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
-    """
+    """One input of a run."""
 
     path: Path
     point_count: int
+    #: Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
     state: tuple[int, int] | None = None
 
 

@@ -46,27 +46,15 @@ _UNITS = {9001: 1.0, 9002: FOOT, 9003: US_SURVEY_FOOT}
 
 @dataclass(frozen=True)
 class SourceCrs:
-    """
-    What is known of a file's coordinates.
+    """What is known of a file's coordinates."""
 
-    Attributes
-    ----------
-    name : str
-        ``"EPSG:28992"`` (of the horizontal part), a WKT text where no code is known, or empty.
-    horizontal_unit, vertical_unit : float
-        Metres per unit of x and y, and of z. A file that says nothing of heights has them in the
-        horizontal unit.
-    is_projected : bool
-        False for longitude and latitude, and for geocentric coordinates.
-    doubt : str
-        Why the file's own statement was not believed.
-    """
-
-    name: str = ""
+    name: str = ""  #: ``"EPSG:28992"`` (of the horizontal part), a WKT text where no code is known, or empty
+    #: Metres per unit of x and y, and of z. A file that says nothing of heights has them in the horizontal
+    #: unit.
     horizontal_unit: float = 1.0
     vertical_unit: float = 1.0
-    is_projected: bool = True
-    doubt: str = ""
+    is_projected: bool = True  #: false for longitude and latitude, and for geocentric coordinates
+    doubt: str = ""  #: why the file's own statement was not believed
 
 
 def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) -> SourceCrs:

@@ -41,27 +41,15 @@ _AGAIN = "download or export it again"
 
 @dataclass(frozen=True)
 class RawRecord:
-    """
-    One (extended) variable length record.
+    """One (extended) variable length record."""
 
-    Attributes
-    ----------
-    user_id : bytes
-        Without its trailing zeros.
-    head : bytes
-        Its own header, as it stands in the file.
-    start, size : int
-        Where its data lie in the file [bytes].
-    data : bytes
-        The data; empty for extended records larger than `LARGEST_READ_EVLR`.
-    """
-
-    user_id: bytes
+    user_id: bytes  #: without its trailing zeros
     record_id: int
-    head: bytes
+    head: bytes  #: its own header, as it stands in the file
+    #: Where its data lie in the file [bytes].
     start: int
     size: int
-    data: bytes
+    data: bytes  #: the data; empty for extended records larger than `LARGEST_READ_EVLR`
 
     def is_a(self, user_id: bytes, record_id: int) -> bool:
         """Whether it is the record of this user and number."""
@@ -70,21 +58,13 @@ class RawRecord:
 
 @dataclass(frozen=True)
 class RawHeader:
-    """
-    What stands at a LAS file's beginning, and its extended records.
-
-    Attributes
-    ----------
-    vlrs, evlrs : tuple of RawRecord
-        In file order.
-    offset : int
-        Where point data begin [bytes].
-    """
+    """What stands at a LAS file's beginning, and its extended records."""
 
     block: bytes
+    #: In file order.
     vlrs: tuple[RawRecord, ...]
     evlrs: tuple[RawRecord, ...]
-    offset: int
+    offset: int  #: where point data begin [bytes]
 
     @property
     def minor_version(self) -> int:

@@ -23,19 +23,13 @@ _LEAST_BULGE = 20.0
 
 
 class ArcRing(NamedTuple):
-    """
-    A ring of straight and curved segments.
+    """A ring of straight and curved segments."""
 
-    Attributes
-    ----------
-    rows : ndarray of int64, shape (n_segments,)
-        The ring's vertices at which a segment begins, ascending; it ends where the next one begins.
-    bulges : ndarray of float64, shape (n_segments,)
-        Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
-        positive where the arc turns left, at most about 1 (half a circle).
-    """
-
+    #: The ring's vertices at which a segment begins, ascending; it ends where the next one begins. Shape
+    #: (n_segments,).
     rows: NDArray[np.int64]
+    #: Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
+    #: positive where the arc turns left, at most about 1 (half a circle), shape (n_segments,).
     bulges: NDArray[np.float64]
 
 

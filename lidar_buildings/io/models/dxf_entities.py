@@ -151,19 +151,12 @@ def _plain(text: str) -> str:
 
 
 class DxfFrame(NamedTuple):
-    """
-    The text around the entities.
+    """The text around the entities."""
 
-    Attributes
-    ----------
-    before, after : str
-        What to write before the first and behind the last entity.
-    seed_at : int
-        Where in `before` the next free handle stands, of eight digits: known when all entities are written.
-    """
-
+    #: What to write before the first and behind the last entity.
     before: str
     after: str
+    #: Where in `before` the next free handle stands, of eight digits: known when all entities are written.
     seed_at: int
 
 

@@ -17,35 +17,19 @@ from lidar_buildings.core.solids.shell import Solid
 
 @dataclass(frozen=True, eq=False)
 class SurveyBuilding:
-    """
-    One building, as far as the run went.
+    """One building, as far as the run went."""
 
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    readable_id : str
-        The name that files carry, made from the anchor's coordinates.
-    traced, outline : Outline or None
-        Before and after regularisation, map frame [m].
-    line : str
-        The CityJSONFeature, empty if there is none.
-    attributes : dict
-        In the source's units.
-    lod, solid : str, Solid or None
-        The finest solid and its level of detail, empty and None if there is none; map frame [m].
-    roof_faces : tuple of dict
-        The attributes of each of its roof faces, in the source's units.
-    """
-
-    building_id: int
-    readable_id: str
+    building_id: int  #: see `lidar_buildings.core.model.ids`
+    readable_id: str  #: the name that files carry, made from the anchor's coordinates
+    #: Before and after regularisation, map frame [m].
     traced: Outline | None
     outline: Outline | None
-    line: str
-    attributes: dict[str, Any]
+    line: str  #: the CityJSONFeature, empty if there is none
+    attributes: dict[str, Any]  #: in the source's units
+    #: The finest solid and its level of detail, empty and None if there is none; map frame [m].
     lod: str = ""
     solid: Solid | None = None
+    #: The attributes of each of its roof faces, in the source's units.
     roof_faces: tuple[dict[str, Any], ...] = ()
 
     @cached_property
@@ -61,19 +45,9 @@ class SurveyBuilding:
 
 @dataclass(frozen=True, eq=False)
 class TerrainMesh:
-    """
-    The ground of one square as triangles; neighbouring squares share the vertices between them.
+    """The ground of one square as triangles; neighbouring squares share the vertices between them."""
 
-    Attributes
-    ----------
-    name : str
-        Made from the coordinates of its north-western corner.
-    vertices : ndarray of shape (n_vertices, 3)
-        Map frame, whole millimetres [m].
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the vertices, counter-clockwise from above.
-    """
-
-    name: str
-    vertices: NDArray[np.float64]
+    name: str  #: made from the coordinates of its north-western corner
+    vertices: NDArray[np.float64]  #: map frame, whole millimetres [m], shape (n_vertices, 3)
+    #: Rows of the vertices, counter-clockwise from above, shape (n_triangles, 3).
     triangles: NDArray[np.int32]

@@ -120,31 +120,14 @@ class _Job(NamedTuple):
 
 
 class WrittenCloud(NamedTuple):
-    """
-    What became of one input.
+    """What became of one input."""
 
-    Attributes
-    ----------
-    output : str or None
-        The file's name in the output folder, None where the input could not be read.
-    copc : str or None
-        Name of the second file, if one was made.
-    problem : str
-        Why one of them is missing, empty if none is.
-    per_class : ndarray of int64, shape (256,), or 0
-        Number of points per class.
-    n_known : int
-        Points in finished tiles.
-    error : OutputError or None
-        What ends the run.
-    """
-
-    output: str | None = None
-    copc: str | None = None
-    problem: str = ""
-    per_class: NDArray[np.int64] | int = 0
-    n_known: int = 0
-    error: OutputError | None = None
+    output: str | None = None  #: the file's name in the output folder, None where the input could not be read
+    copc: str | None = None  #: name of the second file, if one was made
+    problem: str = ""  #: why one of them is missing, empty if none is
+    per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
+    n_known: int = 0  #: points in finished tiles
+    error: OutputError | None = None  #: what ends the run
 
 
 def write_clouds(

@@ -17,19 +17,10 @@ FOOTPRINT_ID = "footprint_id"
 
 @dataclass(frozen=True)
 class FootprintResults:
-    """
-    Names and record of the footprints of a run; of traced outlines there are neither.
+    """Names and record of the footprints of a run; of traced outlines there are neither."""
 
-    Attributes
-    ----------
-    names : mapping
-        Building id → what the file calls the footprint.
-    record : mapping
-        What ``run.json`` tells of the file.
-    """
-
-    names: Mapping[int, str] = field(default_factory=dict)
-    record: Mapping[str, Any] = field(default_factory=dict)
+    names: Mapping[int, str] = field(default_factory=dict)  #: building id → what the file calls the footprint
+    record: Mapping[str, Any] = field(default_factory=dict)  #: what ``run.json`` tells of the file
 
     @classmethod
     def of(cls, file: FootprintFile | None) -> FootprintResults:

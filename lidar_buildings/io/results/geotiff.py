@@ -52,27 +52,16 @@ logging.getLogger("rasterio._env").addFilter(lambda record: record.levelno < log
 
 @dataclass(frozen=True)
 class RasterLayout:
-    """
-    What a file of elevations says of itself.
+    """What a file of elevations says of itself."""
 
-    Attributes
-    ----------
-    width, height : int
-        Columns and rows of cells.
-    west, north : float
-        Outer corner of the north-western cell in source coordinates.
-    cell : float
-        Side of a cell in the source's horizontal unit.
-    crs : str
-        ``"EPSG:28992"``, a WKT text, or empty if unknown.
-    """
-
+    #: Columns and rows of cells.
     width: int
     height: int
+    #: Outer corner of the north-western cell in source coordinates.
     west: float
     north: float
-    cell: float
-    crs: str
+    cell: float  #: side of a cell in the source's horizontal unit
+    crs: str  #: ``"EPSG:28992"``, a WKT text, or empty if unknown
     unit: str
 
     @property

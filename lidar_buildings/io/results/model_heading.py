@@ -14,20 +14,11 @@ from lidar_buildings.io.results.terrain_files import crs_with_heights
 
 
 class ModelHeading(NamedTuple):
-    """
-    What a city model says of itself.
-
-    Attributes
-    ----------
-    crs : str
-        The reference system together with the vertical one, where that is known.
-    earth : EarthFrame or None
-        Where the map frame lies on the earth, where that is known.
-    """
+    """What a city model says of itself."""
 
     title: str = ""
-    crs: str = ""
-    earth: EarthFrame | None = None
+    crs: str = ""  #: the reference system together with the vertical one, where that is known
+    earth: EarthFrame | None = None  #: where the map frame lies on the earth, where that is known
 
 
 def model_heading(

@@ -31,44 +31,23 @@ _LIBRARIES = (
 
 @dataclass(frozen=True)
 class RunSummary:
-    """
-    What a run has made, as ``run.json`` tells it.
+    """What a run has made, as ``run.json`` tells it."""
 
-    Attributes
-    ----------
-    files : tuple of str
-        Relative to the output folder.
-    n_tiles, n_points : int
-        Finished tiles; points of all inputs.
-    n_unclassified : int
-        Points in none of the finished tiles; they keep their class.
-    classes : dict
-        Class number → points.
-    buildings : dict
-        Status → buildings.
-    n_seam_pieces : int
-        Buildings left out because a neighbouring tile has them as part of a larger one.
-    rasters : dict
-        File name → its columns, rows, side of a cell in the source's unit, and known cells.
-    problems : tuple of str
-        One line per input that could not be read to its end.
-    footprints : dict
-        What became of the footprints that were given: how many were read, used, repaired, left out for which
-        reason, and outside the data. Empty where outlines were traced.
-    remarks : tuple of str
-        One line per format that this survey cannot have; nothing is wrong with the others.
-    """
-
-    files: tuple[str, ...]
+    files: tuple[str, ...]  #: relative to the output folder
+    #: Finished tiles; points of all inputs.
     n_tiles: int
     n_points: int
-    n_unclassified: int
-    classes: dict[int, int]
-    buildings: dict[str, int]
-    n_seam_pieces: int
+    n_unclassified: int  #: points in none of the finished tiles; they keep their class
+    classes: dict[int, int]  #: class number → points
+    buildings: dict[str, int]  #: status → buildings
+    n_seam_pieces: int  #: buildings left out because a neighbouring tile has them as part of a larger one
+    #: File name → its columns, rows, side of a cell in the source's unit, and known cells.
     rasters: dict[str, dict[str, Any]]
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  #: one line per input that could not be read to its end
+    #: What became of the footprints that were given: how many were read, used, repaired, left out for which
+    #: reason, and outside the data. Empty where outlines were traced.
     footprints: dict[str, Any] = field(default_factory=dict)
+    #: One line per format that this survey cannot have; nothing is wrong with the others.
     remarks: tuple[str, ...] = ()
 
     @property

@@ -58,23 +58,13 @@ class _Entry:
 
 @dataclass(frozen=True, eq=False)
 class SurveyPart:
-    """
-    Some buildings of a survey, read one at a time.
-
-    Attributes
-    ----------
-    extent : ndarray of shape (2, 3) or None
-        Of their solids, as of `SurveyBuildings`.
-    bounds : ndarray of shape (2, 2) or None
-        The same of outlines and solids in plan, None if there are neither.
-    read : callable
-        Yields them by id and name.
-    """
+    """Some buildings of a survey, read one at a time."""
 
     frame: MapFrame
-    extent: NDArray[np.float64] | None
+    extent: NDArray[np.float64] | None  #: of their solids, as of `SurveyBuildings`, shape (2, 3)
+    #: The same of outlines and solids in plan, None if there are neither, shape (2, 2).
     bounds: NDArray[np.float64] | None
-    read: Callable[[], Iterator[SurveyBuilding]]
+    read: Callable[[], Iterator[SurveyBuilding]]  #: yields them by id and name
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
         return self.read()

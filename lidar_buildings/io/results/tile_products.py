@@ -37,36 +37,20 @@ CORE, ROOFS, EDGES = (
 
 @dataclass(frozen=True, eq=False)
 class TileProducts:
-    """
-    The results of one tile.
+    """The results of one tile."""
 
-    Attributes
-    ----------
-    stamp : int
-        The tile's key, of the revision that they are of [ns].
-    core : structured ndarray
-        `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point.
-    roofs : structured ndarray
-        `source`, `index`, `building_id`, `plane_id`, `edge` of all points, core and buffer, of the tile's own
-        buildings.
-    edges : structured ndarray
-        `source`, `index`, `edge` of the core roof points.
-    traced, outlines : tuple of BuildingOutline
-        Before and after regularisation.
-    features : tuple of str
-        CityJSONFeature lines.
-    rasters : TerrainRasters or None
-        Ground and surface cell by cell, None where none are wanted.
-    """
-
-    stamp: int
+    stamp: int  #: the tile's key, of the revision that they are of [ns]
+    #: `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point, structured.
     core: NDArray[Any]
+    #: `source`, `index`, `building_id`, `plane_id`, `edge` of all points, core and buffer, of the tile's own
+    #: buildings, structured.
     roofs: NDArray[Any]
-    edges: NDArray[Any]
+    edges: NDArray[Any]  #: `source`, `index`, `edge` of the core roof points, structured
+    #: Before and after regularisation.
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
-    features: tuple[str, ...] = ()
-    rasters: TerrainRasters | None = None
+    features: tuple[str, ...] = ()  #: CityJSONFeature lines
+    rasters: TerrainRasters | None = None  #: ground and surface cell by cell, None where none are wanted
 
     @property
     def n_buildings(self) -> int:

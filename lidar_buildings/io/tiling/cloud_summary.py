@@ -23,56 +23,34 @@ from lidar_buildings.io.tiling.tile_stamps import WEEK, stamp_of_time
 
 @dataclass
 class CloudSummary:
-    """
-    A cloud at a glance, or several.
+    """A cloud at a glance, or several."""
 
-    Attributes
-    ----------
-    path : str
-        The file, or folder.
-    format : str
-        ``LAS 1.4, point format 6, LAZ``.
-    crs : str
-        Reference system, empty if the file does not say.
-    units : list of float
-        Metres per unit of x and y, and of z.
-    n_files, n_points, n_pulses : int
-        Pulses are counted by their last returns.
-    mins, maxs : list of float
-        Bounds in source coordinates; empty without points.
-    density, point_spacing : float
-        Pulses a square metre, and 1/√ of it [m]; 0 if there are none.
-    density_from : str
-        What it is measured by: ``spacing`` of the pulses in a square of 300 m in the middle, as a run's own
-        measure, or ``bounds``, where that has too few.
-    returns, classes : dict
-        Number of returns of a point's pulse, and ASPRS class → points.
-    times : list of str
-        First and last GPS time: UTC, or seconds of a week; empty if there are none.
-    n_strips, n_withheld : int
-        Point source ids; points that the file says are not to be used.
-    refused : str
-        Why a run does not take several files together, empty if it does.
-    """
-
-    path: str
-    format: str = ""
-    crs: str = ""
-    units: list[float] = field(default_factory=lambda: [1.0, 1.0])
+    path: str  #: the file, or folder
+    format: str = ""  #: ``LAS 1.4, point format 6, LAZ``
+    crs: str = ""  #: reference system, empty if the file does not say
+    units: list[float] = field(default_factory=lambda: [1.0, 1.0])  #: metres per unit of x and y, and of z
+    #: Pulses are counted by their last returns.
     n_files: int = 1
     n_points: int = 0
     n_pulses: int = 0
+    #: Bounds in source coordinates; empty without points.
     mins: list[float] = field(default_factory=list)
     maxs: list[float] = field(default_factory=list)
+    #: Pulses a square metre, and 1/√ of it [m]; 0 if there are none.
     density: float = 0.0
     point_spacing: float = 0.0
+    #: What it is measured by: ``spacing`` of the pulses in a square of 300 m in the middle, as a run's own
+    #: measure, or ``bounds``, where that has too few.
     density_from: str = ""
+    #: Number of returns of a point's pulse, and ASPRS class → points.
     returns: dict[int, int] = field(default_factory=dict)
     classes: dict[int, int] = field(default_factory=dict)
+    #: First and last GPS time: UTC, or seconds of a week; empty if there are none.
     times: list[str] = field(default_factory=list)
+    #: Point source ids; points that the file says are not to be used.
     n_strips: int = 0
     n_withheld: int = 0
-    refused: str = ""
+    refused: str = ""  #: why a run does not take several files together, empty if it does
 
     @property
     def size(self) -> NDArray[np.float64]:

@@ -22,26 +22,16 @@ PART = 10 * CHUNK
 
 
 class FilePart(NamedTuple):
-    """
-    A part of a file, and where its points are put.
-
-    Attributes
-    ----------
-    source : int
-        Its place among the inputs.
-    first, last : int
-        The first point, and the one behind the last.
-    folder : Path
-        One that all processes see.
-    """
+    """A part of a file, and where its points are put."""
 
     cloud: Cloud
-    source: int
+    source: int  #: its place among the inputs
+    #: The first point, and the one behind the last.
     first: int
     last: int
-    grid: TileGrid
+    grid: TileGrid  #: of tiles and spool cells
     frame: MapFrame
-    folder: Path
+    folder: Path  #: one that all processes see
 
 
 Answer: TypeAlias = "Future[ReadPart | LidarBuildingsError]"

@@ -8,25 +8,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class KnownSurvey:
-    """
-    What all tiles of a survey share.
+    """What all tiles of a survey share."""
 
-    Attributes
-    ----------
-    tile_size, start : float
-        Side of the tiles, and where they begin [m].
-    spacing : float or None
-        The point spacing that they are expected to have [m].
-    dark_limit : float or None
-        Normalised intensity up to which ground is dark.
-    scales : dict
-        Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.
-    """
-
+    #: Side of the tiles, and where they begin [m].
     tile_size: float
     start: float
-    spacing: float | None = None
-    dark_limit: float | None = None
+    spacing: float | None = None  #: the point spacing that they are expected to have [m]
+    dark_limit: float | None = None  #: normalised intensity up to which ground is dark
+    #: Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.
     scales: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod

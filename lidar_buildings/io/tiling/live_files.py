@@ -29,20 +29,11 @@ _SURVEY = "survey.json"
 
 
 class Recorded(NamedTuple):
-    """
-    What a feed must know to go on.
+    """What a feed must know to go on."""
 
-    Attributes
-    ----------
-    scale : FeedScale
-        Side and point spacing of tiles.
-    frame : MapFrame
-        The frame of tiles: the map's, with an origin near them.
-    """
-
-    scale: FeedScale
+    scale: FeedScale  #: side and point spacing of tiles
     given: MapPlace
-    frame: MapFrame
+    frame: MapFrame  #: the frame of tiles: the map's, with an origin near them
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""

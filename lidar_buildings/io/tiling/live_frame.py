@@ -46,19 +46,10 @@ class Fix(NamedTuple):
 
 
 class MapPlace(NamedTuple):
-    """
-    Where the map lies.
+    """Where the map lies."""
 
-    Attributes
-    ----------
-    frame : MapFrame
-        The map's axes are its grid's.
-    level : LevelFrame or None
-        The frame in which scans are placed, if that is not the map's.
-    """
-
-    frame: MapFrame = MapFrame()
-    level: LevelFrame | None = None
+    frame: MapFrame = MapFrame()  #: the map's axes are its grid's
+    level: LevelFrame | None = None  #: the frame in which scans are placed, if that is not the map's
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan in the map."""

@@ -31,18 +31,10 @@ _SECOND = 1e9
 
 
 class FeedScale(NamedTuple):
-    """
-    What holds for all tiles of a feed.
+    """What holds for all tiles of a feed."""
 
-    Attributes
-    ----------
-    side : float
-        Of tiles [m].
-    spacing : float or None
-        The point spacing that tiles are expected to have [m]; None: nothing tells, and each has its own.
-    """
-
-    side: float
+    side: float  #: of tiles [m]
+    #: The point spacing that tiles are expected to have [m]; None: nothing tells, and each has its own.
     spacing: float | None
 
 

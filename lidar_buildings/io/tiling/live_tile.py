@@ -26,32 +26,15 @@ _FEW = 0.01
 
 @dataclass(eq=False)
 class LiveTile:
-    """
-    What is known of a tile.
+    """What is known of a tile."""
 
-    Attributes
-    ----------
-    place : Cell
-        Its column and row in the grid.
-    stamp : int
-        Its key: the stamp of its first revision [ns].
-    buffer : Buffer
-        With which it was sent last.
-    near : tuple of Cell
-        Its spool cells and those of its buffer, as wide as it has ever been.
-    n_sent : int
-        Points near it when it was sent last; −1 = never.
-    revision : int
-        Number of the last one that was sent; −1 = none was.
-    """
-
-    place: Cell
-    stamp: int
+    place: Cell  #: its column and row in the grid
+    stamp: int  #: its key: the stamp of its first revision [ns]
     block: Block
-    buffer: Buffer
-    near: tuple[Cell, ...]
-    n_sent: int = -1
-    revision: int = -1
+    buffer: Buffer  #: with which it was sent last
+    near: tuple[Cell, ...]  #: its spool cells and those of its buffer, as wide as it has ever been
+    n_sent: int = -1  #: points near it when it was sent last; −1 = never
+    revision: int = -1  #: number of the last one that was sent; −1 = none was
 
     def share_new(self, count_in: Callable[[Iterable[Cell]], int]) -> float:
         """Return which share of the points near it were not sent."""

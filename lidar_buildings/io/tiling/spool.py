@@ -49,22 +49,11 @@ class Head(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """
-    Records of a cell.
+    """Records of a cell."""
 
-    Attributes
-    ----------
-    file : Path
-        Where they are.
-    count : int
-        How many there are, from its beginning.
-    head : Head, optional
-        The first one, where that is known.
-    """
-
-    file: Path
-    count: int
-    head: Head | None = None
+    file: Path  #: where they are
+    count: int  #: how many there are, from its beginning
+    head: Head | None = None  #: the first one, where that is known
 
 
 #: Where the records of each cell are, in their order.

@@ -12,17 +12,11 @@ from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 
 @dataclass
 class SpooledTile:
-    """
-    A tile that is ready to be read; it can be sent to another process that sees the store's folder.
-
-    Attributes
-    ----------
-    buffer, max_buffer : Buffer, float
-        The strip of neighbours that comes with it, and how wide it may grow [m].
-    """
+    """A tile that is ready to be read; it can be sent to another process that sees the store's folder."""
 
     plan: TilePlan
     store: TileStore
+    #: The strip of neighbours that comes with it, and how wide it may grow [m].
     buffer: Buffer
     max_buffer: float
 

@@ -18,30 +18,16 @@ from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 @dataclass(frozen=True, eq=False)
 class SurveyPlan:
-    """
-    A survey and its tiles.
-
-    Attributes
-    ----------
-    system : str
-        Reference system, empty if no file says.
-    bounds : tuple of float
-        Least x and y, greatest x and y [m].
-    area : float
-        What the bounds of the files cover [m²].
-    tile_size : float
-        Side of the tiles [m].
-    tile_points, tile_areas : ndarray of shape (n_tiles,)
-        Expected points of each tile, and what it covers [m²], buffer included.
-    """
+    """A survey and its tiles."""
 
     n_files: int
     n_points: int
     n_bytes: int
-    system: str
-    bounds: tuple[float, float, float, float]
-    area: float
-    tile_size: float
+    system: str  #: reference system, empty if no file says
+    bounds: tuple[float, float, float, float]  #: least x and y, greatest x and y [m]
+    area: float  #: what the bounds of the files cover [m²]
+    tile_size: float  #: side of the tiles [m]
+    #: Expected points of each tile, and what it covers [m²], buffer included, shape (n_tiles,).
     tile_points: NDArray[np.float64]
     tile_areas: NDArray[np.float64]
 

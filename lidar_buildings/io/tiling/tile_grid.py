@@ -158,22 +158,11 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class TileGrid:
-    """
-    Tiles of `tile_size`, each split into spool cells so that a buffer reads little more than itself.
+    """Tiles of `tile_size`, each split into spool cells so that a buffer reads little more than itself."""
 
-    Attributes
-    ----------
-    tile_size : float
-        Side of a tile [m].
-    cells_per_side : int
-        Spool cells along a tile's side.
-    start : float
-        Where a tile begins, in x and in y; 0 or half a side, so that it is exact [m].
-    """
-
-    tile_size: float
-    cells_per_side: int
-    start: float = 0.0
+    tile_size: float  #: side of a tile [m]
+    cells_per_side: int  #: spool cells along a tile's side
+    start: float = 0.0  #: where a tile begins, in x and in y; 0 or half a side, so that it is exact [m]
 
     @classmethod
     def fitting(cls, tile_size: float, buffer: float, start: float = 0.0) -> TileGrid:

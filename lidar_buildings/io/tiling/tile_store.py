@@ -28,40 +28,20 @@ from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGr
 
 
 class ReadPart(NamedTuple):
-    """
-    What another process has read of a file.
+    """What another process has read of a file."""
 
-    Attributes
-    ----------
-    pieces : dict
-        Where the records of each spool cell are.
-    samples : Path
-        What tells of intensities.
-    """
-
-    pieces: Pieces
-    samples: Path
+    pieces: Pieces  #: where the records of each spool cell are
+    samples: Path  #: what tells of intensities
 
 
 @dataclass(frozen=True)
 class TilePlan:
-    """
-    A tile that is ready: its place, and which records of its cells are its core points.
+    """A tile that is ready: its place, and which records of its cells are its core points."""
 
-    Attributes
-    ----------
-    stamp : int
-        The tile's key [ns].
-    core : dict
-        Spool cell → first and last (exclusive) record.
-    dark_limit : float or None
-        What was known of the survey's ground when the tile became ready.
-    """
-
-    stamp: int
+    stamp: int  #: the tile's key [ns]
     block: Block
-    core: dict[Cell, tuple[int, int]]
-    dark_limit: float | None = None
+    core: dict[Cell, tuple[int, int]]  #: spool cell → first and last (exclusive) record
+    dark_limit: float | None = None  #: what was known of the survey's ground when the tile became ready
 
 
 class TileStore:

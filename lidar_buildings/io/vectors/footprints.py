@@ -33,41 +33,22 @@ _one_reader = threading.Lock()
 
 @dataclass(frozen=True)
 class FootprintSource:
-    """
-    Where footprints come from.
-
-    Attributes
-    ----------
-    layer : str
-        Its layer, empty for the only one of polygons.
-    id_column : str
-        The column that names a footprint, empty for one that looks like it.
-    """
+    """Where footprints come from."""
 
     path: Path
-    layer: str = ""
-    id_column: str = ""
+    layer: str = ""  #: its layer, empty for the only one of polygons
+    id_column: str = ""  #: the column that names a footprint, empty for one that looks like it
 
 
 @dataclass(frozen=True, eq=False)
 class FootprintFile:
-    """
-    The footprints of a file.
-
-    Attributes
-    ----------
-    footprints : Footprints
-        In the map frame.
-    footprint_id : mapping
-        Building id → what the file calls the footprint.
-    record : dict
-        What ``run.json`` tells of the file: layer, column of the ids, and how many polygons were read,
-        repaired, and left out for which reason.
-    """
+    """The footprints of a file."""
 
     source: FootprintSource
-    footprints: Footprints
-    footprint_id: Mapping[int, str]
+    footprints: Footprints  #: in the map frame
+    footprint_id: Mapping[int, str]  #: building id → what the file calls the footprint
+    #: What ``run.json`` tells of the file: layer, column of the ids, and how many polygons were read,
+    #: repaired, and left out for which reason.
     record: dict[str, Any]
 
 

@@ -40,29 +40,15 @@ _one_writer = threading.Lock()
 
 @dataclass(frozen=True, eq=False)
 class VectorLayer:
-    """
-    One layer of polygons or lines.
-
-    Attributes
-    ----------
-    geometries : sequence of shapely geometries
-        Polygons with holes, or lines; none is legal.
-    fields : dict of str to type
-        Attribute → int, float or str, in the order of the columns.
-    rows : sequence of dict
-        One per geometry; what a row lacks, None and numbers that are not finite become null.
-    is_3d : bool
-        Whether the vertices carry z.
-    kind : str
-        ``Polygon`` or ``LineString``.
-    """
+    """One layer of polygons or lines."""
 
     name: str
-    geometries: Sequence[Any]
-    fields: dict[str, type]
+    geometries: Sequence[Any]  #: polygons with holes, or lines; none is legal
+    fields: dict[str, type]  #: attribute → int, float or str, in the order of the columns
+    #: One per geometry; what a row lacks, None and numbers that are not finite become null.
     rows: Sequence[dict[str, Any]]
-    is_3d: bool = False
-    kind: str = "Polygon"
+    is_3d: bool = False  #: whether the vertices carry z
+    kind: str = "Polygon"  #: ``Polygon`` or ``LineString``
 
 
 class GeoPackageWriter:

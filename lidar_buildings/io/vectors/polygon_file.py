@@ -25,27 +25,15 @@ _OUTLINES = "outlines"
 
 @dataclass(frozen=True, eq=False)
 class PolygonLayer:
-    """
-    What a layer holds.
-
-    Attributes
-    ----------
-    geometries : ndarray
-        shapely geometries of any type; None where a feature has none or one that cannot be understood.
-    columns : mapping
-        Name → values, one per feature.
-    fids : ndarray of int
-        The features' numbers in the file.
-    crs : str
-        As GDAL names it, empty if unknown.
-    """
+    """What a layer holds."""
 
     path: Path
     name: str
+    #: Shapely geometries of any type; None where a feature has none or one that cannot be understood.
     geometries: NDArray[Any]
-    columns: Mapping[str, NDArray[Any]]
-    fids: NDArray[np.int64]
-    crs: str
+    columns: Mapping[str, NDArray[Any]]  #: name → values, one per feature
+    fids: NDArray[np.int64]  #: the features' numbers in the file
+    crs: str  #: as GDAL names it, empty if unknown
 
     @property
     def label(self) -> str:

@@ -12,17 +12,10 @@ from lidar_buildings.report.summary_words import changed_parameters
 
 
 class Finding(NamedTuple):
-    """
-    One line, and which parameters would change what it tells.
-
-    Attributes
-    ----------
-    parameters : tuple of str
-        ``stage.name``.
-    """
+    """One line, and which parameters would change what it tells."""
 
     text: str
-    parameters: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()  #: ``stage.name``
 
 
 class Limits:

@@ -25,22 +25,13 @@ _WIDEST = 8.0
 
 
 class Wall(NamedTuple):
-    """
-    A straight piece of an outline.
+    """A straight piece of an outline."""
 
-    Attributes
-    ----------
-    length, direction_deg : float
-        [m], 0 to 180 from north, clockwise.
-    n_traced : int
-        Corners of the traced ring that lie nearest to it.
-    moved, worst : float
-        Mean and greatest distance of these, positive outside [m].
-    """
-
+    #: [m], 0 to 180 from north, clockwise.
     length: float
     direction_deg: float
-    n_traced: int
+    n_traced: int  #: corners of the traced ring that lie nearest to it
+    #: Mean and greatest distance of these, positive outside [m].
     moved: float
     worst: float
 

@@ -25,18 +25,10 @@ _COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """
-    Points within a box, noise left out.
+    """Points within a box, noise left out."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        Map frame [m].
-    classification, height, facade, building_id, plane_id : ndarray of float64, shape (n,)
-        As the clouds say; 0 where they do not. Heights above ground [m].
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
+    #: As the clouds say; 0 where they do not. Heights above ground [m]. Shape (n,).
     classification: NDArray[np.float64]
     height: NDArray[np.float64]
     facade: NDArray[np.float64]

@@ -28,19 +28,11 @@ _FACE_BITS, _VERTEX_BITS = 16, 23
 
 
 class Coloured(NamedTuple):
-    """
-    Triangles, lines or points.
+    """Triangles, lines or points."""
 
-    Attributes
-    ----------
-    places : ndarray of shape (n, k, 3)
-        The three corners of triangles, two ends of lines, or single points, map frame [m].
-    colours : ndarray of shape (n, 3)
-        Of each, from 0 to 1.
-    """
-
+    #: The three corners of triangles, two ends of lines, or single points, map frame [m], shape (n, k, 3).
     places: _Array
-    colours: _Array
+    colours: _Array  #: of each, from 0 to 1, shape (n, 3)
 
 
 def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:

@@ -18,18 +18,11 @@ HALF_BASE = 1.5
 
 @dataclass(frozen=True)
 class Sway:
-    """
-    Swings of roll, pitch and yaw that add up.
+    """Swings of roll, pitch and yaw that add up."""
 
-    Attributes
-    ----------
-    mean_deg : tuple of three float
-        Roll, pitch and yaw about which they swing; yaw counts from the direction of travel.
-    swings : tuple
-        Of each: axis (0 roll, 1 pitch, 2 yaw), amplitude [deg], period [s], phase [rad].
-    """
-
+    #: Roll, pitch and yaw about which they swing; yaw counts from the direction of travel.
     mean_deg: tuple[float, float, float]
+    #: Of each: axis (0 roll, 1 pitch, 2 yaw), amplitude [deg], period [s], phase [rad].
     swings: tuple[tuple[int, float, float, float], ...]
 
     def at(self, elapsed: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -41,19 +34,10 @@ class Sway:
 
 
 class Frames(NamedTuple):
-    """
-    Frames of something in the map, one per time.
+    """Frames of something in the map, one per time."""
 
-    Attributes
-    ----------
-    place : ndarray of shape (n, 3)
-        Their origins [m].
-    axes : ndarray of shape (n, 3, 3)
-        Rotations from them into the map.
-    """
-
-    place: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    place: NDArray[np.float64]  #: their origins [m], shape (n, 3)
+    axes: NDArray[np.float64]  #: rotations from them into the map, shape (n, 3, 3)
 
     def of_mounted(self, mounting: Pose) -> Frames:
         """Return the frames of what is mounted there."""
@@ -75,34 +59,19 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True)
 class Leg:
-    """
-    One straight way.
-
-    Attributes
-    ----------
-    start : tuple of three float
-        Where it begins [m].
-    heading : tuple of two float
-        Unit vector.
-    speed, duration : float
-        [m/s], [s].
-    stamp : int
-        When it begins, Unix time [ns].
-    on_line : tuple of three float
-        Which point of the body moves straight on, in its own frame [m].
-    ground : Terrain or None
-        What a vehicle stands on; an aircraft keeps its elevation.
-    """
+    """One straight way."""
 
     number: int
-    start: tuple[float, float, float]
-    heading: tuple[float, float]
+    start: tuple[float, float, float]  #: where it begins [m]
+    heading: tuple[float, float]  #: unit vector
+    #: [m/s], [s].
     speed: float
     duration: float
-    stamp: int
+    stamp: int  #: when it begins, Unix time [ns]
     sway: Sway
+    #: Which point of the body moves straight on, in its own frame [m].
     on_line: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    ground: Terrain | None = None
+    ground: Terrain | None = None  #: what a vehicle stands on; an aircraft keeps its elevation
 
     def at(self, elapsed: NDArray[np.float64]) -> Frames:
         """Return the body's exact frames in the map so many seconds after the beginning."""

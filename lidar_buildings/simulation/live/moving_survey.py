@@ -24,42 +24,22 @@ TAKE_OFF_STAMP = 1_714_986_000 * SECOND
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """
-    What a driver sends as one cloud.
+    """What a driver sends as one cloud."""
 
-    Attributes
-    ----------
-    stamp : int
-        Time of its beginning [ns].
-    sent : int
-        When it is complete [ns].
-    rows : structured ndarray of shape (height, width)
-        The fields; x, y, z in the sensor's frame, all 0 where nothing came back.
-    truth : StripPoints
-        Where its returns lie in the map and what they are, row by row.
-    """
-
-    stamp: int
-    sent: int
+    stamp: int  #: time of its beginning [ns]
+    sent: int  #: when it is complete [ns]
+    #: The fields; x, y, z in the sensor's frame, all 0 where nothing came back. Structured, shape (height,
+    #: width).
     rows: NDArray[Any]
-    truth: StripPoints
+    truth: StripPoints  #: where its returns lie in the map and what they are, row by row
 
 
 @dataclass(frozen=True)
 class BodyPose:
-    """
-    Where the body is at a time.
+    """Where the body is at a time."""
 
-    Attributes
-    ----------
-    stamp : int
-        [ns]
-    pose : Pose
-        Of the body in the map.
-    """
-
-    stamp: int
-    pose: Pose
+    stamp: int  #: [ns]
+    pose: Pose  #: of the body in the map
 
     @property
     def sent(self) -> int:
@@ -69,26 +49,13 @@ class BodyPose:
 
 @dataclass(frozen=True, eq=False)
 class MovingSurvey:
-    """
-    A survey with a scanner on a body that moves.
-
-    Attributes
-    ----------
-    mounting : str
-        As `scan_assembler.mounting` takes it: lever arm and boresight.
-    legs : tuple of Leg
-        The ways; between two of them no pose is told.
-    pose_rate : float
-        Poses a second.
-    scans_of : callable
-        Leg → its scans in the order of time.
-    """
+    """A survey with a scanner on a body that moves."""
 
     scene: VirtualScene
-    mounting: str
-    legs: tuple[Leg, ...]
-    pose_rate: float
-    scans_of: Callable[[Leg], Iterator[Scan]]
+    mounting: str  #: as `scan_assembler.mounting` takes it: lever arm and boresight
+    legs: tuple[Leg, ...]  #: the ways; between two of them no pose is told
+    pose_rate: float  #: poses a second
+    scans_of: Callable[[Leg], Iterator[Scan]]  #: leg → its scans in the order of time
 
     @property
     def mounting_pose(self) -> Pose:

@@ -16,24 +16,15 @@ _SECOND = 1e-9
 
 @dataclass
 class PlayReport:
-    """
-    How a survey was played.
+    """How a survey was played."""
 
-    Attributes
-    ----------
-    n_scans, n_points : int
-        What was told.
-    busy, pauses : float
-        Wall time with and without scans [s].
-    worst_delay : float
-        By how much at most something came too late [s].
-    """
-
+    #: What was told.
     n_scans: int = 0
     n_points: int = 0
+    #: Wall time with and without scans [s].
     busy: float = 0.0
     pauses: float = 0.0
-    worst_delay: float = 0.0
+    worst_delay: float = 0.0  #: by how much at most something came too late [s]
 
     @property
     def rate(self) -> float:
