@@ -27,31 +27,19 @@ _ENVIRONMENT = {"PYTHONDONTWRITEBYTECODE": ""}
 
 
 class Usage(NamedTuple):
-    """
-    What a command took.
+    """What a command took."""
 
-    Attributes
-    ----------
-    wall, cpu : float
-        The latter of all its processes, user and system [s].
-    others : float
-        Processor time that the machine spent on others meanwhile; where it is not small, wall time tells of
-        them, too [s].
-    memory : int
-        Most that it had at a time: the kernel's own mark of its largest process, or the sum over its
-        processes each `PERIOD`, if that was more [bytes].
-    disk : int
-        Most of its temporary files at a time, looked at each `PERIOD` [bytes].
-    printed : str
-        Its standard output.
-    """
-
+    #: The latter of all its processes, user and system [s].
     wall: float
     cpu: float
+    #: Processor time that the machine spent on others meanwhile; where it is not small, wall time tells of
+    #: them, too [s].
     others: float
+    #: Most that it had at a time: the kernel's own mark of its largest process, or the sum over its processes
+    #: each `PERIOD`, if that was more [bytes].
     memory: int
-    disk: int
-    printed: str
+    disk: int  #: most of its temporary files at a time, looked at each `PERIOD` [bytes]
+    printed: str  #: its standard output
 
 
 def machine_cpu() -> float:
@@ -74,7 +62,6 @@ def run_child(
 
     Parameters
     ----------
-    command : sequence of str
     cores : int, optional
         On how many it may run.
     output : Path, optional

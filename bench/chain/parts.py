@@ -30,25 +30,13 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """
-    What to measure.
+    """What to measure."""
 
-    Attributes
-    ----------
-    files : tuple of Path
-        Delft's.
-    folder : Path
-        For inputs that are made, and for results.
-    copies, cores : tuple of int
-    repeats : int
-        Of what takes a minute or less; the least counts.
-    """
-
-    files: tuple[Path, ...]
-    folder: Path
+    files: tuple[Path, ...]  #: delft's
+    folder: Path  #: for inputs that are made, and for results
     copies: tuple[int, ...] = (1, 4, 16)
     cores: tuple[int, ...] = (1, 2)
-    repeats: int = 3
+    repeats: int = 3  #: of what takes a minute or less; the least counts
 
 
 def runs(job: Job) -> Iterator[Record]:

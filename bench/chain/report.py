@@ -23,9 +23,6 @@ class Table:
 
     Parameters
     ----------
-    title : str
-    headings : sequence of str
-    rows : list of list of str
     missing : sequence of str
         What could not be measured, and why.
     """

@@ -30,25 +30,12 @@ from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_poin
 
 
 class RoofArea(NamedTuple):
-    """
-    The roof points of an area.
+    """The roof points of an area."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3), float64
-        In the map frame, rounded to float32 as in a run [m].
-    roof : ndarray of int64, shape (n_points,)
-        Which roof each is of, from 0.
-    spacing : float
-        Measured spacing of these points in plan [m].
-    n_left_out : int
-        Points of the class that are of no roof.
-    """
-
-    points: NDArray[np.float64]
-    roof: NDArray[np.int64]
-    spacing: float
-    n_left_out: int
+    points: NDArray[np.float64]  #: in the map frame, rounded to float32 as in a run [m], shape (n_points, 3)
+    roof: NDArray[np.int64]  #: which roof each is of, from 0, shape (n_points,)
+    spacing: float  #: measured spacing of these points in plan [m]
+    n_left_out: int  #: points of the class that are of no roof
 
 
 def areas_in(data: Path) -> dict[str, RoofArea]:

@@ -26,22 +26,11 @@ SCAN_COLUMNS = ("gps_time", "scan_angle", "scan_direction_flag", "point_source_i
 
 
 class Cloud(NamedTuple):
-    """
-    What a filter is given, and what it is judged by.
+    """What a filter is given, and what it is judged by."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3), float64
-        In the map frame, rounded to float32 as in a run [m].
-    scan : dict
-        Those of `SCAN_COLUMNS` that the source has.
-    is_ground : ndarray of bool, shape (n_points,)
-        The reference.
-    """
-
-    points: NDArray[np.float64]
-    scan: dict[str, NDArray[Any]]
-    is_ground: NDArray[np.bool_]
+    points: NDArray[np.float64]  #: in the map frame, rounded to float32 as in a run [m], shape (n_points, 3)
+    scan: dict[str, NDArray[Any]]  #: those of `SCAN_COLUMNS` that the source has
+    is_ground: NDArray[np.bool_]  #: the reference, shape (n_points,)
 
 
 def data_folder(argument: str | None) -> Path:

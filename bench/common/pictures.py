@@ -36,12 +36,10 @@ def draw_over_relief(
 
     Parameters
     ----------
-    path : Path
     points : ndarray of shape (n_points, 3)
         The cloud [m].
     groups : sequence of (str, str, ndarray of shape (n, 2 or more))
         Colour, name and coordinates of each [m].
-    title : str
     side : float, optional
         Of the squares that stand for the places [m]; without, dots, the larger the fewer points there are.
     """

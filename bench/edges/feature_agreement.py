@@ -26,26 +26,14 @@ PGEOF_EPSILON = 1e-3
 
 
 class Difference(NamedTuple):
-    """
-    How far a peer's feature is from ours.
+    """How far a peer's feature is from ours."""
 
-    Attributes
-    ----------
-    library, feature : str
-        Whose, and which.
-    largest : float
-        Of all points that are compared; eigenvalues in parts of λ1.
-    n_points : int
-        How many are.
-    remark : str
-        How the peer's definition differs from ours.
-    """
-
+    #: Whose, and which.
     library: str
     feature: str
-    largest: float
-    n_points: int
-    remark: str
+    largest: float  #: of all points that are compared; eigenvalues in parts of λ1
+    n_points: int  #: how many are
+    remark: str  #: how the peer's definition differs from ours
 
 
 def differences(library: str, task: Task) -> list[Difference]:

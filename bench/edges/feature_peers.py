@@ -37,41 +37,21 @@ MIN_NEIGHBOURS = 9
 
 
 class Task(NamedTuple):
-    """
-    What is to be described.
+    """What is to be described."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3), float64
-        Near the origin, so that float32 is enough for the peers that need it [m].
-    radii : ndarray of shape (n_radii,)
-        Rising; a single one fixes the radius [m].
-    most : int
-        The largest number of neighbours within the largest radius, which pgeof has to be told.
-    """
-
+    #: Near the origin, so that float32 is enough for the peers that need it [m], shape (n_points, 3).
     points: NDArray[np.float64]
-    radii: NDArray[np.float64]
-    most: int
+    radii: NDArray[np.float64]  #: rising; a single one fixes the radius [m]. Shape (n_radii,).
+    most: int  #: the largest number of neighbours within the largest radius, which pgeof has to be told
 
 
 class Library(NamedTuple):
-    """
-    A way to describe neighbourhoods.
+    """A way to describe neighbourhoods."""
 
-    Attributes
-    ----------
-    package : str
-        What has to be importable.
-    search : callable or None
-        Task → neighbours; None where it cannot be told apart from what follows.
-    describe : callable
-        Task and what `search` returned → features.
-    """
-
-    package: str
+    package: str  #: what has to be importable
+    #: Task → neighbours; None where it cannot be told apart from what follows.
     search: Callable[[Task], Any] | None
-    describe: Callable[[Task, Any], Any]
+    describe: Callable[[Task, Any], Any]  #: task and what `search` returned → features
 
     @property
     def installed(self) -> bool:

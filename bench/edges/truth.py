@@ -34,19 +34,10 @@ SCENES, DENSITIES = ("village", "roof_types", "courtyards"), (4.0, 12.0)
 
 
 class OutlineScore(NamedTuple):
-    """
-    How labels lie along outlines.
+    """How labels lie along outlines."""
 
-    Attributes
-    ----------
-    completeness : float
-        Edges among the points that should be some.
-    correctness : float
-        Points that may be edges among those labelled.
-    """
-
-    completeness: float
-    correctness: float
+    completeness: float  #: edges among the points that should be some
+    correctness: float  #: points that may be edges among those labelled
 
     @property
     def f_score(self) -> float:

@@ -38,28 +38,15 @@ MIN_POINTS = 50
 
 @dataclass(frozen=True, eq=False)
 class Disturbed:
-    """
-    A disturbed cloud.
+    """A disturbed cloud."""
 
-    Attributes
-    ----------
-    kind, name : str
-        A key of `KINDS`, and that with a number.
-    rows : ndarray of shape (n,), intp
-        Which of the cloud's points it has, in its order.
-    points : ndarray of shape (n, 3)
-        Where they lie now [m].
-    columns : dict
-        Those of the cloud's columns that go with them.
-    matrix, shift : ndarray of shape (3, 3) and (3,)
-        How the cloud was turned or stretched, and moved then; x and y do not depend on z.
-    """
-
+    #: A key of `KINDS`, and that with a number.
     kind: str
     name: str
-    rows: NDArray[np.intp]
-    points: NDArray[np.float64]
-    columns: dict[str, NDArray[Any]]
+    rows: NDArray[np.intp]  #: which of the cloud's points it has, in its order, shape (n,)
+    points: NDArray[np.float64]  #: where they lie now [m], shape (n, 3)
+    columns: dict[str, NDArray[Any]]  #: those of the cloud's columns that go with them
+    #: How the cloud was turned or stretched, and moved then; x and y do not depend on z. Shape (3, 3).
     matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     shift: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 

@@ -15,20 +15,12 @@ FIGURE_HEADINGS = ("n", "mean %", "worst tenth %", "worst %", "worst case")
 
 
 class Score(NamedTuple):
-    """
-    One figure of one disturbed cloud.
+    """One figure of one disturbed cloud."""
 
-    Attributes
-    ----------
-    case, kind : str
-        Which cloud, and how it was disturbed (a key of `disturbances.KINDS`, or ``plain``).
-    value : float
-        The figure, a share; NaN where there is nothing to judge.
-    """
-
+    #: Which cloud, and how it was disturbed (a key of `disturbances.KINDS`, or ``plain``).
     case: str
     kind: str
-    value: float
+    value: float  #: the figure, a share; NaN where there is nothing to judge
 
 
 def worst_tenth(values: Sequence[float], higher_is_better: bool = False) -> float:

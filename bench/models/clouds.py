@@ -58,19 +58,10 @@ HEADINGS = (
 
 
 class BuiltModel(NamedTuple):
-    """
-    One building.
-
-    Attributes
-    ----------
-    name : str
-    solids : dict of str to tuple of Solid
-        By level of detail, near the origin of coordinates [m].
-    attributes : dict
-    """
+    """One building."""
 
     name: str
-    solids: dict[str, tuple[Solid, ...]]
+    solids: dict[str, tuple[Solid, ...]]  #: by level of detail, near the origin of coordinates [m]
     attributes: dict[str, Any]
 
     @property
@@ -80,19 +71,11 @@ class BuiltModel(NamedTuple):
 
 
 class CloudModels(NamedTuple):
-    """
-    All buildings of a cloud.
-
-    Attributes
-    ----------
-    name : str
-    buildings : list of BuiltModel
-    points : ModelPointScore or None
-        Distances of the provider's class 6 to the finest roofs, None where there is no such class.
-    """
+    """All buildings of a cloud."""
 
     name: str
     buildings: list[BuiltModel]
+    #: Distances of the provider's class 6 to the finest roofs, None where there is no such class.
     points: ModelPointScore | None
 
     def n_at(self, level: str) -> int:

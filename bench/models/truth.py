@@ -42,34 +42,19 @@ HEADINGS = (
 
 
 class Verdict(NamedTuple):
-    """
-    One scene's model against its truth.
-
-    Attributes
-    ----------
-    scene : ModelScene
-    model : BuildingModel
-    n_faces, n_found, n_extra : int
-        True faces that have points, those that a plane was found for, and planes found for none.
-    angle_deg : float
-        Largest angle between a true face and the plane found for it [deg].
-    score : ModelScore
-        Of the finest solid.
-    ridge_error : float
-        Largest difference of a ridge's elevation [m]; infinite if one has no counterpart, NaN without any.
-    is_valid : bool
-        Whether every solid passes the checks.
-    """
+    """One scene's model against its truth."""
 
     scene: ModelScene
     model: BuildingModel
+    #: True faces that have points, those that a plane was found for, and planes found for none.
     n_faces: int
     n_found: int
     n_extra: int
-    angle_deg: float
-    score: ModelScore
+    angle_deg: float  #: largest angle between a true face and the plane found for it [deg]
+    score: ModelScore  #: of the finest solid
+    #: Largest difference of a ridge's elevation [m]; infinite if one has no counterpart, NaN without any.
     ridge_error: float
-    is_valid: bool
+    is_valid: bool  #: whether every solid passes the checks
 
     @property
     def has_finest(self) -> bool:

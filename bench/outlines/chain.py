@@ -29,33 +29,18 @@ STEPS = ("segmentation", "tracing", "regularisation")
 
 
 class Building(NamedTuple):
-    """
-    A building on its way from points to an outline.
+    """A building on its way from points to an outline."""
 
-    Attributes
-    ----------
-    rows : ndarray of int
-        Its points among the roof points.
-    traced, outline : Outline
-        Before and after regularisation [m].
-    spacing : float
-        Of its points, the geometric mean of that along and across the scan lines [m].
-    sigma, max_offset : float
-        Of the traced ring's points about the outline [m].
-    is_regular : bool
-        Whether the outline is more than the traced one.
-    reason : str
-        Why not, or what was out of the ordinary.
-    """
-
-    rows: NDArray[np.intp]
+    rows: NDArray[np.intp]  #: its points among the roof points
+    #: Before and after regularisation [m].
     traced: Outline
     outline: Outline
-    spacing: float
+    spacing: float  #: of its points, the geometric mean of that along and across the scan lines [m]
+    #: Of the traced ring's points about the outline [m].
     sigma: float
     max_offset: float
-    is_regular: bool
-    reason: str
+    is_regular: bool  #: whether the outline is more than the traced one
+    reason: str  #: why not, or what was out of the ordinary
 
     @property
     def polygon(self) -> shapely.Polygon:
@@ -64,19 +49,10 @@ class Building(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """
-    What the three stages made of roof points.
+    """What the three stages made of roof points."""
 
-    Attributes
-    ----------
-    buildings : list of Building
-        By rising building id.
-    seconds : dict of str to float
-        Wall time of each step.
-    """
-
-    buildings: list[Building]
-    seconds: dict[str, float]
+    buildings: list[Building]  #: by rising building id
+    seconds: dict[str, float]  #: wall time of each step
 
     @property
     def polygons(self) -> NDArray[Any]:

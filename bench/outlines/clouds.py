@@ -19,28 +19,14 @@ from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_poin
 
 
 class RoofCloud(NamedTuple):
-    """
-    The roofs of a cloud.
+    """The roofs of a cloud."""
 
-    Attributes
-    ----------
-    name : str
-        Folder, or folder and file.
-    roofs : PointTile
-        Roof points in the map frame, with the spacing of all pulses.
-    extent : ndarray of shape (2, 2)
-        Lowest and highest x and y of the whole cloud [m].
-    origin : ndarray of shape (2,)
-        What to add to get coordinates of the file's reference system [m].
-    classes : str
-        Whose classes these are: ``"provider"`` or ``"own"``.
-    """
-
-    name: str
-    roofs: PointTile
-    extent: NDArray[np.float64]
+    name: str  #: folder, or folder and file
+    roofs: PointTile  #: roof points in the map frame, with the spacing of all pulses
+    extent: NDArray[np.float64]  #: lowest and highest x and y of the whole cloud [m], shape (2, 2)
+    #: What to add to get coordinates of the file's reference system [m], shape (2,).
     origin: NDArray[np.float64]
-    classes: str
+    classes: str  #: whose classes these are: ``"provider"`` or ``"own"``
 
 
 def read_roofs(name: str, files: list[Path]) -> RoofCloud:

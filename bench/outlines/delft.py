@@ -37,39 +37,20 @@ HEADINGS = (
 
 
 class Reference(NamedTuple):
-    """
-    The map.
+    """The map."""
 
-    Attributes
-    ----------
-    blocks, area : ndarray of shapely geometries
-        In the map frame of the cloud; the blocks are complete within the area [m].
-    """
-
+    #: In the map frame of the cloud; the blocks are complete within the area [m]. Shapely geometries.
     blocks: NDArray[Any]
     area: NDArray[Any]
 
 
 class Peered(NamedTuple):
-    """
-    Every method's outlines and times on one cloud.
+    """Every method's outlines and times on one cloud."""
 
-    Attributes
-    ----------
-    n_clusters : int
-        Clusters that all methods were given.
-    polygons : dict
-        Method → outlines.
-    seconds : dict
-        Method → least wall time of the repeats.
-    steps : dict
-        This package's steps → time in its fastest repeat.
-    """
-
-    n_clusters: int
-    polygons: dict[str, NDArray[Any]]
-    seconds: dict[str, float]
-    steps: dict[str, float]
+    n_clusters: int  #: clusters that all methods were given
+    polygons: dict[str, NDArray[Any]]  #: method → outlines
+    seconds: dict[str, float]  #: method → least wall time of the repeats
+    steps: dict[str, float]  #: this package's steps → time in its fastest repeat
 
 
 def read_delft(data: Path) -> tuple[RoofCloud, Reference]:

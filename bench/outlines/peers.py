@@ -40,19 +40,10 @@ PEERS = {
 
 
 class PeerResult(NamedTuple):
-    """
-    What a peer made of clusters.
+    """What a peer made of clusters."""
 
-    Attributes
-    ----------
-    polygons : ndarray of shapely geometries
-        One per cluster; empty where nothing came out.
-    seconds : float
-        Wall time, hulls included.
-    """
-
-    polygons: NDArray[Any]
-    seconds: float
+    polygons: NDArray[Any]  #: one per cluster; empty where nothing came out. Shapely geometries.
+    seconds: float  #: wall time, hulls included
 
 
 def is_installed(name: str) -> bool:

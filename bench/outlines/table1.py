@@ -32,22 +32,11 @@ PAPER_SIGMA = (0.18, 0.21)
 
 
 class Row(NamedTuple):
-    """
-    A line of the table.
+    """A line of the table."""
 
-    Attributes
-    ----------
-    name : str
-        Of the data.
-    buildings : list of Building
-        At most ten.
-    score : AdjustmentScore
-        Their means.
-    """
-
-    name: str
-    buildings: list[Building]
-    score: AdjustmentScore
+    name: str  #: of the data
+    buildings: list[Building]  #: at most ten
+    score: AdjustmentScore  #: their means
 
 
 def row_of_cloud(cloud: RoofCloud, configs: PipelineConfig) -> Row:

@@ -36,35 +36,16 @@ HEADINGS = (
 
 
 class Verdict(NamedTuple):
-    """
-    One scene's result against its truth.
-
-    Attributes
-    ----------
-    scene : OutlineScene
-    polygon : shapely.Polygon
-        The largest outline; empty if there is none.
-    n_buildings : int
-        Outlines in all.
-    iou : float
-        With the truth.
-    n_vertices : int
-        Of the outline.
-    n_courtyards_found : int
-        True courtyards with a hole of IoU ≥ 0.5.
-    distances : BoundaryDistances
-        Of the two boundaries [m].
-    angle_95_deg : float
-        Between walls and those of the truth: 95 % of the walls' length differ by less [deg].
-    """
+    """One scene's result against its truth."""
 
     scene: OutlineScene
-    polygon: shapely.Polygon
-    n_buildings: int
-    iou: float
-    n_vertices: int
-    n_courtyards_found: int
-    distances: BoundaryDistances
+    polygon: shapely.Polygon  #: the largest outline; empty if there is none
+    n_buildings: int  #: outlines in all
+    iou: float  #: with the truth
+    n_vertices: int  #: of the outline
+    n_courtyards_found: int  #: true courtyards with a hole of IoU ≥ 0.5
+    distances: BoundaryDistances  #: of the two boundaries [m]
+    #: Between walls and those of the truth: 95 % of the walls' length differ by less [deg].
     angle_95_deg: float
 
     @property

@@ -33,19 +33,11 @@ MOST_PLANES = 60
 
 
 class Method(NamedTuple):
-    """
-    A way to find planes.
+    """A way to find planes."""
 
-    Attributes
-    ----------
-    find : callable
-        Points → number of each point's plane, 0 = none.
-    package : str
-        What has to be importable.
-    """
-
+    #: Points → number of each point's plane, 0 = none.
     find: Callable[[NDArray[np.float64]], NDArray[np.int64]]
-    package: str = "lidar_buildings"
+    package: str = "lidar_buildings"  #: what has to be importable
 
     @property
     def installed(self) -> bool:

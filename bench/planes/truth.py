@@ -22,23 +22,12 @@ LABELLED = "trondheim"
 
 
 class KnownRoof(NamedTuple):
-    """
-    The points of a roof and their planes.
-
-    Attributes
-    ----------
-    name : str
-    points : ndarray of shape (n_points, 3)
-        Near the origin [m].
-    planes : ndarray of int64, shape (n_points,)
-        From 1; −1 for points that do not count.
-    normals : ndarray of shape (n_planes, 3)
-        Of the planes by their numbers; empty where they are not known.
-    """
+    """The points of a roof and their planes."""
 
     name: str
-    points: NDArray[np.float64]
-    planes: NDArray[np.int64]
+    points: NDArray[np.float64]  #: near the origin [m], shape (n_points, 3)
+    planes: NDArray[np.int64]  #: from 1; −1 for points that do not count. Shape (n_points,).
+    #: Of the planes by their numbers; empty where they are not known. Shape (n_planes, 3).
     normals: NDArray[np.float64]
 
 

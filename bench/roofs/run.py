@@ -47,21 +47,11 @@ HEADINGS = ("recall", "precision", "IoU/F1", "s")
 
 
 class Reference(NamedTuple):
-    """
-    What an area is judged by.
+    """What an area is judged by."""
 
-    Attributes
-    ----------
-    name : str
-        For the table.
-    is_building : ndarray of bool, shape (n_points,)
-        The provider's buildings.
-    cells, area
-        The map's building cells, and the polygons within which they are complete; None without a map.
-    """
-
-    name: str
-    is_building: NDArray[np.bool_]
+    name: str  #: for the table
+    is_building: NDArray[np.bool_]  #: the provider's buildings, shape (n_points,)
+    #: The map's building cells, and the polygons within which they are complete; None without a map.
     cells: CellSet | None = None
     area: NDArray[Any] | None = None
 

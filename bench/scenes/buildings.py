@@ -25,31 +25,18 @@ MARGIN = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """
-    Points and what is true of them.
+    """Points and what is true of them."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        Coordinates [m].
-    is_ground, is_roof : ndarray of bool, shape (n,)
-        A tree's points are neither.
-    buildings : tuple of Building
-        Each with `exterior` (counter-clockwise, open), `holes`, `faces`, `planes` (a, b, c of
-        z = a·x + b·y + c), `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`,
-        `number` (from 1).
-    roof_plane : ndarray of uint16, shape (n,)
-        Plane id within the building (face i has id i + 1), 0 = none.
-    building : ndarray of uint32, shape (n,)
-        Number of the building, 0 = none.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  #: coordinates [m], shape (n, 3)
+    #: A tree's points are neither, shape (n,).
     is_ground: NDArray[np.bool_]
     is_roof: NDArray[np.bool_]
+    #: Each with `exterior` (counter-clockwise, open), `holes`, `faces`, `planes` (a, b, c of z = a·x + b·y +
+    #: c), `outline`, `polygon`, `ground_elevation`, `roof_elevation_range`, `height`, `number` (from 1).
     buildings: tuple[Building, ...]
+    #: Plane id within the building (face i has id i + 1), 0 = none, shape (n,).
     roof_plane: NDArray[np.uint16]
-    building: NDArray[np.uint32]
+    building: NDArray[np.uint32]  #: number of the building, 0 = none, shape (n,)
 
     def select(self, rows: NDArray) -> Scene:
         """Return the scene with only these rows, by mask or indices."""

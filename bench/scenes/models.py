@@ -31,32 +31,15 @@ _SAME_VERTEX = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class ModelScene:
-    """
-    A building's roof points and what is true of it.
-
-    Attributes
-    ----------
-    name : str
-    points : ndarray of shape (n, 3)
-        Map frame [m].
-    plane_id : ndarray of uint16, shape (n,)
-        The face that each point lies on, from 1; 0 = none.
-    building : Building
-        Its faces with their planes, and its outline.
-    outline : Outline
-        What a stage is given: the true one unless the scene is about a bad one.
-    ground_elevation : float or None
-        What a stage is told; None where no ground is known [m].
-    given_planes : ndarray of uint16, shape (n,), optional
-        Planes that the model is to be built from, where it is not to fit its own.
-    """
+    """A building's roof points and what is true of it."""
 
     name: str
-    points: NDArray[np.float64]
-    plane_id: NDArray[np.uint16]
-    building: Building
-    outline: Outline
-    ground_elevation: float | None = GROUND
+    points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
+    plane_id: NDArray[np.uint16]  #: the face that each point lies on, from 1; 0 = none. Shape (n,).
+    building: Building  #: its faces with their planes, and its outline
+    outline: Outline  #: what a stage is given: the true one unless the scene is about a bad one
+    ground_elevation: float | None = GROUND  #: what a stage is told; None where no ground is known [m]
+    #: Planes that the model is to be built from, where it is not to fit its own, shape (n,).
     given_planes: NDArray[np.uint16] | None = None
 
     @cached_property

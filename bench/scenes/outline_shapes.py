@@ -18,39 +18,20 @@ ON_A_LINE = 1e-6
 
 
 class Arc(NamedTuple):
-    """
-    A wall that is part of a circle.
+    """A wall that is part of a circle."""
 
-    Attributes
-    ----------
-    centre : tuple of two float
-        In plan [m].
-    radius : float
-        Of the circle [m].
-    """
-
-    centre: tuple[float, float]
-    radius: float
+    centre: tuple[float, float]  #: in plan [m]
+    radius: float  #: of the circle [m]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """
-    The outline of a building.
+    """The outline of a building."""
 
-    Attributes
-    ----------
-    polygon : shapely.Polygon
-        Exact where walls are straight, chords elsewhere.
-    kind : str
-        ``"rectilinear"``: one pair of directions; ``"oblique"``: straight walls; ``"curved"``.
-    arcs : tuple of Arc
-        The walls that are arcs of circles.
-    """
-
-    polygon: Polygon
+    polygon: Polygon  #: exact where walls are straight, chords elsewhere
+    #: ``"rectilinear"``: one pair of directions; ``"oblique"``: straight walls; ``"curved"``.
     kind: str = "rectilinear"
-    arcs: tuple[Arc, ...] = ()
+    arcs: tuple[Arc, ...] = ()  #: the walls that are arcs of circles
 
 
 def rectangle(length: float, width: float) -> Plan:

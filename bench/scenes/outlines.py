@@ -34,25 +34,12 @@ JITTER = (0.1, 0.5)
 
 @dataclass(frozen=True)
 class Scan:
-    """
-    A pattern of points.
+    """A pattern of points."""
 
-    Attributes
-    ----------
-    direction_deg : float
-        Of the scan lines [deg].
-    anisotropy : float
-        Spacing across scan lines over the spacing along them.
-    jitter : float
-        Largest deviation from a regular pattern [cells].
-    drop_outs : float
-        Share of points that did not return.
-    """
-
-    direction_deg: float
-    anisotropy: float
-    jitter: float
-    drop_outs: float = 0.0
+    direction_deg: float  #: of the scan lines [deg]
+    anisotropy: float  #: spacing across scan lines over the spacing along them
+    jitter: float  #: largest deviation from a regular pattern [cells]
+    drop_outs: float = 0.0  #: share of points that did not return
 
     @classmethod
     def drawn(
@@ -84,37 +71,16 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class OutlineScene:
-    """
-    A roof's points and its true outline.
+    """A roof's points and its true outline."""
 
-    Attributes
-    ----------
-    name : str
-        Of its plan, see `PLANS`.
-    kind : str
-        ``"rectilinear"``, ``"oblique"`` or ``"curved"``.
-    rotation_deg : float
-        Of the plan [deg].
-    points : ndarray of shape (n_points, 3)
-        On the roof, in scan order, strip after strip [m].
-    truth : shapely.Polygon
-        The outline, with its courtyards.
-    n_corners : int or None
-        Corners of all rings; None where walls are curved.
-    arcs : tuple of Arc
-        Centres and radii of the walls that are arcs of circles.
-    spacing : float
-        1/√density [m].
-    """
-
-    name: str
-    kind: str
-    rotation_deg: float
-    points: NDArray[np.float64]
-    truth: Polygon
-    n_corners: int | None
-    arcs: tuple[Arc, ...]
-    spacing: float
+    name: str  #: of its plan, see `PLANS`
+    kind: str  #: ``"rectilinear"``, ``"oblique"`` or ``"curved"``
+    rotation_deg: float  #: of the plan [deg]
+    points: NDArray[np.float64]  #: on the roof, in scan order, strip after strip [m], shape (n_points, 3)
+    truth: Polygon  #: the outline, with its courtyards
+    n_corners: int | None  #: corners of all rings; None where walls are curved
+    arcs: tuple[Arc, ...]  #: centres and radii of the walls that are arcs of circles
+    spacing: float  #: 1/√density [m]
 
 
 def outline_scene(

@@ -22,29 +22,17 @@ BRIGHTNESS = np.array([650.0, 400.0, 350.0, 500.0, 800.0, 400.0])
 
 
 class RoofScene(NamedTuple):
-    """
-    Points, what the scan says of them, and what is true.
+    """Points, what the scan says of them, and what is true."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        [m].
-    columns : dict
-        What `select_roofs` is given: `height_above_ground` and `classification` (2 = ground, 1) are exact;
-        `return_number`, `number_of_returns` and `intensity` where the scene has them.
-    is_building : ndarray of bool, shape (n,)
-        Roofs with their chimneys, dormers, parapets and machines; neither walls nor plants nor what stands
-        free.
-    is_facade : ndarray of bool, shape (n,)
-        Outer walls of buildings, which are not roof.
-    is_judged : ndarray of bool, shape (n,)
-        False where both answers are right: inner walls of roofs, balconies, tanks.
-    """
-
-    points: Array
+    points: Array  #: [m], shape (n, 3)
+    #: What `select_roofs` is given: `height_above_ground` and `classification` (2 = ground, 1) are exact;
+    #: `return_number`, `number_of_returns` and `intensity` where the scene has them.
     columns: dict[str, NDArray[Any]]
+    #: Roofs with their chimneys, dormers, parapets and machines; neither walls nor plants nor what stands
+    #: free. Shape (n,).
     is_building: NDArray[np.bool_]
-    is_facade: NDArray[np.bool_]
+    is_facade: NDArray[np.bool_]  #: outer walls of buildings, which are not roof, shape (n,)
+    #: False where both answers are right: inner walls of roofs, balconies, tanks, shape (n,).
     is_judged: NDArray[np.bool_]
 
 

@@ -52,33 +52,18 @@ class Sheet(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """
-    Returns in the order of pulses, the highest of each first.
+    """Returns in the order of pulses, the highest of each first."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        [m].
-    number, of : ndarray of uint8
-        Return number, and number of returns.
-    kind, layer : ndarray of int64
-        What was hit; which of the things put there.
-    is_wall : ndarray of bool
-        Whether its side was hit, not its top.
-    foot_kind : ndarray of int64
-        At a wall: what lies at its foot.
-    below_top : ndarray
-        At a wall: how far below its top [m].
-    """
-
-    points: Array
+    points: Array  #: [m], shape (n, 3)
+    #: Return number, and number of returns.
     number: NDArray[np.uint8]
     of: NDArray[np.uint8]
+    #: What was hit; which of the things put there.
     kind: NDArray[np.int64]
     layer: NDArray[np.int64]
-    is_wall: NDArray[np.bool_]
-    foot_kind: NDArray[np.int64]
-    below_top: Array
+    is_wall: NDArray[np.bool_]  #: whether its side was hit, not its top
+    foot_kind: NDArray[np.int64]  #: at a wall: what lies at its foot
+    below_top: Array  #: at a wall: how far below its top [m]
 
 
 def returns_of(
