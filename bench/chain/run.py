@@ -29,6 +29,7 @@ from pathlib import Path
 
 from bench.chain.parts import PARTS, Job
 from bench.chain.report import Records, tables_of
+from bench.common.arguments import data_parser
 from bench.common.clouds import ROOT, data_folder
 
 DOCUMENT = ROOT / "doc" / "benchmarks.md"
@@ -71,10 +72,7 @@ def keep(records: Records, part: str, record: dict) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    parser = data_parser(__doc__)
     parser.add_argument("--only", nargs="*", choices=tuple(PARTS), default=tuple(PARTS), metavar="PART")
     parser.add_argument("--copies", type=int, nargs="+", default=(1, 4, 16), metavar="N", help="(1 4 16)")
     parser.add_argument("--cores", type=int, nargs="+", default=(1, 2), metavar="N", help="(1 2)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,18 @@ from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
 
 
-def parser_of(description: str | None, names: Sequence[str]) -> argparse.ArgumentParser:
-    """Return a parser with --data, --methods (one of these names or several) and --set."""
+def data_parser(description: str | None) -> argparse.ArgumentParser:
+    """Return a parser with --data."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    return parser
+
+
+def parser_of(description: str | None, names: Sequence[str]) -> argparse.ArgumentParser:
+    """Return a parser with --data, --methods (one of these names or several) and --set."""
+    parser = data_parser(description)
     parser.add_argument(
         "--methods",
         "--method",
@@ -32,6 +38,17 @@ def parser_of(description: str | None, names: Sequence[str]) -> argparse.Argumen
         "--set", nargs="+", default=[], metavar="NAME=VALUE", help="parameters of this package's methods"
     )
     return parser
+
+
+def add_scenes(parser: argparse.ArgumentParser, scenes: Iterable[str]) -> None:
+    """Let scenes be chosen, and how they are made."""
+    every = tuple(scenes)
+    parser.add_argument(
+        "--scenes", nargs="+", choices=every, default=every, metavar="SCENE", help=", ".join(every)
+    )
+    parser.add_argument("--rotation", type=float, default=0.0, metavar="DEG", help="turn every scene")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--density", type=float, default=1.0, help="multiple of every scene's own density")
 
 
 def add_pictures(parser: argparse.ArgumentParser) -> None:

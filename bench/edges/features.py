@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.common.arguments import data_parser
 from bench.common.clouds import data_folder, read_tile
 from bench.common.tables import table
 from bench.edges.feature_agreement import differences
@@ -141,10 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    parser = data_parser(__doc__)
     parser.add_argument("--density", type=float, default=DENSITY, help="pulses/m² of the simulation")
     parser.add_argument("--copies", type=int, default=1, help="of the points, side by side: a larger tile")
     parser.add_argument("--repeats", type=int, default=5, help="rounds, the best of which counts")

@@ -15,6 +15,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from bench.common.arguments import data_parser
 from bench.common.clouds import data_folder
 from bench.generalise import buildings, corners, ground
 
@@ -28,9 +29,7 @@ PARTS: dict[str, Callable[[Path, argparse.Namespace], str]] = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables of the parts asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = data_parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), metavar="PART")
     parser.add_argument("--quick", action="store_true", help="one disturbance of each kind")
     parser.add_argument("--seed", type=int, default=0, help="draws other disturbances")
@@ -45,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         metavar="NAME=VALUE",
         help="parameters of the part's stage; corners: STAGE.NAME=VALUE",
     )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
     options = parser.parse_args(arguments)
     for part in options.parts:
         print(f"{part}:\n{PARTS[part](data_folder(options.data), options)}\n")

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.common.arguments import add_pictures, parser_of, settings_of
+from bench.common.arguments import add_pictures, add_scenes, parser_of, settings_of
 from bench.common.clouds import Cloud
 from bench.common.tables import percent, table
 from bench.ground.methods import METHODS, ground_mask
@@ -52,14 +52,8 @@ def rows_of(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the scenes, run the filters, print the table."""
-    every = tuple(TERRAIN_SCENES)
     parser = parser_of(__doc__, METHODS)
-    parser.add_argument(
-        "--scenes", nargs="+", choices=every, default=every, metavar="SCENE", help=", ".join(every)
-    )
-    parser.add_argument("--rotation", type=float, default=0.0, metavar="DEG", help="turn every scene")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--density", type=float, default=1.0, help="multiple of every scene's own density")
+    add_scenes(parser, TERRAIN_SCENES)
     parser.add_argument("--noise", type=float, default=0.03, metavar="M", help="standard deviation along z")
     add_pictures(parser)
     options = parser.parse_args(arguments)

@@ -20,7 +20,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from bench.common.arguments import config_of
+from bench.common.arguments import config_of, data_parser
 from bench.common.clouds import data_folder
 from bench.models.clouds import clouds_in, clouds_table, models_of_cloud, reasons_table
 from bench.models.truth import bad_table, judged, truth_table
@@ -89,10 +89,7 @@ def rotations(n: int) -> list[float]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    parser = data_parser(__doc__)
     parser.add_argument("--parts", nargs="+", choices=tuple(PARTS), default=tuple(PARTS), metavar="PART")
     parser.add_argument(
         "--set", nargs="+", default=[], metavar="STAGE.NAME=VALUE", help="scenes, bad: parameters"

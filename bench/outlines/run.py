@@ -21,7 +21,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 
-from bench.common.arguments import add_pictures, config_of, picture_folder
+from bench.common.arguments import add_pictures, config_of, data_parser, picture_folder
 from bench.common.clouds import data_folder
 from bench.outlines import table1
 from bench.outlines.chain import bias_variants
@@ -112,10 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _parser() -> argparse.ArgumentParser:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
+    parser = data_parser(__doc__)
     names = (OURS, *PEERS)
     parser.add_argument("--parts", nargs="+", choices=tuple(PARTS), default=tuple(PARTS), metavar="PART")
     parser.add_argument(

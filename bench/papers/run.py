@@ -13,10 +13,9 @@ be had: what needs one is measured on ours.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
-from bench.common.arguments import add_pictures, picture_folder
+from bench.common.arguments import add_pictures, data_parser, picture_folder
 from bench.common.clouds import data_folder
 from bench.papers import sampath_shan, santos, villalba
 from lidar_buildings.commands.settings import PRESETS
@@ -26,11 +25,8 @@ PAPERS = dict(zip(PRESETS, (santos.report, villalba.report, sampath_shan.report)
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables and draw the figures of the papers asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = data_parser(__doc__)
     parser.add_argument("papers", nargs="*", metavar="PAPER", help=", ".join(PAPERS))
-    parser.add_argument("--data", help="folder of the real clouds (default: LIDAR_BUILDINGS_DATA)")
     add_pictures(parser)
     options = parser.parse_args(arguments)
     if unknown := set(options.papers) - set(PAPERS):

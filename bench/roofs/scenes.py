@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.common.arguments import add_pictures, parser_of, settings_of
+from bench.common.arguments import add_pictures, add_scenes, parser_of, settings_of
 from bench.common.tables import percent, table
 from bench.roofs.methods import (
     METHODS,
@@ -85,14 +85,8 @@ def _worst_row(scores: Mapping[str, Mapping[str, Confusion]]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Make the scenes, run the methods, print the table."""
-    every = tuple(ROOF_SCENES)
     parser = parser_of(__doc__, METHODS)
-    parser.add_argument(
-        "--scenes", nargs="+", choices=every, default=every, metavar="SCENE", help=", ".join(every)
-    )
-    parser.add_argument("--rotation", type=float, default=0.0, metavar="DEG", help="turn every scene")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--density", type=float, default=1.0, help="multiple of every scene's own density")
+    add_scenes(parser, ROOF_SCENES)
     parser.add_argument(
         "--noise", type=float, metavar="M", help="standard deviation along each axis (default: the scene's)"
     )
