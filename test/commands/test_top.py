@@ -15,23 +15,17 @@ def command(capfd):
 
 
 @pytest.fixture
-def graph():
+def graph(context):
     """Two nodes of a graph that run in this process; the second has failed on a tile."""
-    import rclpy
+    from support.node_bench import running
 
-    from lidar_buildings.ros.composition import Composition
     from lidar_buildings.ros.stage_node import StageNode
 
-    use_own_domain()
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
     nodes = [StageNode(name, {}, context=context, namespace="site/north") for name in ("first", "second")]
     with nodes[1].reporting(1_000_000_000):
         raise ZeroDivisionError("made to fail")
-    composition = Composition(*nodes)
-    composition.start()
-    yield nodes
-    composition.stop()
+    with running(*nodes):
+        yield nodes
 
 
 @pytest.mark.parametrize("only", [(), ("--namespace", "site/north")])

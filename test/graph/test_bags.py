@@ -9,9 +9,9 @@ import pytest
 from support.bags import MOUNTING, write_drive
 from support.cli_runs import Command
 from support.cloud_files import shortened
+from support.node_bench import running
 
 from lidar_buildings.nodes.graph import survey_nodes
-from lidar_buildings.ros.composition import Composition
 
 pytestmark = pytest.mark.graph
 
@@ -36,10 +36,8 @@ def test_the_nodes_take_bags_as_a_run_does(command, drive, context, tmp_path):
     nodes = survey_nodes(
         (str(drive.path),), str(tmp_path / "graph"), until=UNTIL[1], settings=settings, context=context
     )
-    composition = Composition(*nodes.values())
-    composition.start()
-    assert composition.wait(nodes["model_writer"], 60.0)
-    composition.stop()
+    with running(*nodes.values()) as composition:
+        assert composition.wait(nodes["model_writer"], 60.0)
     clouds = [laspy.read(tmp_path / one / "classified" / "drive.laz") for one in ("run", "graph")]
     assert 0 < len(clouds[0]) < len(drive.points)
     assert np.array_equal(clouds[0].points.array, clouds[1].points.array)

@@ -11,6 +11,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
+from support.node_bench import running
 from support.node_processes import LAST, NodeProcesses
 from support.results import assert_buildings_once, contents
 
@@ -18,7 +19,6 @@ from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.run_settings import feed_folder
 from lidar_buildings.nodes.table import nodes_until
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.point_cloud import cloud_message
 from lidar_buildings.simulation import simulate_tile
@@ -113,13 +113,11 @@ def undisturbed(scans, tmp_path_factory):
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     nodes = survey_nodes((), str(output), source=SOURCE, settings={SOURCE: FEED}, context=context)
-    composition = Composition(*nodes.values())
-    composition.start()
-    for one in scans:
-        nodes[SOURCE].tiles.add_scan(one)
-    nodes[SOURCE].tiles.flush()
-    wait_for(lambda: composition.wait(nodes["model_writer"], 0.0) or nodes["model_writer"].n_saved)
-    composition.stop()
+    with running(*nodes.values()) as composition:
+        for one in scans:
+            nodes[SOURCE].tiles.add_scan(one)
+        nodes[SOURCE].tiles.flush()
+        wait_for(lambda: composition.wait(nodes["model_writer"], 0.0) or nodes["model_writer"].n_saved)
     return output
 
 

@@ -4,7 +4,6 @@ import json
 
 import pyogrio
 import pytest
-from support.cli_runs import Command
 from support.cloud_files import fill_the_disk
 
 from lidar_buildings.io.bags.bag_summary import summarise_bag
@@ -13,11 +12,6 @@ from lidar_buildings.nodes.topics import RECORDED
 pytestmark = pytest.mark.graph
 
 SMALL_TILES = ["--tile-size", "100", "--set", "tile_player.buffer=20"]
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
 
 
 def buildings(folder):

@@ -4,13 +4,11 @@ import json
 
 import numpy as np
 import pytest
-import rclpy
 from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
-from std_srvs.srv import Trigger
 from support.lawn import houses_on_a_lawn
-from support.node_bench import STAMP, Bench, wait_until
+from support.node_bench import STAMP, Bench, call, running, wait_until
 from support.results import assert_buildings_once, building_features, building_ids
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -18,9 +16,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.graph import make_node
 from lidar_buildings.nodes.table import nodes_until
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message
-from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stamps import to_stamp
@@ -39,19 +35,14 @@ HEARS = {
 
 
 @pytest.fixture
-def graph(tmp_path):
+def graph(context, tmp_path):
     """A live graph without a source, in one process; and what is at both its ends."""
-    prepare_middleware()
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
     settings = {"model_writer": {"output": str(tmp_path / "out")}}
     names = nodes_until("building_model")[1:]
     ends = Bench(SENDS, HEARS, context=context)
-    composition = Composition(ends, *(make_node(name, settings, context=context) for name in names))
-    composition.start()
-    wait_until(lambda: ends.count_subscribers("points") and all(map(ends.count_publishers, HEARS)))
-    yield ends
-    composition.stop()
+    with running(ends, *(make_node(name, settings, context=context) for name in names)):
+        wait_until(lambda: ends.count_subscribers("points") and all(map(ends.count_publishers, HEARS)))
+        yield ends
 
 
 def send(ends, revision, *houses):
@@ -92,11 +83,8 @@ def shown(ends):
 
 def saved(ends, tmp_path):
     """Ids and names of the buildings in the files, which are made now."""
-    client = ends.create_client(Trigger, "model_writer/save")
-    wait_until(client.service_is_ready)
-    answer = client.call_async(Trigger.Request())
-    wait_until(answer.done)
-    assert answer.result().success, answer.result().message
+    answer = call(ends, "save")
+    assert answer.success, answer.message
     assert_buildings_once(tmp_path / "out")
     names = {one["id"] for one in building_features(tmp_path / "out")}
     return set(building_ids(tmp_path / "out")), names

@@ -6,16 +6,12 @@ from collections import Counter
 from importlib import import_module
 
 import pytest
-import rclpy
+from support.node_bench import running
 from support.results import assert_complete
-from support.ros_domain import use_own_domain
 
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.tile_player import TilePlayer
-from lidar_buildings.ros.composition import Composition
-from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.stamps import tile_of
-from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph
 
@@ -49,12 +45,8 @@ class SlowedGraph:
         self.nodes = survey_nodes([str(survey)], str(output), settings=settings, **place)
 
     def run(self):
-        composition = Composition(*self.nodes.values())
-        composition.start()
-        try:
+        with running(*self.nodes.values()) as composition:
             assert composition.wait(self.nodes["model_writer"], timeout=300.0)
-        finally:
-            composition.stop()
         return self.nodes["model_writer"].outcome.result()
 
     def _ticking(self, on_timer):
@@ -81,21 +73,15 @@ class SlowedGraph:
 
 
 @pytest.fixture
-def graph(tmp_path, monkeypatch):
-    use_own_domain()
-    prepare_middleware()
-    simulate_survey(tmp_path / "survey", "single_house", 0, density=3.0)
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context)
-    yield SlowedGraph(tmp_path / "survey", tmp_path / "out", context, monkeypatch)
-    rclpy.try_shutdown(context=context)
+def graph(context, house, tmp_path, monkeypatch):
+    return SlowedGraph(house, tmp_path / "out", context, monkeypatch)
 
 
-def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(graph, tmp_path):
+def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(graph, house, tmp_path):
     summary = graph.run()
     n_tiles = summary.n_tiles
     assert n_tiles == 9
-    assert_complete(tmp_path / "survey", tmp_path / "out", min_tiles=n_tiles)
+    assert_complete(house, tmp_path / "out", min_tiles=n_tiles)
     with_stamp = {key: number for key, number in graph.calls.items() if key[1] is not None}
     assert set(with_stamp.values()) == {1}
     # empty outlines are alike

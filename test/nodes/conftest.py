@@ -1,41 +1,34 @@
+from contextlib import ExitStack
+
 import pytest
 
 pytest.importorskip("rclpy")
 
-from rclpy.parameter import Parameter
-from support.node_bench import FRAME, LIVE_HEARS, LIVE_SENDS, Bench, wait_until
+from support.node_bench import FRAME, LIVE_HEARS, LIVE_SENDS, Bench, made, running, wait_until
 
 from lidar_buildings.nodes.model_writer import ModelWriter
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message
 
 
 @pytest.fixture
 def bench(context):
-    running = []
-
     def start(node, sends, hears):
-        made = {topic: (kind, topic, profile) for topic, (kind, profile) in sends.items()}
-        other = Bench(made, hears, context=context)
-        composition = Composition(node, other)
-        running.append(composition)
-        composition.start()
+        topics = {topic: (kind, topic, profile) for topic, (kind, profile) in sends.items()}
+        other = Bench(topics, hears, context=context)
+        started.enter_context(running(node, other))
         wait_until(lambda: all(publisher.get_subscription_count() for publisher in other.to.values()))
         wait_until(lambda: all(other.count_publishers(topic) for topic in hears))
         return other
 
-    yield start
-    for composition in running:
-        composition.stop()
+    with ExitStack() as started:
+        yield start
 
 
 @pytest.fixture
 def make_live_writer(context, tmp_path):
     def make(**given):
-        values = {"output": str(tmp_path / "out"), "placed": str(tmp_path / "placed"), **given}
-        return ModelWriter(
-            context=context, parameter_overrides=[Parameter(k, value=v) for k, v in values.items()]
-        )
+        places = {"output": str(tmp_path / "out"), "placed": str(tmp_path / "placed")}
+        return made(ModelWriter, context, **places | given)
 
     return make
 

@@ -1,24 +1,23 @@
 """The recorder writes what it hears as it came, and a full disk ends the bag alone."""
 
 import threading
-import time
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Int32, String
 from support.cloud_files import fill_the_disk
+from support.node_bench import made, running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.recording import RecordedTopic, Recording, RecordingThread, bag_folder
 from lidar_buildings.nodes.recorder import Recorder
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED
 
@@ -29,27 +28,19 @@ pytestmark = pytest.mark.graph
 def record(context, tmp_path):
     """Start a recorder of some topics beside a sender."""
     sender = Node("sender", context=context)
-    composed = []
 
-    def start(*topics, path=tmp_path / "bag"):
-        values = {"topics": list(topics), "output": str(path)}
-        overrides = [Parameter(f"advanced.{name}", value=value) for name, value in values.items()]
-        recorder = Recorder(context=context, parameter_overrides=overrides)
-        composed.append(Composition(recorder))
-        composed[-1].start()
+    def start(*topics):
+        recorder = recorder_of(context, tmp_path / "bag", *topics)
+        started.enter_context(running(recorder))
         return sender, recorder
 
-    yield start
-    for composition in composed:
-        composition.stop()
+    with ExitStack() as started:
+        yield start
     sender.destroy_node()
 
 
-def until(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
+def recorder_of(context, path, *topics):
+    return made(Recorder, context, **{"advanced.topics": list(topics), "advanced.output": str(path)})
 
 
 def messages(path):
@@ -64,13 +55,13 @@ def test_messages_come_out_as_they_went_in_and_latched_ones_are_told_so(record, 
     points = sender.create_publisher(PointCloud2, "points", CLOUD)
     header = sender.create_publisher(String, "city_model", LATCHED)
     features = sender.create_publisher(String, "city_model", BUILDING)
-    until(lambda: points.get_subscription_count() and features.get_subscription_count())
+    wait_until(lambda: points.get_subscription_count() and features.get_subscription_count())
     header.publish(String(data='{"type":"CityJSON","version":"2.0"}'))
     sent = to_message(PointTile(np.arange(30.0).reshape(10, 3), stamp=7_000_000_000))
     points.publish(sent)
     for number in range(3):
         features.publish(String(data=f'{{"type":"CityJSONFeature","id":"{number}"}}'))
-    until(lambda: recorder.recording.n_messages == 5)
+    wait_until(lambda: recorder.recording.n_messages == 5)
     recorder.destroy_node()
     found, offered = messages(tmp_path / "bag")
     (cloud,) = (one for topic, one in found if topic == "/points")
@@ -89,9 +80,9 @@ def test_messages_come_out_as_they_went_in_and_latched_ones_are_told_so(record, 
 def test_a_topic_of_somebody_else_is_recorded_as_soon_as_it_is_there(record, tmp_path):
     sender, recorder = record("/counter")
     counter = sender.create_publisher(Int32, "/counter", CLOUD)
-    until(lambda: counter.get_subscription_count())
+    wait_until(lambda: counter.get_subscription_count())
     counter.publish(Int32(data=42))
-    until(lambda: recorder.recording.n_messages)
+    wait_until(lambda: recorder.recording.n_messages)
     recorder.destroy_node()
     ((topic, message),) = messages(tmp_path / "bag")[0]
     assert (topic, message.data) == ("/counter", 42)
@@ -101,22 +92,18 @@ def test_a_topic_of_somebody_else_is_recorded_as_soon_as_it_is_there(record, tmp
 def test_scans_are_recorded_as_reliably_as_they_are_sent(record, tmp_path, reliability):
     sender, recorder = record("scan")
     scans = sender.create_publisher(PointCloud2, "scan", QoSProfile(depth=5, reliability=reliability))
-    until(scans.get_subscription_count)
+    wait_until(scans.get_subscription_count)
     (listener,) = sender.get_subscriptions_info_by_topic("scan")
     assert listener.qos_profile.reliability == reliability
     scans.publish(to_message(PointTile(np.ones((3, 3)))))
-    until(lambda: recorder.recording.n_messages)
+    wait_until(lambda: recorder.recording.n_messages)
 
 
 def test_what_waits_when_the_recorder_ends_is_still_recorded(context, tmp_path):
-    overrides = [
-        Parameter("advanced.topics", value=["roof_faces", "city_model"]),
-        Parameter("advanced.output", value=str(tmp_path / "bag")),
-    ]
-    recorder = Recorder(context=context, parameter_overrides=overrides)  # nothing spins it
+    recorder = recorder_of(context, tmp_path / "bag", "roof_faces", "city_model")  # nothing spins it
     sender = Node("sender", context=context)
     publisher = sender.create_publisher(String, "city_model", BUILDING)
-    until(publisher.get_subscription_count)
+    wait_until(publisher.get_subscription_count)
     for number in range(50):
         publisher.publish(String(data=str(number)))
     recorder.destroy_node()
@@ -128,11 +115,11 @@ def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, mon
     fill_the_disk(monkeypatch, ".mcap", 3_000_000)
     sender, recorder = record("points")
     points = sender.create_publisher(PointCloud2, "points", CLOUD)
-    until(points.get_subscription_count)
+    wait_until(points.get_subscription_count)
     for second in range(4):
         points.publish(to_message(PointTile(np.ones((100_000, 3)), stamp=second * 1_000_000_000)))
     recording = recorder.recording
-    until(lambda: recording.n_messages + recording.lost["/points"] == 4)
+    wait_until(lambda: recording.n_messages + recording.lost["/points"] == 4)
     assert recording.failure.startswith(f"{tmp_path / 'bag'}: cannot be written any more (No space left")
     assert recording.lost["/points"] >= 1
     assert recorder.summary.state()[:2] == (2, recording.failure)

@@ -1,18 +1,17 @@
 """The node that makes tiles of a feed, as others see it."""
 
+from contextlib import ExitStack
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import Header
-from support.node_bench import Bench, call, wait_until
+from support.node_bench import Bench, call, made, running, wait_until
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.nodes.scan_assembler import ScanAssembler
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import cloud_message, from_message
 from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SENSOR
@@ -43,6 +42,11 @@ class End(Bench):
     def on_points(self, message):
         self.to["tile_done"].publish(message.header)
 
+    def flush(self, n=1):
+        """Have all points made into tiles, for the n-th time."""
+        assert call(self, "flush", "scan_assembler").success
+        wait_until(lambda: len(self.heard["survey_done"]) == n)
+
     def send_scans(self, *scans):
         """Send scans, and wait until they have come: a service may be faster."""
         before = self.assembler.tiles.counts()["scans"]
@@ -56,22 +60,18 @@ class End(Bench):
 @pytest.fixture
 def start(context):
     """Start an assembler and what is at both its ends."""
-    running = []
 
-    def made(sends=SENDS, **parameters):
+    def make(sends=SENDS, **parameters):
         values = {"tile_size": 40.0, "buffer": 5.0, "leave_after": 3600.0} | parameters
         values["qos_overrides./scan.subscription.reliability"] = "reliable"
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
         end = End(sends, context=context)
-        end.assembler = ScanAssembler(context=context, parameter_overrides=overrides)
-        running.append(Composition(end, end.assembler))
-        running[-1].start()
+        end.assembler = made(ScanAssembler, context, **values)
+        started.enter_context(running(end, end.assembler))
         wait_until(lambda: end.count_subscribers("scan") and end.count_publishers("points"))
         return end
 
-    yield made
-    for one in running:
-        one.stop()
+    with ExitStack() as started:
+        yield make
 
 
 def scan(number, n_points=300, at=(20.0, 20.0)):
@@ -84,8 +84,7 @@ def scan(number, n_points=300, at=(20.0, 20.0)):
 def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start):
     end = start()
     end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
-    assert call(end, "flush", "scan_assembler").success
-    wait_until(lambda: end.heard["survey_done"])
+    end.flush()
     assert sorted(len(tile) for tile in end.tiles()) == [300, 300]
     assert [origin.header.frame_id for origin in end.heard["map_origin"]] == [""]
 
@@ -101,11 +100,9 @@ def test_scans_that_are_lost_on_the_way_are_told_of(start):
 def test_more_points_make_a_later_revision(start):
     end = start()
     end.send_scans(scan(0))
-    call(end, "flush", "scan_assembler")
-    wait_until(lambda: end.heard["survey_done"])
+    end.flush()
     end.send_scans(scan(1))
-    call(end, "flush", "scan_assembler")
-    wait_until(lambda: len(end.heard["survey_done"]) == 2)
+    end.flush(2)
     first, second = (to_stamp(message.header.stamp) for message in end.heard["points"])
     assert (first % 1000, second % 1000) == (0, 1)
     assert tile_of(second) == first
@@ -126,12 +123,10 @@ def test_while_paused_scans_are_gathered_and_no_tile_is_sent(start):
 def test_reset_forgets_points_and_tiles(start):
     end = start()
     end.send_scans(scan(0))
-    call(end, "flush", "scan_assembler")
-    wait_until(lambda: end.heard["survey_done"])
+    end.flush()
     assert call(end, "reset", "scan_assembler").success
     end.send_scans(scan(1, 200))
-    call(end, "flush", "scan_assembler")
-    wait_until(lambda: len(end.heard["survey_done"]) == 2)
+    end.flush(2)
     assert [len(tile) for tile in end.tiles()] == [300, 200]
 
 
@@ -157,8 +152,7 @@ def test_given_parameters_say_where_the_map_lies(start):
 def test_a_spool_keeps_the_points_and_they_become_files(start, tmp_path):
     end = start(spool=str(tmp_path / "feed"))
     end.send_scans(scan(0))
-    call(end, "flush", "scan_assembler")
-    wait_until(lambda: end.heard["survey_done"])
+    end.flush()
     log = tmp_path / "feed" / "points.log"
     assert log.stat().st_size > 0
     assert len(list((tmp_path / "feed" / "clouds").glob("points_*.laz"))) == 1

@@ -3,11 +3,11 @@
 import json
 import time
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PolygonInstanceStamped
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from support.cloud_files import random_cloud
@@ -18,8 +18,10 @@ from support.node_bench import (
     WRITER_HEARS,
     WRITER_SENDS,
     fragments,
+    made,
     outlines,
     roof,
+    running,
     send_tile,
     wait_until,
 )
@@ -38,7 +40,6 @@ from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.pipeline.tile_stages import TracedTile
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
@@ -55,10 +56,7 @@ pytestmark = pytest.mark.graph
 
 
 def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
-    given = {"publish_dtm": True, "dtm_resolution": 1.0}
-    node = GroundFilter(
-        context=context, parameter_overrides=[Parameter(name, value=value) for name, value in given.items()]
-    )
+    node = made(GroundFilter, context, publish_dtm=True, dtm_resolution=1.0)
     other = bench(node, {"points": (PointCloud2, CLOUD)}, {"dtm": (PointCloud2, CLOUD)})
     xy = np.random.default_rng(0).uniform(0.0, 1.0, (6000, 2)) * [60.0, 40.0]
     hall = (np.abs(xy - [30.0, 20.0]) < [8.0, 6.0]).all(axis=1)
@@ -169,8 +167,7 @@ def quality_of_outlines(*ids):
 
 
 def builder(context):
-    reports = Parameter("flow_control.publish_tile_done", value=True)
-    return ModelBuilder(context=context, parameter_overrides=[reports])
+    return made(ModelBuilder, context, **{"flow_control.publish_tile_done": True})
 
 
 def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(context, bench):
@@ -224,14 +221,7 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(conte
 def make_writer(context, tmp_path):
     cloud = tmp_path / "cloud.laz"
     random_cloud(73).write(cloud)
-
-    def make():
-        given = {"input": [str(cloud)], "output": str(tmp_path / "out")}
-        return ModelWriter(
-            context=context, parameter_overrides=[Parameter(k, value=v) for k, v in given.items()]
-        )
-
-    return make
+    return partial(made, ModelWriter, context, input=[str(cloud)], output=str(tmp_path / "out"))
 
 
 @pytest.mark.parametrize(
@@ -334,12 +324,8 @@ def test_a_run_may_end_with_any_stage(context, tmp_path, until):
     cloud = tmp_path / "cloud.laz"
     random_cloud(400, size=(40.0, 30.0, 3.0)).write(cloud)
     nodes = survey_nodes([str(cloud)], str(tmp_path / "out"), until=until, context=context)
-    composition = Composition(*nodes.values())
-    composition.start()
-    try:
+    with running(*nodes.values()) as composition:
         assert composition.wait(nodes["model_writer"], timeout=120.0)
-    finally:
-        composition.stop()
     summary = nodes["model_writer"].outcome.result()
     assert summary.n_points == sum(summary.classes.values()) == 400
     told = json.loads((tmp_path / "out" / "run.json").read_text())

@@ -4,23 +4,21 @@ import json
 import threading
 import time
 from collections import Counter
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
-from std_srvs.srv import Trigger
 from support.cloud_files import random_cloud
-from support.node_bench import wait_until
+from support.node_bench import call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.sides import ALL
 from lidar_buildings.nodes.tile_player import TilePlayer
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.node_summary import ERROR
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
@@ -89,23 +87,27 @@ def survey(tmp_path_factory):
 
 
 @pytest.fixture
-def play(context, survey):
-    """Play the survey, five tiles of 20 m, to a graph's end."""
-    running = []
+def make_player(context, survey):
+    """Make a player of the survey, five tiles of 20 m."""
+
+    def make(**parameters):
+        values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_buffer": 8.0}
+        return made(TilePlayer, context, **values | parameters)
+
+    return make
+
+
+@pytest.fixture
+def play(context, make_player):
+    """Play the survey to a graph's end."""
 
     def start(end=None, **parameters):
-        values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_buffer": 8.0} | parameters
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        player = TilePlayer(context=context, parameter_overrides=overrides)
-        end = GraphEnd(context=context, **(end or {}))
-        composition = Composition(player, end)
-        running.append(composition)
-        composition.start()
+        player, end = make_player(**parameters), GraphEnd(context=context, **(end or {}))
+        started.enter_context(running(player, end))
         return player, end
 
-    yield start
-    for composition in running:
-        composition.stop()
+    with ExitStack() as started:
+        yield start
 
 
 def n_core(tiles):
@@ -168,18 +170,13 @@ class SlowStage(StageNode):
 
 
 @pytest.fixture
-def play_slowly(context, survey):
+def play_slowly(context, make_player):
     """Play the survey to a slow stage, and let the player's clock run on by itself."""
-    values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_tiles_in_flight": 1}
-    player = TilePlayer(
-        context=context, parameter_overrides=[Parameter(name, value=one) for name, one in values.items()]
-    )
+    player = make_player(max_tiles_in_flight=1)
     stage, bystander = SlowStage(context=context), StageNode("bystander", {}, context=context)
-    composition = Composition(player, stage, bystander)
-    composition.start()
-    yield player, stage, bystander
-    stage.let_go.set()
-    composition.stop()
+    with running(player, stage, bystander):
+        yield player, stage, bystander
+        stage.let_go.set()
 
 
 def let_a_day_pass(player):
@@ -216,37 +213,25 @@ def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slow
     assert player._resent == {stage.taken[0]}
 
 
-def test_a_player_that_is_started_anew_only_tells_of_what_a_node_has_in_hand(context, survey):
-    values = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0, "max_tiles_in_flight": 1}
-    given = {
-        "context": context,
-        "parameter_overrides": [Parameter(k, value=one) for k, one in values.items()],
-    }
-    stage, first = SlowStage(context=context), TilePlayer(**given)
-    stage_alone = Composition(stage)
-    stage_alone.start()
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(first)
-    first.announce()
-    while not stage.taken:
-        executor.spin_once(timeout_sec=0.1)
-    executor.remove_node(first)
-    first.destroy_node()
-    stage.tile_infos._known.clear()
-    second = TilePlayer(**given)
-    players = Composition(second)
-    players.start()
-    try:
-        wait_until(lambda: len(second._flow) == 1)
-        assert second._flow.is_held(stage.taken[0])
-        stage.let_go.set()
-        wait_until(lambda: stage.taken[0] in stage.tile_infos._known)
-        wait_until(lambda: second.progress.n_done == 5)
-        assert sorted(Counter(stage.taken).values()) == [1] * 5
-    finally:
-        stage.let_go.set()
-        players.stop()
-        stage_alone.stop()
+def test_a_player_that_is_started_anew_only_tells_of_what_a_node_has_in_hand(context, make_player):
+    stage, first = SlowStage(context=context), make_player(max_tiles_in_flight=1)
+    with running(stage):
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(first)
+        first.announce()
+        while not stage.taken:
+            executor.spin_once(timeout_sec=0.1)
+        executor.remove_node(first)
+        first.destroy_node()
+        stage.tile_infos._known.clear()
+        second = make_player(max_tiles_in_flight=1)
+        with running(second):
+            wait_until(lambda: len(second._flow) == 1)
+            assert second._flow.is_held(stage.taken[0])
+            stage.let_go.set()
+            wait_until(lambda: stage.taken[0] in stage.tile_infos._known)
+            wait_until(lambda: second.progress.n_done == 5)
+            assert sorted(Counter(stage.taken).values()) == [1] * 5
 
 
 def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
@@ -279,54 +264,34 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     assert sorted(Counter(end.done).values()) == [1] * 5
 
 
-def test_a_restarted_player_skips_what_is_done(play, context, survey):
+def test_a_restarted_player_skips_what_is_done(play, make_player):
     player, end = play({"delay": 0.05}, start_paused=True)
     for _ in range(2):
         player._playback.step()
     wait_until(lambda: len(end.done) == 2)
-    overrides = {"input": [str(survey)], "tile_size": 20.0, "buffer": 2.0}
-    second = TilePlayer(
-        context=context,
-        parameter_overrides=[Parameter(name, value=value) for name, value in overrides.items()],
-    )
-    late = Composition(second)
-    late.start()
-    try:
+    second = make_player()
+    with running(second):
         wait_until(lambda: end.survey_done)
         assert sorted(Counter(end.done).values()) == [1] * 5
         assert second.progress.n_done == 5
-    finally:
-        late.stop()
 
 
 def test_pause_step_and_resume_are_services(play, context):
     _, end = play(start_paused=True)
     caller = StageNode("caller", {}, context=context)
-    callers = Composition(caller)
-    callers.start()
-
-    def call(name):
-        client = caller.create_client(Trigger, f"tile_player/{name}")
-        assert client.wait_for_service(5.0)
-        future = client.call_async(Trigger.Request())
-        wait_until(future.done)
-        return future.result()
-
-    try:
+    with running(caller):
         time.sleep(0.3)
         assert end.received == []
-        assert call("step").success
+        assert call(caller, "step", "tile_player").success
         wait_until(lambda: len(end.done) == 1)
         time.sleep(0.2)
         assert len(end.received) == 1
-        assert call("resume").success
+        assert call(caller, "resume", "tile_player").success
         wait_until(lambda: end.survey_done)
-        answer = call("step")
+        answer = call(caller, "step", "tile_player")
         assert not answer.success
         assert "call pause first" in answer.message
-        assert call("pause").success
-    finally:
-        callers.stop()
+        assert call(caller, "pause", "tile_player").success
 
 
 def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, context):
@@ -335,9 +300,7 @@ def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, 
     listener.create_subscription(
         Clock, "/clock", lambda message: times.append(to_stamp(message.clock)), EVENT
     )
-    watching = Composition(listener)
-    watching.start()
-    try:
+    with running(listener):
         _, end = play(rate=50.0, publish_clock=True)
         started = time.monotonic()
         wait_until(lambda: end.survey_done)
@@ -345,8 +308,6 @@ def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, 
         assert time.monotonic() - started >= (max(stamps) - stamps[0]) * 1e-9 / 50.0
         wait_until(lambda: len(times) == 5)
         assert times == stamps
-    finally:
-        watching.stop()
 
 
 def test_a_loop_goes_on_under_new_stamps(play):
@@ -363,24 +324,15 @@ def test_without_credits_tiles_go_out_without_waiting(play):
     wait_until(lambda: len(end.received) == 5)
 
 
-def test_nothing_is_sent_before_someone_listens(context, survey):
-    parameters = [Parameter("input", value=[str(survey)]), Parameter("tile_size", value=20.0)]
-    player = TilePlayer(context=context, parameter_overrides=parameters)
-    alone = Composition(player)
-    alone.start()
-    end = None
-    try:
+def test_nothing_is_sent_before_someone_listens(context, make_player):
+    player = make_player()
+    with running(player):
         time.sleep(0.5)
         assert len(player._flow) == 0
         end = GraphEnd(context=context)
-        later = Composition(end)
-        later.start()
-        wait_until(lambda: end.survey_done)
-        assert len(end.received) == 5
-    finally:
-        alone.stop()
-        if end is not None:
-            later.stop()
+        with running(end):
+            wait_until(lambda: end.survey_done)
+            assert len(end.received) == 5
 
 
 def test_the_map_origin_is_latched_with_the_reference_system(play, context):
@@ -388,21 +340,17 @@ def test_the_map_origin_is_latched_with_the_reference_system(play, context):
     late = StageNode("late", {}, context=context)
     origins = []
     late.create_subscription(PointStamped, "map_origin", origins.append, LATCHED)
-    watching = Composition(late)
-    watching.start()
-    try:
+    with running(late):
         wait_until(lambda: origins)
         assert (origins[0].point.x, origins[0].point.y) == (85000.0, 447000.0)
         assert origins[0].header.frame_id == player._source.frame.crs
-    finally:
-        watching.stop()
 
 
 def test_a_player_without_readable_input_does_not_start(context, tmp_path):
     (tmp_path / "empty.laz").write_bytes(b"")
     for given in ([str(tmp_path / "missing.laz")], [str(tmp_path / "empty.laz")], [""]):
         with pytest.raises(InputError):
-            TilePlayer(context=context, parameter_overrides=[Parameter("input", value=given)])
+            made(TilePlayer, context, input=given)
 
 
 def test_an_unreadable_file_is_left_out_and_the_rest_is_played(play, survey, tmp_path):

@@ -4,12 +4,11 @@ import json
 from dataclasses import replace
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
-from support.node_bench import HOUSE, SHED, STAMP, outlines, roof, wait_until
+from support.node_bench import HOUSE, SHED, STAMP, made, outlines, roof, wait_until, warnings
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -53,10 +52,7 @@ def send_tile(other, stamp, *ids):
 
 
 def make_builder(context, **given):
-    values = {"flow_control.publish_tile_done": True, **given}
-    return ModelBuilder(
-        context=context, parameter_overrides=[Parameter(name, value=one) for name, one in values.items()]
-    )
+    return made(ModelBuilder, context, **{"flow_control.publish_tile_done": True} | given)
 
 
 def features(other):
@@ -128,6 +124,5 @@ def test_a_foreign_publisher_has_his_models_though_nobody_says_where_the_map_lie
     send_tile(other, STAMP, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
     wait_until(lambda: any(n.startswith("building-0.") for n, _ in features(other)))
-    told = [one for message in list(other.heard["diagnostics"]) for one in message.status]
-    (warning,) = {one.message for one in told if one.level == DiagnosticStatus.WARN}
+    (warning,) = set(warnings(other))
     assert warning.startswith("nobody has published map_origin for 0.1 s")

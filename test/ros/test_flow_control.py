@@ -14,19 +14,6 @@ TIMEOUT = 10.0
 A, B = 1_000, 2_000
 
 
-class Clock:
-    def __init__(self):
-        self.time = 100.0
-
-    def __call__(self):
-        return self.time
-
-
-@pytest.fixture
-def clock():
-    return Clock()
-
-
 @pytest.fixture
 def flow(clock):
     return FlowControl(2, timeout=TIMEOUT, max_attempts=3, now=clock)
@@ -38,6 +25,11 @@ def tile(stamp):
 
 def stamps(flights):
     return [flight.tile.stamp for flight in flights]
+
+
+def send_both(flow):
+    for stamp in (A, B):
+        flow.sent(tile(stamp))
 
 
 def hear(flow, node, state, stamp):
@@ -70,8 +62,7 @@ def test_what_a_node_has_in_hand_is_never_lost_however_slow_it_is(flow, clock):
 
 
 def test_a_tile_that_waits_for_a_busy_node_is_not_lost(flow, clock):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     hear(flow, "builder", TAKEN, A)
     hear(flow, "fitter", TAKEN, B)
     hear(flow, "fitter", DONE, B)
@@ -102,8 +93,7 @@ def test_whatever_a_node_says_ends_the_silence(flow, clock):
 
 
 def test_what_a_node_had_in_hand_is_lost_when_it_is_started_anew_and_only_that_at_once(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     hear(flow, "fitter", TAKEN, A)
     hear(flow, "builder", TAKEN, B)
     flow.started("builder")
@@ -152,8 +142,7 @@ def test_nodes_that_start_while_a_tile_is_on_its_way_cost_it_no_attempt(flow, cl
 
 
 def test_a_tile_that_a_node_could_not_handle_is_given_up_at_once(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     hear(flow, "filter", TAKEN, A)
     hear(flow, "filter", FAILED, A)
     assert flow.given_up() == [A]
@@ -161,15 +150,13 @@ def test_a_tile_that_a_node_could_not_handle_is_given_up_at_once(flow):
 
 
 def test_a_tile_is_lost_when_a_later_one_is_done(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     flow.done(B)
     assert [(flight.tile.stamp, flight.attempt) for flight in flow.overdue()] == [(A, 1)]
 
 
 def test_a_tile_in_hand_when_a_later_one_is_done_is_not_lost(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     hear(flow, "builder", TAKEN, A)
     flow.done(B)
     hear(flow, "builder", DONE, A)
@@ -177,15 +164,13 @@ def test_a_tile_in_hand_when_a_later_one_is_done_is_not_lost(flow):
 
 
 def test_an_earlier_tile_that_is_done_says_nothing_of_a_later_one(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     flow.done(A)
     assert not flow.has_losses
 
 
 def test_a_larger_tile_takes_the_place_of_the_smaller_one_behind_all_others(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     larger = PointTile(np.zeros((5, 3)), stamp=A + 1)
     flow.sent(larger)
     flow.done(B)
@@ -195,8 +180,7 @@ def test_a_larger_tile_takes_the_place_of_the_smaller_one_behind_all_others(flow
 
 
 def test_a_tile_of_which_it_is_only_said_that_there_is_no_more_passes_none(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     flow.sent(replace(tile(A), bounds=None))
     assert flow.done(A)
     assert not flow.has_losses
@@ -236,8 +220,7 @@ def test_a_recording_goes_on_from_where_it_was_paused(clock):
 
 
 def test_it_is_told_how_it_goes(flow, clock):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     flow.hear(Receipt("a", "life", FAILED, B))
     clock.time += 3.0
     assert flow.gauges()["silence"] == 3.0
@@ -251,8 +234,7 @@ def test_it_is_told_how_it_goes(flow, clock):
 
 
 def test_where_nodes_share_tiles_one_may_pass_another(flow):
-    flow.sent(tile(A))
-    flow.sent(tile(B))
+    send_both(flow)
     flow.hear(Receipt("selector_1", "life", TAKEN, B, "selector", 1, 2))
     flow.hear(Receipt("selector_1", "life", DONE, B, "selector", 1, 2))
     assert flow.done(B)

@@ -7,11 +7,10 @@ import pytest
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
-from support.node_bench import wait_until
+from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros import hand_over
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message, to_message
 from lidar_buildings.ros.polygons import ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD
@@ -47,10 +46,8 @@ def tile(second):
 @pytest.fixture
 def pair(context):
     sender, receiver = Sender(context=context), Receiver(context=context)
-    composition = Composition(sender, receiver)
-    composition.start()
-    yield sender, receiver
-    composition.stop()
+    with running(sender, receiver):
+        yield sender, receiver
 
 
 def test_within_a_process_a_tile_and_rings_come_as_they_are_without_a_message(pair, monkeypatch):
@@ -72,9 +69,7 @@ def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair
     tool, clouds, polygons = StageNode("tool", {}, context=context), [], []
     tool.create_subscription(PointCloud2, "points", clouds.append, CLOUD)
     tool.create_subscription(PolygonInstanceStamped, "rings", polygons.append, BUILDING)
-    listening = Composition(tool)
-    listening.start()
-    try:
+    with running(tool):
         for second in (1, 2):
             sender.tiles.publish(tile(second))
         sender.rings.publish(5, RINGS)
@@ -83,8 +78,6 @@ def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair
         publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
         publisher.publish(to_message(tile(1)))
         wait_until(lambda: len(receiver.tiles) >= 3)
-    finally:
-        listening.stop()
     assert [one.stamp // 1_000_000_000 for one in receiver.tiles] == [1, 2, 1]
     assert len(receiver.rings) == 1
     np.testing.assert_array_equal(from_message(clouds[0]).tile.points, tile(1).points)
@@ -92,22 +85,18 @@ def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair
 
 def test_messages_of_others_come_in_where_nothing_was_handed_over(context):
     receiver, other = Receiver(context=context), Node("other", context=context)
-    composition = Composition(receiver)
     publishers = [
         other.create_publisher(PointCloud2, "points", CLOUD),
         other.create_publisher(PolygonInstanceStamped, "rings", BUILDING),
     ]
-    composition.start()
-    try:
+    with running(receiver):
         wait_until(lambda: all(one.get_subscription_count() for one in publishers))
         for _ in range(2):
             publishers[0].publish(to_message(tile(1)))
             for message in ring_messages(5, RINGS):
                 publishers[1].publish(message)
         wait_until(lambda: len(receiver.tiles) == 2 and len(receiver.rings) == 2)
-    finally:
-        other.destroy_node()
-        composition.stop()
+    other.destroy_node()
 
 
 def test_a_node_that_is_gone_gets_nothing(context):

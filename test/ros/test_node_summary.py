@@ -1,30 +1,15 @@
 """How a node gets on: counts, and the level by what happened last."""
 
-import time
-
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.node_summary import ERROR, OK, WARN, NodeSummary
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.stage_node import StageNode
 
 TILE = 1_000_000_000
-
-
-class Watch:
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Watch()
 
 
 @pytest.fixture
@@ -42,7 +27,7 @@ def test_a_tile_that_comes_in_parts_is_one_and_its_seconds_add_up(summary, clock
     work(summary, n_points=0, seconds=0.25)
     summary.handed_on(TILE, 4)
     summary.handed_on(TILE, 0)
-    clock.now += 3.0
+    clock.time += 3.0
     level, message, values = summary.state()
     assert (level, message) == (OK, "idle")
     assert (values["tiles_in"], values["points_in"], values["tiles_out"], values["points_out"]) == (
@@ -65,12 +50,12 @@ def test_what_is_worked_on_is_said(summary):
 
 def test_a_warning_and_a_failed_tile_count_for_a_minute_the_worse_first(summary, clock):
     summary.failed("no disk")
-    clock.now += 30.0
+    clock.time += 30.0
     summary.warned("points left out")
     assert summary.state()[:2] == (ERROR, "no disk")
-    clock.now += 31.0
+    clock.time += 31.0
     assert summary.state()[:2] == (WARN, "points left out")
-    clock.now += 30.0
+    clock.time += 30.0
     assert summary.state().level == OK
     assert summary.state().values["tiles_failed"] == 1
 
@@ -90,27 +75,18 @@ def test_many_tiles_take_no_more_memory(summary):
     assert len(summary._seen["tiles_in"]) < 300
 
 
-class Worker(StageNode):
-    def __init__(self, **kwargs):
-        super().__init__("worker", {}, **kwargs)
-
-
 @pytest.mark.graph
 def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_cannot(context):
-    worker, listener = Worker(context=context), Worker(context=context)
+    worker, listener = (StageNode("worker", {}, context=context) for _ in range(2))
     heard = []
     listener.create_subscription(DiagnosticArray, "diagnostics", lambda m: heard.extend(m.status), EVENT)
-    composition = Composition(listener)
-    composition.start()
-    with worker.reporting(TILE) as report:
-        report.n_points = 7
-    worker.summary.count_buildings(["ok", "no_solid", "ok"])
-    worker.fail(OutputError("a.bag: cannot be written"))
-    assert worker.outcome.exception() is not None
-    end = time.monotonic() + 60
-    while len(heard) < 3 and time.monotonic() < end:
-        time.sleep(0.01)
-    composition.stop()
+    with running(listener):
+        with worker.reporting(TILE) as report:
+            report.n_points = 7
+        worker.summary.count_buildings(["ok", "no_solid", "ok"])
+        worker.fail(OutputError("a.bag: cannot be written"))
+        assert worker.outcome.exception() is not None
+        wait_until(lambda: len(heard) >= 3)
     worker.destroy_node()
     begun, tile, broken = heard[:3]
     assert [one.name for one in (begun, tile, broken)] == ["worker: summary", "worker", "worker: summary"]

@@ -28,13 +28,6 @@ class View:
         return self.endpoints
 
 
-class Clock:
-    time = 100.0
-
-    def __call__(self):
-        return self.time
-
-
 def here(node, life="1"):
     return Receipt(node, f"{receipts._PROCESS}.{life}", READY, 0)
 
@@ -79,8 +72,7 @@ def test_nodes_of_one_process_know_of_each_other_once_all_have_spoken():
     assert watch.is_settled
 
 
-def test_a_node_of_another_process_gets_time_to_find_the_others():
-    clock = Clock()
+def test_a_node_of_another_process_gets_time_to_find_the_others(clock):
     watch = GraphWatch(View(Endpoint("filter")), clock)
     watch.hear(elsewhere("filter"))
     assert not watch.is_settled
@@ -90,9 +82,9 @@ def test_a_node_of_another_process_gets_time_to_find_the_others():
     assert not watch.is_settled
 
 
-def test_a_replica_that_is_missing_is_named_until_it_is_there():
+def test_a_replica_that_is_missing_is_named_until_it_is_there(clock):
     view = View(Endpoint("roof_selector_0"))
-    watch = GraphWatch(view, Clock())
+    watch = GraphWatch(view, clock)
     assert watch.missing_replicas() == []
 
     def speaks(number):

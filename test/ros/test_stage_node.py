@@ -7,11 +7,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import String
-from support.node_bench import wait_until
+from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import from_message, to_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
@@ -51,14 +50,12 @@ class Listener(StageNode):
 @pytest.fixture
 def graph(context):
     doubler, listener = Doubler(context=context), Listener(context=context)
-    composition = Composition(doubler, listener)
-    composition.start()
-    sender = Node("sender", context=context)
-    publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
-    wait_until(lambda: publisher.get_subscription_count() and doubler._out.get_subscription_count())
-    yield publisher, listener
-    sender.destroy_node()
-    composition.stop()
+    with running(doubler, listener):
+        sender = Node("sender", context=context)
+        publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
+        wait_until(lambda: publisher.get_subscription_count() and doubler._out.get_subscription_count())
+        yield publisher, listener
+        sender.destroy_node()
 
 
 def tile(n, second):
@@ -143,15 +140,11 @@ def test_no_message_ends_a_node(graph):
 
 def test_a_composition_ends_with_the_error_that_a_node_cannot_go_on_from(context):
     doubler, listener = Doubler(context=context), Listener(context=context)
-    composition = Composition(doubler, listener)
-    composition.start()
-    try:
+    with running(doubler, listener) as composition:
         assert not composition.wait(listener, timeout=0.1)
         doubler.fail(OSError("disk full"))
         with pytest.raises(OSError, match="disk full"):
             composition.wait(listener, timeout=60.0)
-    finally:
-        composition.stop()
 
 
 def test_what_fails_since_ros_has_ended_is_no_failure_of_the_tile(context, capfd):

@@ -2,10 +2,12 @@
 
 import json
 import time
+from contextlib import contextmanager
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
@@ -13,6 +15,7 @@ from std_srvs.srv import Trigger
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
@@ -30,6 +33,23 @@ def wait_until(condition, seconds=120.0):
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
+
+
+def made(kind, context, **parameters):
+    """Make a node with some parameters."""
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return kind(context=context, parameter_overrides=overrides)
+
+
+@contextmanager
+def running(*nodes):
+    """Let nodes run, each in a thread of its own, until the block ends."""
+    composition = Composition(*nodes)
+    composition.start()
+    try:
+        yield composition
+    finally:
+        composition.stop()
 
 
 class Bench(StageNode):
