@@ -52,6 +52,16 @@ def house(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def village(tmp_path_factory) -> Path:
+    """A survey of a village, of one pulse a square metre."""
+    from lidar_buildings.simulation import simulate_survey
+
+    folder = tmp_path_factory.mktemp("village")
+    simulate_survey(folder, "village", 1, density=1.0)
+    return folder
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     Put files with slow tests first, and those that use dask last.

@@ -2,10 +2,11 @@
 
 import re
 
-import laspy
 import numpy as np
 import pytest
+from support.lawn import write_las
 from support.source_tree import ROOT
+from support.tables import lines_of
 
 from bench.common import arguments, clouds, pictures, tables
 from bench.ground import isprs, providers
@@ -26,34 +27,21 @@ def small_scene(seed=0):
     return clouds.Cloud(scene.points, time, scene.is_ground)
 
 
-def write_las(path, cloud, offset=(500.0, 700.0)):
+def write_scene(path, cloud, corner=(500.0, 700.0)):
     """Write a scene with its truth as classes 2 and 1."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    header = laspy.LasHeader(point_format=1, version="1.2")
-    header.scales = np.full(3, 0.001)
-    las = laspy.LasData(header)
-    las.xyz = cloud.points + np.array([*offset, 0.0])
-    las.classification = np.where(cloud.is_ground, 2, 1).astype(np.uint8)
-    las.return_number[:] = las.number_of_returns[:] = 1
-    las.gps_time = cloud.scan["gps_time"]
-    las.write(path)
+    write_las(path, cloud.points, np.where(cloud.is_ground, 2, 1), corner, gps_time=cloud.scan["gps_time"])
 
 
 @pytest.fixture
 def data(tmp_path):
     """A data folder with two samples, and fusa's folder in two files."""
-    write_las(tmp_path / "isprs" / "samp01.laz", small_scene(1))
-    write_las(tmp_path / "isprs" / "samp02.laz", small_scene(2))
-    write_las(tmp_path / "isprs" / "CSite.laz", small_scene(3))
-    write_las(tmp_path / "fusa" / "west.laz", small_scene(4))
-    write_las(tmp_path / "fusa" / "east.laz", small_scene(5), (540.0, 700.0))
-    write_las(tmp_path / "delft" / "one.laz", small_scene(6))
+    write_scene(tmp_path / "isprs" / "samp01.laz", small_scene(1))
+    write_scene(tmp_path / "isprs" / "samp02.laz", small_scene(2))
+    write_scene(tmp_path / "isprs" / "CSite.laz", small_scene(3))
+    write_scene(tmp_path / "fusa" / "west.laz", small_scene(4))
+    write_scene(tmp_path / "fusa" / "east.laz", small_scene(5), (540.0, 700.0))
+    write_scene(tmp_path / "delft" / "one.laz", small_scene(6))
     return tmp_path
-
-
-def lines_of(text, first):
-    """The words of the lines that begin with a word."""
-    return [line.split() for line in text.splitlines() if line.split()[:1] == [first]]
 
 
 def test_files_are_read_as_one_cloud_near_the_map_s_origin_with_time_and_truth(data):

@@ -1,10 +1,11 @@
 """The benchmark of edge labels, on houses small enough for a test."""
 
 import numpy as np
-import pyogrio.raw
 import pytest
 import shapely
-from support.lawn import CORNER, DENSITY, HOUSES, houses_on_a_lawn, write_las
+from support.lawn import DENSITY, HOUSES, houses_on_a_lawn, write_las
+from support.score_files import write_polygons
+from support.tables import lines_of
 
 from bench.common import areas as roof_areas
 from bench.edges import run as edges
@@ -20,20 +21,8 @@ def data(tmp_path):
         write_las(tmp_path / name / "a.laz", points, np.where(roof, 6, 2))
     write_las(tmp_path / "toronto" / "a.laz", points, np.ones(len(points)))
     # The map has the first house only.
-    block = shapely.box(*HOUSES[0])
-    pyogrio.raw.write(
-        tmp_path / "delft" / "blocks_nw.gpkg",
-        geometry=shapely.to_wkb([shapely.transform(block, lambda xy: xy + CORNER)]),
-        field_data=[],
-        fields=[],
-        crs="EPSG:28992",
-        geometry_type="Polygon",
-    )
+    write_polygons(tmp_path / "delft" / "blocks_nw.gpkg", [shapely.box(*HOUSES[0])])
     return tmp_path
-
-
-def lines_of(text, first):
-    return [line.split() for line in text.splitlines() if line.split()[:1] == [first]]
 
 
 def test_areas_are_roofs_of_a_map_of_classes_and_of_this_package(data):

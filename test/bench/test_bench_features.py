@@ -1,8 +1,8 @@
 """The benchmark of features, on points few enough for a test; nothing here looks at how fast anything was."""
 
-import laspy
 import numpy as np
 import pytest
+from support.lawn import write_las
 
 from bench.common.tables import table
 from bench.edges import feature_agreement, feature_peers, features
@@ -33,14 +33,8 @@ def test_points_are_those_of_delft_s_class_6_or_simulated_roofs(tmp_path):
     name, points = features.roof_points(tmp_path, 0.5)
     assert name.startswith("simulated")
     assert len(points) > 500
-    header = laspy.LasHeader(point_format=1, version="1.2")
-    header.scales = np.full(3, 0.001)
-    las = laspy.LasData(header)
-    las.xyz = np.random.default_rng(0).uniform(0, 20, (300, 3)) + np.array([500, 700, 0])
-    las.classification = np.repeat([2, 6, 1], 100).astype(np.uint8)
-    las.return_number[:] = las.number_of_returns[:] = 1
-    (tmp_path / "delft").mkdir()
-    las.write(tmp_path / "delft" / "one.laz")
+    points = np.random.default_rng(0).uniform(0, 20, (300, 3))
+    write_las(tmp_path / "delft" / "one.laz", points, np.repeat([2, 6, 1], 100))
     name, points = features.roof_points(tmp_path)
     assert name.startswith("Delft")
     assert len(points) == 100

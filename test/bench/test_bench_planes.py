@@ -1,7 +1,7 @@
 """The benchmark of planes: tables with known figures, on roofs small enough for a test."""
 
-import laspy
 import numpy as np
+from support.score_files import write_cloud
 
 from bench.planes import run as planes
 from bench.planes import truth as plane_roofs
@@ -10,13 +10,9 @@ from bench.planes import truth as plane_roofs
 def write_roof(folder):
     """A gable roof coloured by its slopes."""
     x, y = (a.ravel() for a in np.meshgrid(np.arange(0, 8, 0.3), np.arange(0, 6, 0.3)))
-    header = laspy.LasHeader(point_format=7, version="1.4")
-    header.scales = [0.001] * 3
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = x, y, 5 - 0.7 * abs(x - 4)
-    las.red, las.green = 65535 * (x < 4), 65535 * (x >= 4)
-    folder.mkdir()
-    las.write(folder / "roof.laz")
+    points = np.column_stack((x, y, 5 - 0.7 * abs(x - 4)))
+    colour = np.column_stack((65535 * (x < 4), 65535 * (x >= 4), 0 * x))
+    write_cloud(folder / "roof.laz", points, colour=colour, origin=np.zeros(3))
 
 
 def test_the_benchmark_of_planes_prints_methods_and_shapes(capsys, tmp_path, monkeypatch):

@@ -1,19 +1,17 @@
 """The benchmarks of roof selection, on clouds small enough for a test."""
 
-import laspy
 import numpy as np
 import pytest
 import shapely
+from support.lawn import write_las
+from support.score_files import write_polygons
 from support.source_tree import ROOT
+from support.tables import lines_of
 
 from bench.roofs import methods as roof_methods
 from bench.roofs import run as roofs
 from bench.roofs import scenes as roof_scenes
 from bench.scenes.roof_site import GROUND, RoofSite
-
-pyogrio = pytest.importorskip("pyogrio")
-#: Where the written clouds lie on the map.
-OFFSET = (84800.0, 447400.0)
 
 
 def houses(seed=0):
@@ -25,34 +23,21 @@ def houses(seed=0):
     return site.scanned(0.02, 0.0)
 
 
-def write_cloud(path, scene):
+def write_scene(path, scene):
     """Write a scene, its truth as classes 6 and 1."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
-    las.header.scales = np.full(3, 0.001)
-    las.xyz = scene.points + np.array([*OFFSET, 0.0])
-    las.classification = np.where(scene.is_building, 6, 1).astype(np.uint8)
-    las.return_number[:] = scene.columns["return_number"]
-    las.number_of_returns[:] = scene.columns["number_of_returns"]
-    las.intensity = scene.columns["intensity"].astype(np.uint16)
-    las.gps_time = np.arange(len(scene.points)) / 1e4
-    las.scan_angle_rank[:], las.point_source_id[:] = 3, 1
-    las.write(path)
-
-
-def write_polygons(path, polygons):
-    """Write polygons in the system of Delft."""
-    moved = [shapely.transform(polygon, lambda xy: xy + OFFSET) for polygon in polygons]
-    geometry = np.array([shapely.to_wkb(polygon) for polygon in moved], dtype=object)
-    pyogrio.raw.write(path, geometry, [], [], driver="GPKG", geometry_type="Polygon", crs="EPSG:28992")
+    n = len(scene.points)
+    columns = {name: scene.columns[name] for name in ("return_number", "number_of_returns", "intensity")}
+    columns |= {"gps_time": np.arange(n) / 1e4, "scan_angle_rank": np.full(n, 3)}
+    columns["point_source_id"] = np.ones(n, np.uint16)
+    write_las(path, scene.points, np.where(scene.is_building, 6, 1), **columns)
 
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     """A data folder with a mapped area and one that a provider classed."""
     folder = tmp_path_factory.mktemp("data")
-    write_cloud(folder / "delft" / "one.laz", houses())
-    write_cloud(folder / "fusa" / "one.laz", houses(1))
+    write_scene(folder / "delft" / "one.laz", houses())
+    write_scene(folder / "fusa" / "one.laz", houses(1))
     blocks = [shapely.box(8, 13, 20, 21), shapely.box(31, 13, 41, 21)]
     write_polygons(folder / "delft" / "blocks_nw.gpkg", blocks)
     # The eastern house lies outside the area in which the map is complete.
@@ -62,7 +47,7 @@ def data(tmp_path_factory):
 
 def figures(text, first):
     """The figures of the line that begins with a word."""
-    return next(line.split()[1:] for line in text.splitlines() if line.split()[:1] == [first])
+    return lines_of(text, first)[0][1:]
 
 
 def test_real_clouds_are_judged_by_the_map_or_by_the_provider_s_class(data, capsys):

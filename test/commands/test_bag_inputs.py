@@ -7,20 +7,14 @@ import numpy as np
 import pyogrio
 import pytest
 from support.bags import MOUNTING, ORIGIN_TYPE, SCAN_TYPE, SECOND, T0, BagWriter, write_drive
-from support.cli_runs import Command
 from support.ros_domain import use_own_domain
 
 from lidar_buildings.io.bags import is_bag
-from lidar_buildings.simulation import simulate_survey
 
 ROWS = [(name, "<f4") for name in ("x", "y", "z", "intensity", "scan_angle")] + [("gps_time", "<f8")]
 ROWS += [(name, "u1") for name in ("return_number", "number_of_returns", "scan_direction_flag")]
 ROWS += [("point_source_id", "<u2")]
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
+MOUNTED = ("--set", f"scan_assembler.mounting={','.join(map(str, MOUNTING))}")
 
 
 def bag_of(survey, path):
@@ -42,11 +36,9 @@ def bag_of(survey, path):
     return bag.path
 
 
-def test_a_bag_gives_the_buildings_that_its_points_give_as_a_file(command, tmp_path):
-    survey = tmp_path / "survey"
-    simulate_survey(survey, "single_house", 0, density=3.0)
-    bag = bag_of(survey, tmp_path / "house")
-    for source, output in ((survey, "file"), (bag, "bag")):
+def test_a_bag_gives_the_buildings_that_its_points_give_as_a_file(command, house, tmp_path):
+    bag = bag_of(house, tmp_path / "house")
+    for source, output in ((house, "file"), (bag, "bag")):
         assert command("run", source, "--no-ros", "--output", tmp_path / output).status == 0
     same = laspy.read(tmp_path / "bag" / "classified" / "house.laz")
     (before,) = (laspy.read(one) for one in (tmp_path / "file" / "classified").iterdir())
@@ -68,8 +60,7 @@ def test_a_bag_gives_the_buildings_that_its_points_give_as_a_file(command, tmp_p
 
 def test_what_was_left_out_is_said_and_a_placed_bag_is_not_placed_again(command, tmp_path, monkeypatch):
     drive = write_drive(tmp_path / "drive")
-    mounting = f"scan_assembler.mounting={','.join(map(str, MOUNTING))}"
-    run = ("run", drive.path, "--no-ros", "--output", tmp_path / "out", "--set", mounting)
+    run = ("run", drive.path, "--no-ros", "--output", tmp_path / "out", *MOUNTED)
     with monkeypatch.context() as failing:
         failing.setattr("lidar_buildings.commands.run._run_local", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
@@ -83,8 +74,7 @@ def test_what_was_left_out_is_said_and_a_placed_bag_is_not_placed_again(command,
 def test_the_graph_tells_of_bags_too(command, tmp_path):
     use_own_domain()
     drive = write_drive(tmp_path / "drive")
-    mounting = f"scan_assembler.mounting={','.join(map(str, MOUNTING))}"
-    run = ("run", drive.path, "--output", tmp_path / "out", "--set", mounting, "--until", "ground_filter")
+    run = ("run", drive.path, "--output", tmp_path / "out", *MOUNTED, "--until", "ground_filter")
     assert command(*run).status == 0
     (record,) = json.loads((tmp_path / "out" / "run.json").read_text())["parameters"]["bags"]
     assert (record["n_scans"], record["n_points"]) == (10, 5000)
@@ -95,9 +85,8 @@ def test_bags_of_one_name_are_all_read_and_one_named_twice_once(command, tmp_pat
     for place, n_points in (("north", 5000), ("south", 4000)):  # the same points would be left out
         (tmp_path / place).mkdir()
         drives.append(write_drive(tmp_path / place / "drive", n_points=n_points))
-    mounting = f"scan_assembler.mounting={','.join(map(str, MOUNTING))}"
     given = (drives[0].path, drives[1].path, drives[0].path)
-    run = ("run", *given, "--no-ros", "--output", tmp_path / "out", "--set", mounting)
+    run = ("run", *given, "--no-ros", "--output", tmp_path / "out", *MOUNTED)
     assert command(*run, "--until", "ground_filter").status == 0
     written = sorted((tmp_path / "out" / "classified").iterdir())
     assert [one.name for one in written] == ["drive.laz", "drive_2.laz"]

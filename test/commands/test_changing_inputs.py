@@ -5,18 +5,16 @@ import shutil
 
 import laspy
 import pytest
-from support.cli_runs import Command, files_in
+from support.cli_runs import SMALL_TILES, Command, files_in
 from support.results import contents
 
 from lidar_buildings.commands import run_local
-
-SMALL_TILES = ["--no-ros", "--tile-size", "25", "--set", "tile_player.buffer=10"]
 
 
 @pytest.fixture
 def command(capfd, monkeypatch):
     monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
-    return Command(capfd, *SMALL_TILES)
+    return Command(capfd, "--no-ros", *SMALL_TILES)
 
 
 @pytest.fixture(scope="module")

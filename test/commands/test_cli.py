@@ -13,8 +13,8 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from support.cli_runs import TILES3D, files_in
-from support.results import MODELS, assert_complete, contents
+from support.cli_runs import CLASSIFIED, FILES, RASTERS, files_in
+from support.results import assert_complete, contents
 
 from lidar_buildings import cli
 from lidar_buildings.commands import tile_work
@@ -23,9 +23,7 @@ from lidar_buildings.nodes.reference import parameter_yaml
 from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.simulation import simulate_survey
 
-RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
-ALWAYS = ["classified/strip_01.laz", *RASTERS, "report.html", "run.json"]
-FILES = ["buildings.gpkg", *MODELS, *ALWAYS, TILES3D]
+ALWAYS = [CLASSIFIED, *RASTERS, "report.html", "run.json"]
 #: Stage → the files of a run that ends with it.
 FILES_UNTIL = {
     "ground_filter": ALWAYS,

@@ -1,36 +1,18 @@
 """``lidar-buildings run --footprints``: given outlines in, one building each out."""
 
 import json
-import warnings
 
 import numpy as np
-import pyogrio
 import pyproj
 import pytest
 import shapely
-from support.cli_runs import Command
+from support.cli_runs import SMALL_TILES, Command
 from support.results import building_features
+from support.vector_files import write_vectors
 
 from lidar_buildings.cli import main
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 from lidar_buildings.simulation import simulate_survey
-
-#: Cuts the house's survey into nine tiles.
-SMALL_TILES = ["--tile-size", "25", "--set", "tile_player.buffer=10"]
-
-
-def written(path, shapes, names, crs):
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="'crs' was not provided")
-        pyogrio.raw.write(
-            path,
-            geometry=shapely.to_wkb(np.array(shapes, dtype=object)),
-            field_data=[np.array(names)],
-            fields=["name"],
-            geometry_type="Polygon",
-            crs=crs,
-        )
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +32,11 @@ def house(tmp_path_factory):
     ground = shapely.box(west - 12, south - 12, west - 8, south - 9)
     far = shapely.box(west + 500, south, west + 510, south + 10)
     names = ["one half", "other half", "no building", "far away"]
-    written(folder / "given.gpkg", [*halves, ground, far], names, crs)
+    write_vectors(folder / "given.gpkg", [*halves, ground, far], crs=crs, columns={"name": names})
     turn = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform
     degrees = [shapely.transform(s, lambda xy: np.column_stack(turn(*xy.T))) for s in (far, ground, *halves)]
-    written(folder / "degrees.shp", degrees, [names[k] for k in (3, 2, 0, 1)], "EPSG:4326")
+    turned = {"name": [names[k] for k in (3, 2, 0, 1)]}
+    write_vectors(folder / "degrees.shp", degrees, crs="EPSG:4326", columns=turned)
     return folder
 
 
@@ -138,7 +121,7 @@ def test_footprints_that_cannot_be_used_are_refused_before_anything_is_written(h
     cloud, out = house / "strip_01.laz", tmp_path / "out"
     text = tmp_path / "text.gpkg"
     text.write_text("nothing")
-    far = written(tmp_path / "far.gpkg", [shapely.box(0, 0, 9, 9)], ["far"], None)
+    far = write_vectors(tmp_path / "far.gpkg", [shapely.box(0, 0, 9, 9)], crs=None, columns={"name": ["far"]})
     column = ["--footprints", house / "given.gpkg", "--footprint-id", "nr"]
     layer = ["--footprints", house / "given.gpkg", "--footprints-layer", "trees"]
     for options, words in (

@@ -6,12 +6,11 @@ import laspy
 import numpy as np
 import pytest
 import rasterio
-from support.cli_runs import Command, files_in
+from support.cli_runs import RASTERS, Command, files_in
 
 from lidar_buildings.simulation import simulate_survey
 from lidar_buildings.simulation.named_scenes import make_scene
 
-RASTERS = ["dsm.tif", "dtm.tif", "ndsm.tif"]
 #: A small part of a run that has classes.
 QUICK = ["--no-ros", "--until", "ground_filter"]
 

@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 from support import cloud_files
 from support.bags import SCAN_TYPE, STORAGES, T0, BagWriter, write_drive
-from support.cli_runs import Command
 
 from lidar_buildings.io.bags.bag_summary import summarise_bag
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.tiling.cloud_summary import summarise_cloud
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
 
 
 def lattice(path, step=0.5, n=60, **changes):

@@ -18,14 +18,6 @@ from lidar_buildings.io.clouds.las_extent import read_extents
 from lidar_buildings.io.tiling.survey_plan import plan_survey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
-from lidar_buildings.simulation import simulate_survey
-
-
-@pytest.fixture(scope="module")
-def village(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("village")
-    simulate_survey(folder, "village", 1, density=1.0)
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -1,17 +1,10 @@
 """Options of `run` that stand for parameters."""
 
-import pytest
 from support.bags import write_drive
-from support.cli_runs import Command
 from support.cloud_files import random_cloud, saved
 
 from lidar_buildings.cli import command_parser
 from lidar_buildings.commands.run_request import request_of
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
 
 
 def test_georeferenced_takes_the_scans_of_a_bag_as_they_are(command, tmp_path):

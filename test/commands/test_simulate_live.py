@@ -10,7 +10,6 @@ from collections import Counter
 
 import laspy
 import pytest
-from support.cli_runs import Command
 from support.ros_domain import use_own_domain
 
 from lidar_buildings.core.scans.config import ScanConfig
@@ -20,11 +19,6 @@ from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.simulation.live.airborne import MOUNTING
 
 SMALL = ("--scene", "single_house", "--density", "2", "--pulse-rate", "60000")
-
-
-@pytest.fixture
-def command(capfd):
-    return Command(capfd)
 
 
 def rows(spoken, word):

@@ -7,7 +7,6 @@ pytest.importorskip("rclpy")
 from support.ros_domain import use_own_domain
 
 from lidar_buildings.commands.prepare import load_stages
-from lidar_buildings.simulation import simulate_survey
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -22,7 +21,5 @@ def _loaded():
 
 
 @pytest.fixture(scope="session")
-def survey(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("survey")
-    simulate_survey(folder, "village", 1, density=1.0)
-    return folder
+def survey(village) -> Path:
+    return village

@@ -5,8 +5,8 @@ import json
 import pytest
 import shapely
 from support.cli_runs import Command
-from support.geopackages import write_geopackage
 from support.results import contents
+from support.vector_files import write_geopackage
 
 from lidar_buildings.io.vectors.geopackage import VectorLayer
 from lidar_buildings.io.vectors.polygon_file import read_polygons

@@ -66,30 +66,31 @@ def files_in(folder: Path) -> list[str]:
     return sorted({TILES3D if name.startswith(f"{TILES3D}/") else name for name in found})
 
 
+#: Way a cloud can be bad → its file, and words of the line about it.
+BAD = {
+    "missing file": ("nowhere.laz", "no such file"),
+    "missing folder": ("nowhere", "no such file or folder"),
+    "pattern without match": ("nowhere*.laz", "matches no .las or .laz file"),
+    "empty file": ("empty.laz", "is empty (0 bytes)"),
+    "file of another kind": ("text.laz", "is not a LAS or LAZ file"),
+    "truncated LAZ": ("cut.laz", "is cut short"),
+    "truncated LAS": ("cut.las", "is cut short"),
+    "damage in the middle": ("late.laz", "cannot be decoded"),
+}
+
+
 def bad_clouds(folder: Path, good: Path) -> dict[str, tuple[Path, str]]:
-    """Make a file for each way a cloud can be bad: case → (file, words of the line about it)."""
+    """Make the files of `BAD`: case → (file, words of the line about it)."""
     folder.mkdir()
-    empty = folder / "empty.laz"
-    empty.write_bytes(b"")
-    text = folder / "text.laz"
-    text.write_text("no cloud, but long enough to be taken for one\n" * 40)
-    cut = {}
-    for ending in ("laz", "las"):
-        whole = cloud_files.saved(cloud_files.random_cloud(5000, point_format=6), folder / f"cut.{ending}")
-        cut[ending] = cloud_files.shortened(whole, 0.6)
+    (folder / "empty.laz").write_bytes(b"")
+    (folder / "text.laz").write_text("no cloud, but long enough to be taken for one\n" * 40)
+    for name in ("cut.laz", "cut.las"):
+        whole = cloud_files.saved(cloud_files.random_cloud(5000, point_format=6), folder / name)
+        cloud_files.shortened(whole, 0.6)
     late = folder / "late.laz"
     late.write_bytes(good.read_bytes())
     size = late.stat().st_size
     cloud_files.patched(
         late, int(size * 0.6), bytes(np.random.default_rng(0).integers(0, 256, size // 5, "u1"))
     )
-    return {
-        "missing file": (folder / "nowhere.laz", "no such file"),
-        "missing folder": (folder / "nowhere", "no such file or folder"),
-        "pattern without match": (folder / "nowhere*.laz", "matches no .las or .laz file"),
-        "empty file": (empty, "is empty (0 bytes)"),
-        "file of another kind": (text, "is not a LAS or LAZ file"),
-        "truncated LAZ": (cut["laz"], "is cut short"),
-        "truncated LAS": (cut["las"], "is cut short"),
-        "damage in the middle": (late, "cannot be decoded"),
-    }
+    return {case: (folder / name, words) for case, (name, words) in BAD.items()}

@@ -23,12 +23,14 @@ def houses_on_a_lawn(seed=0, houses=HOUSES, elevations=ELEVATION, width=40.0):
     return np.column_stack((xy, z)), roof
 
 
-def write_las(path, points, classes):
+def write_las(path, points, classes, corner=CORNER, **columns):
     path.parent.mkdir(parents=True, exist_ok=True)
     header = laspy.LasHeader(point_format=1, version="1.2")
     header.scales = np.full(3, 0.001)
     las = laspy.LasData(header)
-    las.xyz = points + np.append(CORNER, 0.0)
+    las.xyz = points + np.append(corner, 0.0)
     las.classification = classes.astype(np.uint8)
     las.return_number[:] = las.number_of_returns[:] = 1
+    for name, values in columns.items():
+        las[name] = values
     las.write(path)

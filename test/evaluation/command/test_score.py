@@ -267,66 +267,42 @@ def test_unknown_kinds_are_refused_naming_those_there_are(capsys):
     assert all(word in message for word in ("nonsense", *KINDS))
 
 
-def broken_inputs(folder):
-    """Name of the case → arguments, and a word of the message."""
-    cloud = write_cloud(folder / "cloud.laz", np.zeros((1, 3)), [2])
-    polygons = write_polygons(folder / "map.gpkg", [shapely.box(0, 0, 1, 1)])
-    text = folder / "notes.txt"
-    text.write_text("no polygons here")
-    empty = folder / "empty"
-    empty.mkdir()
-    points = folder / "points.gpkg"
-    pyogrio.raw.write(
-        points, shapely.to_wkb(shapely.points([[0, 0]])), [], [], crs="EPSG:28992", geometry_type="Point"
-    )
-    ring = [(0, 0), (1, 0), (np.inf, 1)]
-    endless = write_polygons(folder / "endless.gpkg", [shapely.Polygon(ring)])
-    return {
-        "missing file": (["ground", folder / "nowhere.laz", cloud], "nowhere.laz: no such file"),
-        "missing polygons": (["outlines", polygons, folder / "nowhere.gpkg"], "nowhere.gpkg: no such file"),
-        "missing area": (
-            ["outlines", polygons, polygons, "--aoi", folder / "nowhere.gpkg"],
-            "nowhere.gpkg: no such file",
-        ),
-        "ground of polygons": (["ground", polygons, cloud], "map.gpkg: is not a LAS or LAZ file"),
-        "outlines of a cloud": (["outlines", cloud, polygons], "cloud.laz: cannot be read as a file"),
-        "text file": (["outlines", text, polygons], "notes.txt: cannot be read as a file of polygons"),
-        "folder without results": (["outlines", empty, polygons], "holds no buildings.gpkg or outlines.fgb"),
-        "folder without clouds": (["ground", empty, cloud], "holds no .las or .laz"),
-        "layer of points": (["outlines", points, polygons], "has no layer of polygons"),
-        "coordinate at infinity": (["outlines", polygons, endless], "is not a finite number"),
-        "cell of no size": (["buildings", polygons, polygons, "--cell", "0"], "--cell 0"),
-        "cell of absurd size": (["buildings", polygons, polygons, "--cell", "1e-8"], "cell"),
-        "negative fill": (["buildings", polygons, polygons, "--fill", "-1"], "--fill -1"),
-        "cell without meaning": (
-            ["outlines", polygons, polygons, "--cell", "1"],
-            "--cell does not apply to outlines",
-        ),
-    }
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """A cloud, polygons, and what is neither."""
+    folder = tmp_path_factory.mktemp("inputs")
+    write_cloud(folder / "cloud.laz", np.zeros((1, 3)), [2])
+    write_polygons(folder / "map.gpkg", [shapely.box(0, 0, 1, 1)])
+    (folder / "notes.txt").write_text("no polygons here")
+    (folder / "empty").mkdir()
+    points = shapely.to_wkb(shapely.points([[0, 0]]))
+    pyogrio.raw.write(folder / "points.gpkg", points, [], [], crs="EPSG:28992", geometry_type="Point")
+    write_polygons(folder / "endless.gpkg", [shapely.Polygon([(0, 0), (1, 0), (np.inf, 1)])])
+    return folder
 
 
-CASES = [
-    "missing file",
-    "missing polygons",
-    "missing area",
-    "ground of polygons",
-    "outlines of a cloud",
-    "text file",
-    "folder without results",
-    "folder without clouds",
-    "layer of points",
-    "coordinate at infinity",
-    "cell of no size",
-    "cell of absurd size",
-    "negative fill",
-    "cell without meaning",
-]
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_what_a_user_can_do_wrong_gives_one_line_and_status_2(tmp_path, capsys, case):
-    arguments, words = broken_inputs(tmp_path)[case]
-    assert main(["score", *map(str, arguments)]) == 2
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("ground nowhere.laz cloud.laz", "nowhere.laz: no such file"),
+        ("outlines map.gpkg nowhere.gpkg", "nowhere.gpkg: no such file"),
+        ("outlines map.gpkg map.gpkg --aoi nowhere.gpkg", "nowhere.gpkg: no such file"),
+        ("ground map.gpkg cloud.laz", "map.gpkg: is not a LAS or LAZ file"),
+        ("outlines cloud.laz map.gpkg", "cloud.laz: cannot be read as a file"),
+        ("outlines notes.txt map.gpkg", "notes.txt: cannot be read as a file of polygons"),
+        ("outlines empty map.gpkg", "holds no buildings.gpkg or outlines.fgb"),
+        ("ground empty cloud.laz", "holds no .las or .laz"),
+        ("outlines points.gpkg map.gpkg", "has no layer of polygons"),
+        ("outlines map.gpkg endless.gpkg", "is not a finite number"),
+        ("buildings map.gpkg map.gpkg --cell 0", "--cell 0"),
+        ("buildings map.gpkg map.gpkg --cell 1e-8", "cell"),
+        ("buildings map.gpkg map.gpkg --fill -1", "--fill -1"),
+        ("outlines map.gpkg map.gpkg --cell 1", "--cell does not apply to outlines"),
+    ],
+)
+def test_what_a_user_can_do_wrong_gives_one_line_and_status_2(inputs, monkeypatch, capsys, arguments, words):
+    monkeypatch.chdir(inputs)
+    assert main(["score", *arguments.split()]) == 2
     output = capsys.readouterr()
     assert output.out == ""
     assert len(output.err.splitlines()) == 1

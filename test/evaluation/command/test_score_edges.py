@@ -2,7 +2,6 @@
 
 import json
 
-import laspy
 import numpy as np
 import pytest
 import shapely
@@ -17,20 +16,9 @@ STEP = 0.5
 
 def write_labels(path, points, classes, edge, facade=None):
     """A classified file with edge labels, and marks of façades if given."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = [0.001] * 3, ORIGIN
-    header.add_extra_dim(laspy.ExtraBytesParams(name="EdgeLabel", type=np.uint8))
-    if facade is not None:
-        header.add_extra_dim(laspy.ExtraBytesParams(name="Facade", type=np.uint8))
-    cloud = laspy.LasData(header)
-    cloud.x, cloud.y, cloud.z = (np.asarray(points, dtype=float) + ORIGIN).T
-    cloud.classification = np.asarray(classes, dtype=np.uint8)
-    cloud.EdgeLabel = np.asarray(edge, dtype=np.uint8)
-    if facade is not None:
-        cloud.Facade = np.asarray(facade, dtype=np.uint8)
-    cloud.write(path)
-    return path
+    given = {"EdgeLabel": edge} | ({} if facade is None else {"Facade": facade})
+    dimensions = {name: np.asarray(values, dtype=np.uint8) for name, values in given.items()}
+    return write_cloud(path, points, classes, **dimensions)
 
 
 @pytest.fixture

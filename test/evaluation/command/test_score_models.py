@@ -4,9 +4,9 @@
 
 import json
 
-import laspy
 import numpy as np
 import pytest
+from support.score_files import write_cloud
 from support.source_tree import ROOT
 
 from lidar_buildings.cli import main
@@ -25,17 +25,11 @@ def survey(tmp_path_factory):
     write_truth_city_model(folder / "truth.city.jsonl", scene)
     random = np.random.default_rng(0)
     xy = random.uniform(0, scene.size, (20_000, 2))
-    header = laspy.LasHeader(point_format=6, version="1.4")
-    header.scales, header.offsets = (0.001,) * 3, np.floor(scene.frame.origin)
     points = [
         np.column_stack([xy[plane > 0], elevation[plane > 0] + 0.05])
         for plane, elevation in (building.roof_at(xy) for building in scene.buildings)
     ]
-    las = laspy.LasData(header)
-    las.xyz = np.concatenate(points) + scene.frame.origin
-    las.classification = np.full(len(las.points), 6, dtype=np.uint8)
-    (folder / "points").mkdir()
-    las.write(folder / "points" / "roofs.laz")
+    write_cloud(folder / "points" / "roofs.laz", np.concatenate(points), 6, origin=scene.frame.origin)
     return folder
 
 

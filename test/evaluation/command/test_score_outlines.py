@@ -3,11 +3,9 @@
 import json
 
 import numpy as np
-import pyogrio.raw
 import pytest
-import shapely
 from shapely import box
-from support.score_files import ORIGIN, write_polygons
+from support.score_files import write_polygons
 from support.source_tree import ROOT
 
 from lidar_buildings.cli import main
@@ -15,25 +13,10 @@ from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.evaluation.command.score import run_score
 
 
-def write_run(path, polygons, crs="EPSG:28992", **attributes):
-    """The outlines of a run with attributes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    moved = shapely.transform(np.array(polygons, dtype=object), lambda xy: xy + ORIGIN[:2])
-    pyogrio.raw.write(
-        path,
-        geometry=shapely.to_wkb(moved),
-        field_data=[np.array(column, dtype=np.float64) for column in attributes.values()],
-        fields=list(attributes),
-        crs=crs,
-        geometry_type="Polygon",
-        layer="outlines",
-    )
-
-
 @pytest.fixture
 def run(tmp_path):
     """A run with a house moved by 0.5 m and an invented one, and the map of its survey."""
-    write_run(
+    write_polygons(
         tmp_path / "run" / "buildings.gpkg",
         [box(0.5, 0, 10.5, 10), box(40, 0, 50, 10)],
         point_spacing=[0.4, 0.6],
@@ -89,7 +72,7 @@ def test_polygons_without_attributes_have_no_table_1(run, capsys):
 def test_lengths_in_feet_are_given_in_metres(tmp_path):
     # EPSG:2263: New York, US survey feet
     lengths = {"point_spacing": [3.0], "outline_sigma": [0.5], "outline_max_offset": [2.0]}
-    write_run(tmp_path / "feet.gpkg", [box(0, 0, 100, 100)], crs="EPSG:2263", **lengths)
+    write_polygons(tmp_path / "feet.gpkg", [box(0, 0, 100, 100)], crs="EPSG:2263", **lengths)
     figures = run_score("outlines", tmp_path / "feet.gpkg", tmp_path / "feet.gpkg").figures
     assert figures["adjusted_spacing"] == pytest.approx(3.0 * 1200 / 3937)
     assert figures["adjusted_sigma_share"] == pytest.approx(0.5 / 3.0)

@@ -2,10 +2,9 @@
 
 import json
 
-import laspy
 import numpy as np
 import pytest
-from support.score_files import ORIGIN
+from support.score_files import write_cloud
 from support.source_tree import ROOT
 
 from lidar_buildings.cli import main
@@ -13,23 +12,6 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.evaluation.command.score import run_score
 
 SPACING = 0.3
-
-
-def write_planes(path, points, colour=None, **dimensions):
-    """A file with extra dimensions, and colours if given."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    header = laspy.LasHeader(point_format=7 if colour is not None else 6, version="1.4")
-    header.scales, header.offsets = [0.001] * 3, ORIGIN
-    for name, values in dimensions.items():
-        header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=values.dtype))
-    cloud = laspy.LasData(header)
-    cloud.x, cloud.y, cloud.z = (np.asarray(points, dtype=float) + ORIGIN).T
-    for name, values in dimensions.items():
-        cloud[name] = values
-    if colour is not None:
-        cloud.red, cloud.green, cloud.blue = np.asarray(colour, dtype=np.uint16).T
-    cloud.write(path)
-    return path
 
 
 @pytest.fixture
@@ -43,10 +25,10 @@ def roof():
 
 def test_numbers_are_compared_with_numbers(tmp_path, roof):
     points, plane = roof
-    result = write_planes(
+    result = write_cloud(
         tmp_path / "result.laz", points, PlaneId=np.where(plane == 1, 9, 0).astype(np.uint16)
     )
-    reference = write_planes(tmp_path / "reference.laz", points, PlaneId=plane)
+    reference = write_cloud(tmp_path / "reference.laz", points, PlaneId=plane)
     figures = run_score("planes", result, reference).figures
     assert (figures["n_planes_result"], figures["n_planes_reference"], figures["n_planes_found"]) == (1, 2, 1)
     assert (figures["precision"], figures["recall"]) == (1.0, 0.5)
@@ -56,8 +38,8 @@ def test_numbers_are_compared_with_numbers(tmp_path, roof):
 def test_a_plane_number_counts_within_its_building(tmp_path, roof):
     points, plane = roof
     one, building = np.ones_like(plane), plane.astype(np.uint32)
-    result = write_planes(tmp_path / "result.laz", points, PlaneId=one, BuildingId=building)
-    reference = write_planes(
+    result = write_cloud(tmp_path / "result.laz", points, PlaneId=one, BuildingId=building)
+    reference = write_cloud(
         tmp_path / "truth.laz", points, TruePlane=one, TrueBuilding=building, PlaneId=np.zeros_like(one)
     )
     assert run_score("planes", result, reference).figures["f1"] == 1.0
@@ -69,8 +51,8 @@ def test_a_colour_holds_as_many_planes_as_parts_and_black_is_none(tmp_path, roof
     plane = np.digitize(x, [3.0, 6.0]).astype(np.uint16) + 1
     colour = np.array([[255, 0, 0], [0, 255, 0], [255, 0, 0]])[plane - 1] * 256
     colour[points[:, 1] < 1.0] = 0
-    result = write_planes(tmp_path / "result.laz", points, PlaneId=plane)
-    reference = write_planes(tmp_path / "reference.laz", points, colour=colour)
+    result = write_cloud(tmp_path / "result.laz", points, PlaneId=plane)
+    reference = write_cloud(tmp_path / "reference.laz", points, colour=colour)
     figures = run_score("planes", result, reference).figures
     assert figures["n_points"] == np.count_nonzero(points[:, 1] >= 1.0)
     assert figures["n_planes_reference"] == 3
@@ -80,8 +62,8 @@ def test_a_colour_holds_as_many_planes_as_parts_and_black_is_none(tmp_path, roof
 def test_clouds_are_scored_together_and_one_by_one(tmp_path, roof, capsys):
     points, plane = roof
     for name, found in (("a", plane), ("b", np.ones_like(plane))):
-        write_planes(tmp_path / "result" / f"{name}.laz", points, PlaneId=found)
-        write_planes(tmp_path / "reference" / f"{name}.laz", points, PlaneId=plane)
+        write_cloud(tmp_path / "result" / f"{name}.laz", points, PlaneId=found)
+        write_cloud(tmp_path / "reference" / f"{name}.laz", points, PlaneId=plane)
     arguments = ["score", "planes", str(tmp_path / "result"), str(tmp_path / "reference")]
     assert main([*arguments, "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)
@@ -94,9 +76,9 @@ def test_clouds_are_scored_together_and_one_by_one(tmp_path, roof, capsys):
 
 def test_clouds_that_say_nothing_of_planes_or_hold_other_points_are_refused(tmp_path, roof):
     points, plane = roof
-    plain = write_planes(tmp_path / "plain.laz", points)
-    good = write_planes(tmp_path / "good.laz", points, PlaneId=plane)
-    moved = write_planes(tmp_path / "moved.laz", np.add(points, [0.5, 0, 0]), PlaneId=plane)
+    plain = write_cloud(tmp_path / "plain.laz", points)
+    good = write_cloud(tmp_path / "good.laz", points, PlaneId=plane)
+    moved = write_cloud(tmp_path / "moved.laz", np.add(points, [0.5, 0, 0]), PlaneId=plane)
     with pytest.raises(InputError, match=r"plain.laz: has no dimension PlaneId"):
         run_score("planes", plain, good)
     with pytest.raises(InputError, match=r"plain.laz: has no dimension TruePlane or PlaneId or colours"):
@@ -107,7 +89,7 @@ def test_clouds_that_say_nothing_of_planes_or_hold_other_points_are_refused(tmp_
 
 def test_every_figure_of_planes_is_explained(tmp_path, roof):
     points, plane = roof
-    cloud = write_planes(tmp_path / "roof.laz", points, PlaneId=plane)
+    cloud = write_cloud(tmp_path / "roof.laz", points, PlaneId=plane)
     page = (ROOT / "doc" / "scores.md").read_text(encoding="utf-8")
     figures = run_score("planes", cloud, cloud).figures
     assert [name for name in figures if f"`{name}`" not in page] == []

@@ -12,16 +12,8 @@ from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.agenda import WorkerLostError
-from lidar_buildings.simulation import simulate_survey
 
 CONFIG = TilingConfig(tile_size=40.0, buffer=20.0)
-
-
-@pytest.fixture(scope="module")
-def survey(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("survey")
-    simulate_survey(folder, "village", 1, density=1.0)
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -54,19 +46,19 @@ def assert_equal(found, expected):
 
 
 @pytest.mark.parametrize(("n_points", "n_ahead"), [(file_parts.PART, 1000), (3000, 1000), (3000, 1)])
-def test_tiles_are_those_that_are_read_here(survey, submit, tmp_path, monkeypatch, n_points, n_ahead):
-    expected, _ = tiles_of(survey)
+def test_tiles_are_those_that_are_read_here(village, submit, tmp_path, monkeypatch, n_points, n_ahead):
+    expected, _ = tiles_of(village)
     small_parts(monkeypatch, n_points)
     monkeypatch.setattr(file_parts, "AHEAD", n_ahead)
-    found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
+    found, problems = tiles_of(village, submit=submit, temporary=tmp_path)
     assert problems == []
     assert len(found) > 10
     assert_equal(found, expected)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_is_cut_off_is_told_of_and_the_others_are_read(survey, submit, tmp_path, monkeypatch):
-    files = sorted(survey.glob("*.laz"))
+def test_a_file_that_is_cut_off_is_told_of_and_the_others_are_read(village, submit, tmp_path, monkeypatch):
+    files = sorted(village.glob("*.laz"))
     cut = tmp_path / files[0].name
     cut.write_bytes(files[0].read_bytes()[: files[0].stat().st_size // 2])
     paths = [cut, *files[1:]]
@@ -78,8 +70,8 @@ def test_a_file_that_is_cut_off_is_told_of_and_the_others_are_read(survey, submi
     assert_equal(found, expected)
 
 
-def test_a_tile_needs_little_of_the_survey_to_be_sent(survey):
-    with TileSource(survey, CONFIG) as source:
+def test_a_tile_needs_little_of_the_survey_to_be_sent(village):
+    with TileSource(village, CONFIG) as source:
         ready = list(source.ready())
         whole = ready[0].store.spool.pieces
         alone = ready[0].alone()
@@ -92,17 +84,17 @@ def test_a_tile_needs_little_of_the_survey_to_be_sent(survey):
 
 
 @pytest.mark.parametrize("name", [".points", "samples"])
-def test_a_store_that_is_full_gives_one_line_and_keeps_nothing(survey, tmp_path, monkeypatch, name):
+def test_a_store_that_is_full_gives_one_line_and_keeps_nothing(village, tmp_path, monkeypatch, name):
     """Read by threads here, where the disk can be made to look full."""
     cloud_files.fill_the_disk(monkeypatch, name, 1000)
     with ThreadPoolExecutor(2) as threads:
-        source = TileSource(survey, CONFIG, submit=threads.submit, temporary=tmp_path)
+        source = TileSource(village, CONFIG, submit=threads.submit, temporary=tmp_path)
         with source, pytest.raises(OutputError, match=r"temporary files cannot be written \(No space left"):
             list(source.ready())
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(survey, tmp_path):
+def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp_path):
     def submit(read, part):
         answer = Future()
         if part.source:
@@ -111,17 +103,17 @@ def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(survey, tmp_
             answer.set_exception(WorkerLostError("workers ended at it"))
         return answer
 
-    first, *others = sorted(survey.glob("*.laz"))
+    first, *others = sorted(village.glob("*.laz"))
     expected, _ = tiles_of(others)
-    found, problems = tiles_of(survey, submit=submit, temporary=tmp_path)
+    found, problems = tiles_of(village, submit=submit, temporary=tmp_path)
     assert problems == [f"{first}: no worker can read it: workers ended at it"]
     assert sum(len(tile) for tile in found) == sum(len(tile) for tile in expected)
 
 
-def test_parts_of_copc_have_the_points_that_stand_there(survey, submit, monkeypatch, tmp_path):
+def test_parts_of_copc_have_the_points_that_stand_there(village, submit, monkeypatch, tmp_path):
     monkeypatch.setattr("lidar_buildings.io.clouds.octree._LEAF", 1000)
     path = tmp_path / "a.copc.laz"
-    write_copc(open_cloud(next(survey.glob("*.laz"))), path)
+    write_copc(open_cloud(next(village.glob("*.laz"))), path)
     expected, _ = tiles_of(path)
     small_parts(monkeypatch, 5_000)
     assert_equal(tiles_of(path, submit=submit)[0], expected)

@@ -40,6 +40,14 @@ def tiles_of(survey):
     return found
 
 
+def first_tile(survey):
+    """Take the tile of a first scan, five seconds after it."""
+    survey.add(scan_at(20, 20), 0.0)
+    survey.tick(5.0)
+    (tile,) = tiles_of(survey)
+    return tile
+
+
 def core_of(tiles):
     return np.concatenate([tile.points[tile.buffer == 0] for tile in tiles])
 
@@ -72,9 +80,7 @@ def test_points_in_the_buffer_keep_a_tile_waiting(survey):
 
 
 def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    (first,) = tiles_of(survey)
+    first = first_tile(survey)
     survey.add(scan_at(20, 20, seed=1), 6.0)
     survey.tick(11.0)
     assert tiles_of(survey) == [], "not while the first is under way"
@@ -89,9 +95,7 @@ def test_a_tile_comes_again_as_the_next_revision_with_all_its_points(survey):
 
 
 def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    (first,) = tiles_of(survey)
+    first = first_tile(survey)
     survey.finish(first.stamp)
     survey.add(scan_at(20, 20, seed=1), 6.0)
     survey.flush()
@@ -109,9 +113,7 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
 def test_the_tile_goes_first_into_which_no_point_fell_for_longest_new_or_not(
     survey, touched, came, goes_first
 ):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    (seen,) = tiles_of(survey)
+    seen = first_tile(survey)
     survey.finish(seen.stamp)
     for when, one in sorted([(touched, scan_at(20, 20, seed=1)), (came, scan_at(140, 20))]):
         survey.add(one, when)
@@ -137,9 +139,7 @@ def test_a_tile_waits_longer_to_come_again_where_fewer_than_one_in_a_hundred_poi
 
 
 def test_it_comes_again_when_only_its_buffer_has_changed(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    (first,) = tiles_of(survey)
+    first = first_tile(survey)
     survey.finish(first.stamp)
     survey.add(scan_at(43, 20, spread=2.0), 6.0)
     survey.tick(56.0)
@@ -175,9 +175,7 @@ def test_a_flush_sends_all_and_is_done_when_they_are(survey):
 
 
 def test_the_flush_of_a_tile_under_way_that_has_changed_waits_for_its_next_revision(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    (first,) = tiles_of(survey)
+    first = first_tile(survey)
     survey.add(scan_at(20, 20, seed=1), 6.0)
     survey.flush()
     survey.finish(first.stamp)
@@ -362,9 +360,7 @@ def test_a_tile_that_cannot_be_noted_stays_ready(survey, monkeypatch):
 
 
 def test_reset_forgets_all(survey, tmp_path):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    tiles_of(survey)
+    first_tile(survey)
     survey.clear()
     assert survey.n_points == survey.n_waiting == survey.n_tiles == 0
     survey.add(scan_at(20, 20, seed=1), 6.0)

@@ -4,6 +4,7 @@ import pytest
 
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
@@ -97,13 +98,7 @@ def test_a_survey_without_intensities_is_dark_and_has_no_limit(tmp_path):
 
 
 def test_what_was_said_of_a_strip_stays_true():
-    kind = [
-        ("intensity", "f4"),
-        ("point_source_id", "u2"),
-        ("return_number", "u1"),
-        ("number_of_returns", "u1"),
-    ]
-    records = np.ones(5000, kind)
+    records = np.ones(5000, RECORD)
     records["intensity"] = np.linspace(0.0, 1000.0, 5000)
     survey = SurveyBrightness()
     assert survey.normalised(records["intensity"], records["point_source_id"]) is None
@@ -120,13 +115,7 @@ def test_what_was_said_of_a_strip_stays_true():
 
 
 def test_a_file_that_cannot_be_read_leaves_no_trace():
-    kind = [
-        ("intensity", "f4"),
-        ("point_source_id", "u2"),
-        ("return_number", "u1"),
-        ("number_of_returns", "u1"),
-    ]
-    records = np.ones(5000, kind)
+    records = np.ones(5000, RECORD)
     survey = SurveyBrightness()
     survey.add(0, 0, records, len(records))
     survey.forget(0)

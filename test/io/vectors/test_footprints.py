@@ -1,14 +1,13 @@
 """Footprints from files of every kind, good and bad."""
 
 import logging
-import warnings
 
 import laspy
 import numpy as np
-import pyogrio
 import pyproj
 import pytest
 import shapely
+from support.vector_files import write_vectors
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -34,23 +33,6 @@ def every_warning_anew():
     SAID.clear()
 
 
-def written(path, shapes, *, crs=RD, kind="Polygon", columns=None, **options):
-    geometry = np.array([None if one is None else shapely.to_wkb(one) for one in shapes], dtype=object)
-    columns = columns or {}
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="'crs' was not provided")
-        pyogrio.raw.write(
-            path,
-            geometry=geometry,
-            field_data=[np.array(column) for column in columns.values()],
-            fields=list(columns),
-            geometry_type=kind,
-            crs=crs,
-            **options,
-        )
-    return path
-
-
 def read(path, layer="", column="", frame=FRAME):
     return read_footprints(FootprintSource(path, layer, column), frame)
 
@@ -67,7 +49,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def expected(folder):
-    return read(written(folder / "expected.gpkg", HOUSES))
+    return read(write_vectors(folder / "expected.gpkg", HOUSES))
 
 
 @pytest.mark.parametrize("ending", ["gpkg", "shp", "fgb", "geojson", "gml", "kml"])
@@ -75,7 +57,7 @@ def test_every_format_and_reference_system_gives_the_same_footprints(folder, exp
     degrees = ending in ("geojson", "kml")
     options = {"geojson": {"COORDINATE_PRECISION": "12"}, "kml": {"driver": "LIBKML"}}.get(ending, {})
     shapes, crs = (in_degrees(HOUSES), "EPSG:4326") if degrees else (HOUSES, RD)
-    found = read(written(folder / f"houses.{ending}", shapes, crs=crs, **options))
+    found = read(write_vectors(folder / f"houses.{ending}", shapes, crs=crs, **options))
     # formats store features in their own order
     order, wanted = (np.argsort(each.footprints.building_id) for each in (found, expected))
     assert np.array_equal(found.footprints.building_id[order], expected.footprints.building_id[wanted])
@@ -87,7 +69,7 @@ def test_every_format_and_reference_system_gives_the_same_footprints(folder, exp
 def test_clouds_in_feet_get_their_footprints_in_metres(folder):
     shapes = [shapely.box(1000, 2000, 1100, 2050)]
     frame = MapFrame("", (300.0, 600.0, 0.0), 0.3048, 0.3048)
-    found = read(written(folder / "feet.gpkg", shapes, crs=None), frame=frame)
+    found = read(write_vectors(folder / "feet.gpkg", shapes, crs=None), frame=frame)
     assert found.footprints.bounds[0] == pytest.approx([4.8, 9.6, 35.28, 24.84], abs=0.001)
 
 
@@ -95,7 +77,7 @@ def test_clouds_in_feet_get_their_footprints_in_metres(folder):
 def test_what_names_no_reference_system_is_taken_to_be_in_the_others_with_a_warning(
     folder, expected, caplog, file_crs, cloud_crs, who
 ):
-    path = written(folder / f"{who}.gpkg", HOUSES, crs=file_crs)
+    path = write_vectors(folder / f"{who}.gpkg", HOUSES, crs=file_crs)
     with caplog.at_level(logging.WARNING):
         found = read(path, frame=MapFrame(cloud_crs, FRAME.origin))
     assert np.array_equal(found.footprints.building_id, expected.footprints.building_id)
@@ -106,7 +88,7 @@ def test_what_names_no_reference_system_is_taken_to_be_in_the_others_with_a_warn
 def test_the_record_tells_what_was_repaired_and_left_out(folder):
     bowtie = shapely.Polygon([(85_100, 447_000), (85_110, 447_010), (85_110, 447_000), (85_100, 447_010)])
     sliver = shapely.box(85_000, 447_000, 85_030, 447_000.01)
-    path = written(folder / "mixed.gpkg", [*HOUSES, bowtie, HOUSES[0], sliver, None])
+    path = write_vectors(folder / "mixed.gpkg", [*HOUSES, bowtie, HOUSES[0], sliver, None])
     found = read(path)
     assert found.record["n_read"] == 7
     assert found.record["n_used"] == len(found.footprints) == 5
@@ -134,31 +116,31 @@ def test_curves_are_drawn_with_straight_lines(folder):
     ],
 )
 def test_footprints_are_called_what_their_file_calls_them(tmp_path, columns, asked, names):
-    found = read(written(tmp_path / "named.gpkg", HOUSES, columns=columns), column=asked)
+    found = read(write_vectors(tmp_path / "named.gpkg", HOUSES, columns=columns), column=asked)
     assert set(found.footprint_id.values()) == names
     assert set(found.footprint_id) == set(found.footprints.building_id.tolist())
 
 
 def test_the_parts_of_one_feature_are_numbered(tmp_path):
     both = shapely.MultiPolygon(HOUSES[:2])
-    path = written(
+    path = write_vectors(
         tmp_path / "parts.gpkg", [both, HOUSES[2]], kind="MultiPolygon", columns={"id": ["a", "b"]}
     )
     assert sorted(read(path).footprint_id.values()) == ["a-1", "a-2", "b"]
 
 
 def test_a_changed_file_is_read_anew_and_an_unchanged_one_is_not(tmp_path):
-    path = written(tmp_path / "changing.gpkg", HOUSES)
+    path = write_vectors(tmp_path / "changing.gpkg", HOUSES)
     first = read(path)
     assert read(path) is first
     path.unlink()
-    assert len(read(written(path, HOUSES[:1])).footprints) == 1
+    assert len(read(write_vectors(path, HOUSES[:1])).footprints) == 1
 
 
 def several_layers(path):
     for name in ("houses", "sheds"):
-        written(path, HOUSES, layer=name, append=path.exists())
-    written(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
+        write_vectors(path, HOUSES, layer=name, append=path.exists())
+    write_vectors(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
     return path
 
 
@@ -172,10 +154,10 @@ def test_of_several_layers_one_is_named(tmp_path):
 
 
 def test_the_only_layer_of_polygons_and_earlier_results_need_no_name(tmp_path):
-    path = written(tmp_path / "one.gpkg", HOUSES, layer="houses")
-    written(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
+    path = write_vectors(tmp_path / "one.gpkg", HOUSES, layer="houses")
+    write_vectors(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
     assert read(path).record["layer"] == "houses"
-    written(path, HOUSES, layer="outlines", append=True)
+    write_vectors(path, HOUSES, layer="outlines", append=True)
     assert read(path).record["layer"] == "outlines"
 
 
@@ -189,13 +171,13 @@ BAD = {
         lambda folder: text_file(folder / "text.gpkg"),
         "cannot be read as a file of polygons",
     ),
-    "empty file": (lambda folder: written(folder / "none.gpkg", []), "holds no polygon .*no feature"),
+    "empty file": (lambda folder: write_vectors(folder / "none.gpkg", []), "holds no polygon .*no feature"),
     "only points": (
-        lambda folder: written(folder / "trees.gpkg", [shapely.Point(1, 2)], kind="Point"),
+        lambda folder: write_vectors(folder / "trees.gpkg", [shapely.Point(1, 2)], kind="Point"),
         r"has no layer of polygons \(Point\)",
     ),
     "points in a layer of anything": (
-        lambda folder: written(folder / "any.gpkg", [shapely.Point(1, 2)], kind="Unknown"),
+        lambda folder: write_vectors(folder / "any.gpkg", [shapely.Point(1, 2)], kind="Unknown"),
         r"holds no polygon to use .*1 no polygon",
     ),
     "no geometry": (lambda folder: table(folder / "table.csv"), r"has no layer of polygons \(no geometry\)"),
@@ -219,7 +201,7 @@ def test_a_file_without_footprints_is_refused_in_one_line(tmp_path, case):
 
 
 def test_a_column_that_is_not_there_is_refused_by_name(tmp_path):
-    path = written(tmp_path / "named.gpkg", HOUSES, columns={"id": [1, 2, 3]})
+    path = write_vectors(tmp_path / "named.gpkg", HOUSES, columns={"id": [1, 2, 3]})
     with pytest.raises(InputError, match="has no column 'nummer': there is id"):
         read(path, column="nummer")
 
@@ -244,7 +226,7 @@ def test_every_building_of_a_real_map_has_its_points(data_folder):
 
 
 def test_degrees_are_refused_where_the_clouds_name_no_reference_system(tmp_path):
-    path = written(tmp_path / "degrees.gpkg", in_degrees(HOUSES), crs="EPSG:4326")
+    path = write_vectors(tmp_path / "degrees.gpkg", in_degrees(HOUSES), crs="EPSG:4326")
     with pytest.raises(
         InputError, match=r"is in degrees .* and the clouds name no coordinate reference system"
     ):
@@ -253,6 +235,6 @@ def test_degrees_are_refused_where_the_clouds_name_no_reference_system(tmp_path)
 
 def test_coordinates_that_no_projection_knows_are_left_out(tmp_path):
     shapes = [*in_degrees(HOUSES), shapely.box(85_000, 447_000, 85_010, 447_010)]
-    found = read(written(tmp_path / "mixed.gpkg", shapes, crs="EPSG:4326"))
+    found = read(write_vectors(tmp_path / "mixed.gpkg", shapes, crs="EPSG:4326"))
     assert len(found.footprints) == 3
     assert sum(found.record["left_out"].values()) == 1

@@ -11,7 +11,7 @@ import pyogrio
 import pyproj
 import pytest
 import shapely
-from support.geopackages import write_geopackage
+from support.vector_files import write_geopackage, write_vectors
 
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
@@ -162,14 +162,7 @@ def test_a_reference_system_that_is_none_is_refused(tmp_path):
 def test_parts_of_multi_polygons_stand_one_by_one_and_other_shapes_are_left_out(tmp_path):
     path = tmp_path / "footprints.geojson"
     shapes = [shapely.MultiPolygon([HOUSE, SHED]), shapely.Point(1, 1), SHED]
-    pyogrio.raw.write(
-        path,
-        geometry=np.array([shapely.to_wkb(shape) for shape in shapes], dtype=object),
-        field_data=[np.array([10, 20, 30])],
-        fields=["number"],
-        geometry_type="Unknown",
-        crs="EPSG:4326",
-    )
+    write_vectors(path, shapes, crs="EPSG:4326", kind="Unknown", columns={"number": [10, 20, 30]})
     polygons, attributes, crs = read_polygons(path)
     assert [polygon.area for polygon in polygons] == [HOUSE.area, SHED.area, SHED.area]
     assert attributes["number"].tolist() == [10, 10, 30]
@@ -177,11 +170,7 @@ def test_parts_of_multi_polygons_stand_one_by_one_and_other_shapes_are_left_out(
 
 
 def test_rows_without_geometry_are_left_out(tmp_path):
-    path = tmp_path / "holey.gpkg"
-    geometry = np.array([None, shapely.to_wkb(SHED)], dtype=object)
-    pyogrio.raw.write(
-        path, geometry=geometry, field_data=[], fields=[], geometry_type="Polygon", crs="EPSG:28992"
-    )
+    path = write_vectors(tmp_path / "holey.gpkg", [None, SHED])
     assert len(read_polygons(path)[0]) == 1
 
 
