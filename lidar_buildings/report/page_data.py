@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import base64
-import json
 import zlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lidar_buildings.io.files.compact_json import compact_json
 
 #: Fast: finer levels take four times as long for a twentieth of the size.
 _LEVEL = 1
@@ -33,8 +34,7 @@ def array_element(name: str, array: NDArray[Any]) -> str:
 
 def json_element(name: str, content: Mapping[str, Any]) -> str:
     """Return the element that holds what JSON can say."""
-    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return _element(name, "json", "", text.encode())
+    return _element(name, "json", "", compact_json(content).encode())
 
 
 def _element(name: str, kind: str, shape: str, content: bytes) -> str:

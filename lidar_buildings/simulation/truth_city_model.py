@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene
@@ -27,13 +27,9 @@ def write_truth_city_model(path: Path, scene: VirtualScene) -> None:
 
 def city_model_lines(scene: VirtualScene) -> Iterator[str]:
     """Yield the lines of the CityJSONSeq."""
-    yield _text(_header(scene))
+    yield compact_json(_header(scene))
     for building, attributes in zip(scene.buildings, building_attributes(scene), strict=True):
-        yield _text(_feature(building, attributes))
-
-
-def _text(value: dict[str, Any]) -> str:
-    return json.dumps(value, separators=(",", ":"))
+        yield compact_json(_feature(building, attributes))
 
 
 def _header(scene: VirtualScene) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
 from lidar_buildings.io.models.survey_building import TerrainMesh
@@ -67,7 +68,7 @@ def header_line(
         metadata["title"] = title
     if metadata:
         header["metadata"] = metadata
-    return _line(header)
+    return compact_json(header)
 
 
 def feature_id(anchor: tuple[float, float], frame: MapFrame) -> str:
@@ -107,7 +108,7 @@ def feature_line(
     state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}
     written = in_source_units(state | attributes | {"building_id": int(building_id)}, frame)
     building = {"type": "Building", "attributes": dict(sorted(written.items())), "geometry": geometry}
-    return _line(
+    return compact_json(
         {
             "type": "CityJSONFeature",
             "id": name,
@@ -121,7 +122,7 @@ def terrain_line(mesh: TerrainMesh) -> str:
     """Return the line of a piece of the terrain, a ``TINRelief``."""
     surfaces = [[corners] for corners in mesh.triangles.tolist()]
     geometry = {"type": "CompositeSurface", "lod": "2", "boundaries": surfaces}
-    return _line(
+    return compact_json(
         {
             "type": "CityJSONFeature",
             "id": mesh.name,
@@ -212,8 +213,3 @@ def faces_of_shell(shell: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[n
     used = list(dict.fromkeys(i for face in shell for ring in face for i in ring))
     row_of = {i: row for row, i in enumerate(used)}
     return vertices[used], tuple(tuple(tuple(row_of[i] for i in ring) for ring in face) for face in shell)
-
-
-def _line(content: dict[str, Any]) -> str:
-    """Return JSON on one line, the same for the same content; only finite numbers are let through."""
-    return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -7,7 +7,6 @@ and trimesh writes no extension at all, so that with either what stands below wo
 
 from __future__ import annotations
 
-import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings import __version__
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.models.property_table import property_table, schema
 
 #: A corner of a triangle; corners are not shared, as each face has its own normal and colour.
@@ -152,7 +152,7 @@ def _primitive(corners: NDArray[Any], buffer: _Buffer, accessors: list[dict[str,
 
 def _packed(content: dict[str, Any], data: bytes) -> bytes:
     """Return the two chunks of a file, each of which ends at a multiple of four."""
-    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    text = compact_json(content).encode()
     text += b" " * (-len(text) % 4)
     data += b"\0" * (-len(data) % 4)
     size = 12 + 8 + len(text) + 8 + len(data)

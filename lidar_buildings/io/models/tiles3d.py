@@ -8,7 +8,6 @@ Branches of many squares are tilesets in files of their own.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from lidar_buildings import __version__
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_folder
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.files.waiting import Waiting
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, READABLE_ID
 from lidar_buildings.io.models.earth_frame import EarthFrame
@@ -227,7 +227,7 @@ class _Tree:
     def _write_tileset(self, name: str, root: dict[str, Any], error: float, more: dict[str, Any]) -> None:
         asset = {"version": "1.1", "generator": f"lidar_buildings {__version__}"} | more
         tileset = {"asset": asset, "geometricError": error, "root": root}
-        (self._folder / name).write_text(_json(tileset), encoding="utf-8")
+        (self._folder / name).write_text(f"{compact_json(tileset)}\n", encoding="utf-8")
 
 
 def _members(below: list[_Part]) -> dict[str, Any]:
@@ -238,7 +238,3 @@ def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> dict[str, list[
     """Return a box along the axes: its middle and its half axes."""
     x, y, z = ((high - low) / 2.0).tolist()
     return {"box": [*((low + high) / 2.0).tolist(), x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]}
-
-
-def _json(content: dict[str, Any]) -> str:
-    return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -54,7 +54,7 @@ class FootprintResults:
         building = feature["CityObjects"][feature["id"]]
         attributes = building["attributes"] | {FOOTPRINT_ID: self.names.get(number, "")}
         building["attributes"] = dict(sorted(attributes.items()))
-        return json.dumps(feature, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        return compact_json(feature)
 
     def summary(self, n_buildings: int) -> dict[str, Any]:
         """Return the record with the number of footprints that lie outside the data."""
