@@ -8,6 +8,7 @@ import pyogrio
 import pytest
 import shapely
 from support import model_survey
+from support.made_results import bytes_of
 from support.model_survey import DUTCH
 
 from lidar_buildings.core.model.ids import building_id
@@ -48,10 +49,6 @@ def written(folder, *tiles, frame=DUTCH, largest=2):
         heading = ModelHeading(earth=EarthFrame(frame, frame.crs) if frame.crs else None)
         files, statuses = write_in_blocks(folder, survey, FORMATS, heading, TERRAIN, largest=largest)
     return files, statuses, json.loads((folder / "blocks" / "index.json").read_text())["features"]
-
-
-def bytes_of(folder):
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*.*") if p.is_file()}
 
 
 @pytest.fixture(scope="module")

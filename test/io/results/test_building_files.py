@@ -11,6 +11,7 @@ import pytest
 import shapely
 from support import model_survey
 from support.cjio_process import cjio
+from support.made_results import bytes_of
 from support.model_survey import DUTCH, FEET, FOOT
 from support.source_tree import ROOT
 
@@ -47,11 +48,6 @@ def written(folder, *tiles, frame=DUTCH, formats=tuple(FILES), title="", **optio
     with model_survey.survey(folder, *tiles, frame=frame, **options) as survey:
         heading = ModelHeading(title, earth=EarthFrame(frame, frame.crs))
         return write_buildings(folder, survey, formats, heading)
-
-
-def bytes_of(folder):
-    files = [path for path in folder.rglob("*") if path.is_file() and path.name != "lines"]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The output folder: which folders are taken, tiles on disk, taking up again, and whole files or none."""
+"""The output folder: which files a run makes, and what they hold."""
 
 import json
 import random
@@ -9,85 +9,19 @@ import pyogrio
 import pytest
 from laspy.copc import CopcReader
 from support import cloud_files
+from support.made_results import bytes_of, products_of, run
 from support.results import MODELS
-from support.saved_tiles import load_products
 
-from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.clouds.input_file import InputFile
-from lidar_buildings.io.models.cityjson import feature_line
-from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.vectors.polygon_file import read_polygons
 
-WEST, SOUTH = 85000.0, 447000.0
 FILES = ["buildings.gpkg", *MODELS, "classified", "run.json", "tiles3d"]
-
-
-@pytest.fixture
-def survey(tmp_path):
-    """Two files side by side, and their tiles."""
-    paths = []
-    for number in range(2):
-        corner = (WEST + 100.0 * number, SOUTH, 0.0)
-        cloud = cloud_files.random_cloud(600, point_format=6 * number + 1, corner=corner, seed=number)
-        cloud.withheld = np.zeros(600, dtype=np.uint8)  # else they keep their class
-        paths.append(
-            cloud_files.saved(
-                cloud_files.with_geo_keys(cloud, {1024: 1, 3072: 28992}), tmp_path / f"{number}.las"
-            )
-        )
-    source = TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=10.0))
-    yield source, list(source)
-    source.close()
-
-
-def products_of(tile):
-    """Make results up that depend on nothing but the points: those above 10 m are one house's roof."""
-    high = tile.points[:, 2] > 10.0
-    classified = tile.with_columns(
-        classification=np.where(high, 6, 2), height_above_ground=tile.points[:, 2] - 1.0
-    )
-    roofs = classified.select(high)
-    number = 1 + len(tile.points) % 1000
-    own = np.where(roofs.points[:, 0] < np.median(roofs.points[:, 0]), number, 0)
-    planes = roofs.with_columns(edge=roofs.index % 2, building_id=own, plane_id=np.where(own > 0, 3, 0))
-    west, south = (float(c) for c in tile.points[:, :2].min(axis=0))
-    ring = np.array([[west, south], [west + 8.0, south], [west + 8.0, south + 6.0], [west, south + 6.0]])
-    hole = np.array([[west + 2.0, south + 2.0], [west + 2.0, south + 4.0], [west + 4.0, south + 2.0]])
-    one = BuildingOutline(number, Outline(ring, (hole,)))
-    model = BuildingModel({}, {"height": 8.5}, (), BuildingStatus.NO_SOLID, "made up")
-    line = feature_line(model, number, tile.frame, model.attributes, anchor=(west, south))
-    return TileProducts.from_tiles(classified, planes, [one], [one], [line])
-
-
-def everything(folder):
-    return {
-        p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
-
-
-def run(folder, source, tiles, **options):
-    output = OutputFolder(folder, source.inputs, source.frame, **options)
-    for tile in tiles:
-        output.write_tile(products_of(tile))
-    return output.finalise({"versions": {"lidar_buildings": "0"}})
-
-
-def the_line(*arguments, **options):
-    with pytest.raises(OutputError) as caught:
-        OutputFolder(*arguments, **options)
-    line = str(caught.value)
-    assert "\n" not in line
-    assert line.startswith(f"{arguments[0]}: ")
-    return line
 
 
 def test_a_run_makes_every_file_and_leaves_nothing_else(tmp_path, survey):
@@ -157,7 +91,7 @@ def test_the_geopackage_holds_every_building_in_source_coordinates(tmp_path, sur
     assert set(columns["status"]) == {"no_solid"}
     assert columns["height"] == pytest.approx([8.5] * len(tiles))
     assert all(name.startswith("building-85") for name in columns["readable_id"])
-    assert all(len(polygon.interiors) == 1 and polygon.bounds[0] >= WEST for polygon in outlines)
+    assert all(len(polygon.interiors) == 1 and polygon.bounds[0] >= 85_000.0 for polygon in outlines)
     faces, _, _ = read_polygons(path, "roof_faces")
     assert all(face.has_z for face in faces)
 
@@ -188,7 +122,7 @@ def test_the_result_does_not_depend_on_the_order_of_tiles_nor_on_their_coming_tw
     shuffled = tiles * 2
     random.Random(3).shuffle(shuffled)
     run(tmp_path / "two", source, shuffled)
-    assert everything(tmp_path / "one") == everything(tmp_path / "two")
+    assert bytes_of(tmp_path / "one") == bytes_of(tmp_path / "two")
 
 
 def test_points_of_tiles_that_failed_keep_their_class_and_are_counted(tmp_path, survey):
@@ -203,47 +137,6 @@ def test_points_of_tiles_that_failed_keep_their_class_and_are_counted(tmp_path, 
     assert np.array_equal(after.classification[rows], before.classification[rows])
 
 
-def test_an_unfinished_run_is_taken_up_again(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "whole", source, tiles)
-    output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    for tile in tiles[:3]:
-        output.write_tile(products_of(tile))
-    again = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    assert again.done_stamps().keys() == {tile.stamp for tile in tiles[:3]}
-    with TileSource([i.path for i in source.inputs], source.config, skip=again.done_stamps()) as rest:
-        for tile in rest:
-            again.write_tile(products_of(tile))
-    again.finalise({"versions": {"lidar_buildings": "0"}})
-    assert everything(tmp_path / "out") == everything(tmp_path / "whole")
-
-
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.99])
-@pytest.mark.parametrize("name", ["{}.npz", ".{}.part.npz"])
-def test_a_tile_that_a_kill_or_a_power_cut_left_unfinished_is_done_again(tmp_path, survey, share, name):
-    source, tiles = survey
-    output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    output.write_tile(products_of(tiles[0]))
-    partial = tmp_path / "out" / ".partial"
-    whole = (partial / f"{tiles[0].stamp}.npz").read_bytes()
-    (partial / f"{tiles[0].stamp}.npz").unlink()
-    (partial / name.format(tiles[0].stamp)).write_bytes(whole[: int(share * len(whole))])
-    assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps() == {}
-    assert not list(partial.glob("*.npz"))
-
-
-def test_products_come_back_from_disk_as_they_were(tmp_path, survey):
-    _, tiles = survey
-    before = products_of(tiles[0])
-    before.save(tmp_path / "a.npz")
-    after = load_products(tmp_path / "a.npz")
-    for name in ("core", "roofs", "edges"):
-        assert np.array_equal(getattr(before, name), getattr(after, name))
-    assert (after.stamp, after.features) == (before.stamp, before.features)
-    assert after.outlines[0].outline.same_as(before.outlines[0].outline)
-    assert after.traced[0].building_id == before.traced[0].building_id
-
-
 def test_a_tile_without_roofs_or_without_points_is_legal(tmp_path, survey):
     source, _ = survey
     output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
@@ -256,38 +149,6 @@ def test_a_tile_without_roofs_or_without_points_is_legal(tmp_path, survey):
 def test_points_without_names_are_a_mistake():
     with pytest.raises(ValueError, match="source is missing"):
         TileProducts.from_tiles(PointTile(np.zeros((1, 3))))
-
-
-def test_other_inputs_or_parameters_do_not_go_on_with_a_run(tmp_path, survey):
-    source, _ = survey
-    OutputFolder(tmp_path / "out", source.inputs, source.frame, parameters={"a": 1})
-    assert "unfinished run" in the_line(
-        tmp_path / "out", source.inputs[:1], source.frame, parameters={"a": 1}
-    )
-    assert "unfinished run" in the_line(tmp_path / "out", source.inputs, source.frame, parameters={"a": 2})
-    assert "unfinished run" in the_line(tmp_path / "out", source.inputs, source.frame)
-    OutputFolder(tmp_path / "out", source.inputs, source.frame, parameters={"a": 1})
-
-
-def test_files_of_an_earlier_run_go_when_it_is_replaced(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles)
-    run(tmp_path / "out", TileSourceLike(source, source.inputs[:1]), tiles[:1], overwrite=True)
-    assert [p.name for p in (tmp_path / "out" / "classified").iterdir()] == ["0.laz"]
-
-
-class TileSourceLike:
-    def __init__(self, source, inputs):
-        self.inputs, self.frame = inputs, source.frame
-
-
-def test_the_inputs_own_folder_is_refused(tmp_path, survey):
-    source, _ = survey
-    (tmp_path / "out" / "classified").mkdir(parents=True)
-    path = (tmp_path / "0.las").rename(tmp_path / "out" / "classified" / "0.las")
-    line = the_line(tmp_path / "out", [InputFile(path, 600)], source.frame, overwrite=True)
-    assert "holds the input" in line
-    assert path.exists()
 
 
 def test_equal_names_get_numbers(tmp_path):
@@ -380,60 +241,6 @@ def test_a_shorter_run_measures_outlines_without_models(tmp_path, survey):
     _, columns, _ = read_polygons(tmp_path / "out" / "buildings.gpkg", "outlines")
     assert columns["area"] == pytest.approx([8.0 * 6.0 - 2.0])
     assert columns["readable_id"][0].startswith("building-85")
-
-
-def test_an_input_that_vanished_is_reported_and_the_others_are_written(tmp_path, survey):
-    source, tiles = survey
-    output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    for tile in tiles:
-        output.write_tile(products_of(tile))
-    (tmp_path / "0.las").unlink()
-    summary = output.finalise({"problems": ["earlier: one: problem"]})
-    assert summary.problems[0] == "earlier: one: problem"
-    assert "0.las: no such file" in summary.problems[1]
-    assert [p.name for p in (tmp_path / "out" / "classified").iterdir()] == ["1.laz"]
-
-
-def test_an_input_that_changed_is_not_mixed_with_old_results(tmp_path, survey):
-    source, _ = survey
-    output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    cloud_files.saved(cloud_files.random_cloud(30), tmp_path / "0.las")
-    assert "has changed" in output.finalise().problems[0]
-
-
-@pytest.mark.parametrize("part", ["npz", "laz", "results", "jsonl", "run"])
-def test_a_full_disk_gives_one_line_and_the_run_can_be_taken_up_again(tmp_path, survey, monkeypatch, part):
-    source, tiles = survey
-    run(tmp_path / "whole", source, tiles)
-    with monkeypatch.context() as full:
-        names = {"laz": ".0.part.laz", "run": ".run.part.json"}
-        cloud_files.fill_the_disk(full, names.get(part, f"part.{part}"), 100)
-        with pytest.raises(OutputError) as caught:
-            run(tmp_path / "out", source, tiles)
-    line = str(caught.value)
-    assert "\n" not in line
-    assert "No space left on device" in line
-    assert "give the same command again" in line
-    left = [p.name for p in (tmp_path / "out").rglob("*") if ".part." in p.name]
-    assert left == []
-    assert not (tmp_path / "out" / "run.json").exists()
-    run(tmp_path / "out", source, tiles)
-    assert everything(tmp_path / "out") == everything(tmp_path / "whole")
-
-
-def test_a_full_disk_in_the_geopackage_keeps_the_tiles(tmp_path, survey, monkeypatch):
-    source, tiles = survey
-    with monkeypatch.context() as full:
-
-        def fail(path, *_):
-            raise OutputError(f"{path}: cannot be written: disk full: check the free space")
-
-        full.setattr(building_files, "write_buildings", fail)
-        with pytest.raises(OutputError, match="disk full"):
-            run(tmp_path / "out", source, tiles)
-    assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps().keys() == {
-        t.stamp for t in tiles
-    }
 
 
 def test_zero_points_give_an_empty_but_complete_output(tmp_path):

@@ -1,0 +1,199 @@
+"""A source of tiles: stamps, doing without what is done, bad files, its temporary folder, its memory."""
+
+import gc
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import laspy
+import numpy as np
+import pytest
+from support import cloud_files
+from support.cut_surveys import (
+    SOUTH,
+    WEST,
+    all_names,
+    core_names,
+    names,
+    square,
+    survey,
+    two_neighbours,
+)
+from support.long_survey import peak_of_surveys
+
+from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.tiling.spool import RECORD
+from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
+
+
+def test_tiles_come_before_the_whole_folder_is_read(tmp_path, monkeypatch):
+    paths = survey(tmp_path, [square(50, WEST + 100.0 * k, SOUTH, 100.0, k) for k in range(6)])
+    read = []
+    plain = Cloud.chunks
+    monkeypatch.setattr(Cloud, "chunks", lambda self, size: (read.append(self.path), plain(self, size))[1])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=20.0)) as source:
+        next(iter(source))
+        assert 0 < len(read) <= 3
+
+
+def test_the_stamp_is_the_first_core_points_time(tmp_path):
+    paths = survey(tmp_path, [square(300, WEST, SOUTH, 100.0)], point_format=1)
+    cloud = laspy.read(paths[0])
+    cloud.header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    cloud_files.saved(cloud, paths[0])
+    with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
+        for tile in source:
+            gps = float(tile.gps_time[tile.is_core][0])
+            assert tile.stamp == round((gps + 1e9 + 315_964_800 - 18) * 1e6) * 1000
+
+
+def test_tiles_of_one_time_get_stamps_of_their_own(tmp_path):
+    paths = survey(tmp_path, [square(300, WEST, SOUTH, 100.0)])
+    cloud = laspy.read(paths[0])
+    cloud.gps_time[:] = 1000.0
+    cloud_files.saved(cloud, paths[0])
+    with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
+        stamps = [tile.stamp for tile in source]
+    assert stamps == [1000 * 10**9 + 1000 * nudge for nudge in range(4)]
+
+
+def test_without_times_stamps_are_the_tiles_numbers(tmp_path):
+    paths = survey(tmp_path, [square(300, WEST, SOUTH, 100.0)], point_format=0)
+    with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
+        assert sorted(tile.stamp for tile in source) == [n * 10**9 for n in (1, 2, 3, 4)]
+
+
+def test_two_runs_give_the_same_tiles_with_the_same_stamps(tmp_path):
+    paths = two_neighbours(tmp_path)
+    config = TilingConfig(tile_size=30.0)
+    with TileSource(paths, config) as one, TileSource(paths, config) as other:
+        for mine, theirs in zip(one, other, strict=True):
+            assert mine.stamp == theirs.stamp
+            assert np.array_equal(mine.points, theirs.points)
+            assert names(mine) == names(theirs)
+
+
+def test_tiles_that_are_done_are_skipped(tmp_path):
+    paths = two_neighbours(tmp_path)
+    config = TilingConfig(tile_size=50.0)
+    with TileSource(paths, config) as source:
+        stamps = [tile.stamp for tile in source]
+    with TileSource(paths, config, skip=set(stamps[::2])) as source:
+        assert [tile.stamp for tile in source] == stamps[1::2]
+        assert source.tile_count == len(stamps)
+
+
+def test_iterating_again_starts_again(tmp_path):
+    with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
+        first = [(tile.stamp, len(tile)) for tile in source]
+        assert [(tile.stamp, len(tile)) for tile in source] == first
+
+
+def test_the_number_of_tiles_is_known_early(tmp_path):
+    with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
+        expected = source.tile_count
+        assert len(list(source)) == 8 <= expected <= 15
+
+
+def test_an_unreadable_file_is_reported_and_the_rest_done(tmp_path):
+    paths = two_neighbours(tmp_path)
+    (tmp_path / "bad.laz").write_bytes(b"no cloud")
+    with TileSource([tmp_path / "bad.laz", *paths]) as source:
+        assert [file.path for file in source.inputs] == paths
+        assert sorted(core_names(source)) == all_names(source)
+        assert len(source.problems) == 1
+        assert "bad.laz" in source.problems[0]
+
+
+def failing_after_the_first_chunk(monkeypatch, name):
+    plain = Cloud.chunks
+
+    def chunks(self, size):
+        yield from ([next(plain(self, 50))] if self.path.stem == name else plain(self, size))
+        if self.path.stem == name:
+            raise InputError(f"{self.path}: is damaged: copy it again")
+
+    monkeypatch.setattr(Cloud, "chunks", chunks)
+
+
+def test_a_file_that_fails_half_way_leaves_none_of_its_points(tmp_path, monkeypatch):
+    failing_after_the_first_chunk(monkeypatch, "part_1")
+    with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=30.0)) as source:
+        assert sorted(core_names(source)) == [(0, index) for index in range(400)]
+        assert "part_1" in source.problems[0]
+
+
+def test_a_single_file_that_fails_half_way_is_an_error(tmp_path, monkeypatch):
+    failing_after_the_first_chunk(monkeypatch, "part_0")
+    with (
+        TileSource(survey(tmp_path, [square(100, WEST, SOUTH, 100.0)])) as source,
+        pytest.raises(InputError, match=r"part_0\.las"),
+    ):
+        list(source)
+
+
+def test_a_full_disk_gives_one_line(tmp_path, monkeypatch):
+    paths = two_neighbours(tmp_path)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with TileSource(paths) as source:
+        monkeypatch.setattr(
+            "builtins.open",
+            lambda name, mode="r", *a, **k: full() if "a" in mode else PLAIN_OPEN(name, mode, *a, **k),
+        )
+        with pytest.raises(OutputError, match=r"No space left on device\): free some space"):
+            list(source)
+
+
+PLAIN_OPEN = open
+
+
+def test_a_missing_temporary_folder_gives_one_line(tmp_path):
+    with pytest.raises(OutputError, match="nowhere"):
+        TileSource(two_neighbours(tmp_path), temporary=tmp_path / "nowhere")
+
+
+def test_closing_removes_the_temporary_folder_and_ends_the_iteration(tmp_path):
+    (tmp_path / "spool").mkdir()
+    source = TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=20.0), temporary=tmp_path / "spool")
+    seen, started = [], threading.Event()
+
+    def work():
+        for tile in source:
+            seen.append(tile)
+            started.set()
+            if len(seen) == 3:
+                resume.wait(10.0)
+
+    resume = threading.Event()
+    worker = threading.Thread(target=work)
+    worker.start()
+    assert started.wait(10.0)
+    source.close()
+    resume.set()
+    worker.join(10.0)
+    assert not worker.is_alive()
+    assert 1 <= len(seen) <= 4
+    assert list((tmp_path / "spool").iterdir()) == []
+    assert list(source) == []
+
+
+def test_the_temporary_folder_goes_with_the_source(tmp_path):
+    (tmp_path / "spool").mkdir()
+    source = TileSource(two_neighbours(tmp_path), temporary=tmp_path / "spool")
+    next(iter(source))
+    del source
+    gc.collect()
+    assert list((tmp_path / "spool").iterdir()) == []
+
+
+def test_memory_holds_a_chunk_and_a_tile_whatever_the_size():
+    # In a process of its own, where nothing else takes memory. What the first tiles load does not count.
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as own_process:
+        n_points, peak = own_process.submit(peak_of_surveys, 2, 40).result()
+    assert n_points == 40 * 25_000
+    everything = n_points * RECORD.itemsize
+    assert peak < everything / 4, f"{peak / 1e6:.0f} MB in memory for {everything / 1e6:.0f} MB of points"
