@@ -58,21 +58,10 @@ def run_child(
     environment: Mapping[str, str] | None = None,
 ) -> Usage:
     """
-    Run a command and wait for its end.
+    Run a command on so many cores, and wait for its end; SystemExit if its exit status is not 0.
 
-    Parameters
-    ----------
-    cores : int, optional
-        On how many it may run.
-    output : Path, optional
-        Its output folder: what is there for a while only counts as temporary.
-    environment : mapping, optional
-        What differs from this process's.
-
-    Raises
-    ------
-    SystemExit
-        If its exit status is not 0.
+    What is in its `output` folder for a while only counts as temporary; `environment` is what differs from
+    this process's.
     """
     with tempfile.TemporaryDirectory(prefix="bench-") as folder, tempfile.TemporaryFile("w+") as printed:
         watched = Watch(Path(folder), output)
@@ -117,23 +106,10 @@ def _children() -> set[int]:
 
 
 class Watch:
-    """
-    Looks at a process and its descendants time and again.
-
-    Parameters
-    ----------
-    temporary : Path
-        Its folder for temporary files.
-    output : Path, optional
-        Its output folder.
-
-    Attributes
-    ----------
-    memory : int
-        The largest sum over several processes at a time, 0 if there was never more than one [bytes].
-    """
+    """Looks at a process and its descendants time and again, and at its folders."""
 
     def __init__(self, temporary: Path, output: Path | None = None) -> None:
+        #: The largest sum over several processes at a time, 0 if there was never more than one [bytes].
         self.memory = 0
         self._temporary, self._output = temporary, output
         self._looks: list[Counter[str]] = []

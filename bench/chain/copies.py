@@ -39,16 +39,9 @@ def input_files(files: Sequence[Path], n_copies: int, folder: Path) -> list[Path
 
 def write_moved(las: laspy.LasData, path: Path, shift: Sequence[float]) -> None:
     """
-    Write a cloud at another place and time.
+    Write a cloud, which comes back as it was, at another place and time; never a part of it under this name.
 
-    Parameters
-    ----------
-    las : laspy.LasData
-        It comes back as it was.
-    path : Path
-        Where to; a file that was not finished never has this name.
-    shift : sequence of three float
-        To the east and to the north, multiples of the file's scale [m], and in time [s].
+    The shift is to the east and to the north, by multiples of the file's scale [m], and in time [s].
     """
     stored = las.points.array
     before = stored.copy()

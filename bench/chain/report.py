@@ -18,14 +18,7 @@ ROOFER_SAID = ("roofer, as stated by others", 160, 588, 2.33)
 
 
 class Table:
-    """
-    A heading, what the columns are, and the rows.
-
-    Parameters
-    ----------
-    missing : sequence of str
-        What could not be measured, and why.
-    """
+    """A heading, what the columns are, the rows, and what could not be measured (`missing`), and why."""
 
     def __init__(self, title: str, headings: Sequence[str], rows: Rows, missing: Sequence[str] = ()) -> None:
         self.title, self.headings, self.rows, self.missing = title, headings, rows, missing

@@ -184,10 +184,6 @@ def disturbances(
         In the order of the file [m].
     columns : mapping of str to ndarray of shape (n_points,), optional
         What else is known of the points; thinning goes by the pulses of `gps_time`.
-    kinds : collection of str
-        Those that are wanted.
-    quick : bool
-        Whether one of each kind is enough.
     seed : int
         Of the chance; best another one for every cloud.
     """

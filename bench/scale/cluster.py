@@ -15,14 +15,9 @@ from types import TracebackType
 
 class Cluster:
     """
-    A scheduler and its workers; a context manager.
+    A scheduler and its workers, processes with a thread each; a context manager.
 
-    Parameters
-    ----------
-    n_workers : int
-        Processes with a thread each.
-    memory : str
-        Limit of each, as dask takes it; 0 for none.
+    `memory` is the limit of each, as dask takes it; 0 for none.
     """
 
     def __init__(self, n_workers: int, memory: str = "0") -> None:

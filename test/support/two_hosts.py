@@ -20,14 +20,7 @@ _KEEPER = "mount -t tmpfs none /dev/shm && echo ready && exec sleep infinity"
 
 @contextmanager
 def two_hosts() -> Iterator[dict[str, int]]:
-    """
-    Return host → process whose namespaces its processes share.
-
-    Raises
-    ------
-    OSError, subprocess.CalledProcessError
-        Where that is not permitted.
-    """
+    """Return host → process whose namespaces it has; OSError or CalledProcessError where forbidden."""
     networks = {host: f"lb{os.getpid()}{host[0]}" for host in HOSTS}
     keepers: dict[str, subprocess.Popen] = {}
     try:
