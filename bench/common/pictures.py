@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from bench.common.plotting import plt
 
 #: Pixels along the longer side of the shaded map, and inches of the picture.
 MAP_PIXELS = 700

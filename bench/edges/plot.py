@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from PIL import Image
 
+from bench.common.plotting import plt
 from lidar_buildings.evaluation.scores.edges import EdgeScore
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 #: Class → title, and what the paper's text says of its figures: least, greatest and mean [%].
 CLASSES = {"edge": ("edges", (61.0, 98.0, 79.0)), "non_edge": ("other points", (92.0, 100.0, 97.0))}

@@ -6,15 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from bench.common.plotting import plt
 from bench.outlines.truth import Verdict
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 #: Columns of a sheet of scenes.
 COLUMNS = 6

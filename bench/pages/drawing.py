@@ -1,17 +1,10 @@
-"""
-What pictures of pages are drawn with, on no screen, and saved in few colours.
-
-They need matplotlib (``pip install matplotlib``) beside the package. ``python -m bench.pages.NAME
-doc/algorithms/NAME.png`` draws that of a page.
-"""
+"""Saves pages' pictures in few colours. ``python -m bench.pages.NAME doc/algorithms/NAME.png`` draws one."""
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 from PIL import Image
+
+from bench.common.plotting import plt
 
 __all__ = ["plt", "save"]
 

@@ -7,13 +7,11 @@ Draw the pictures of doc/howto.md: what is wrong, and what cures it, on virtual 
 import sys
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from matplotlib.colors import to_rgb
 from PIL import Image
 
+from bench.common.plotting import plt
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings import GroundFilterConfig, PipelineConfig, classify_ground, reconstruct_tile
 from lidar_buildings.simulation import simulate_tile
@@ -59,7 +57,7 @@ def draw_plan(axes: plt.Axes, points: np.ndarray, result, window: tuple[float, .
     corner = points[:, :2].min(axis=0)
     colours = np.ones((256, 3))
     for code, colour in COLOURS.items():
-        colours[code] = matplotlib.colors.to_rgb(colour)
+        colours[code] = to_rgb(colour)
     order = np.argsort(points[:, 2], kind="stable")
     xy, codes = points[order, :2] - corner, result.classified.classification[order]
     axes.scatter(*xy.T, s=0.9, c=colours[codes], linewidths=0, marker="s")

@@ -9,10 +9,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
+from bench.common.plotting import plt
 
 PAGE = Path(__file__).parents[2] / "doc" / "benchmarks.md"
 STAGES = (

@@ -60,10 +60,7 @@ def table_1() -> str:
 
 def draw(folder: Path) -> None:
     """Draw Figures 2 and 3 into a folder."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from bench.common.plotting import plt
 
     points = cube_points()
     found = cube_features(points)

@@ -27,10 +27,7 @@ def report(data: Path, folder: Path | None) -> None:
 
 def _draw(path: Path, buildings: list[Building]) -> None:
     """Draw the ring's points, their convex hull, the traced and the regularised boundary."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from bench.common.plotting import plt
 
     figure, axes = plt.subplots(3, len(buildings), figsize=(7 * len(buildings), 18), squeeze=False)
     for column, one in zip(axes.T, buildings, strict=True):

@@ -82,10 +82,7 @@ def _share(tile: PointTile, one: PointClass) -> str:
 
 
 def _draw(path: Path, tile: PointTile) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from bench.common.plotting import plt
 
     colours = dict(zip(COUNTS, ("#c8b48c", "black", "#c0e8a8", "#68b858", "#1c7030", "purple"), strict=True))
     figure, axes = plt.subplots(figsize=(12, 12))
