@@ -89,8 +89,14 @@ def expected_cost(
 
     Parameters
     ----------
+    plan : SurveyPlan
+        The survey and its tiles.
     n_workers : int
         Processes that do tiles.
+    way : Way
+        How it works.
+    until : str
+        The last stage.
     slowness : float
         Of this machine, see `measure_slowness`.
     """

@@ -57,6 +57,8 @@ class LivePublisher:
 
     Parameters
     ----------
+    survey : MovingSurvey
+        What is published.
     context : rclpy.Context
         Initialised.
     namespace : str

@@ -94,6 +94,8 @@ class BuildingPool(Sharing):
         ----------
         function : callable
             At the top of a module. It may share buildings by the pool that it is given, if it is given one.
+        job : object
+            What it is called with.
 
         Returns
         -------

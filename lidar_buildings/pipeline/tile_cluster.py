@@ -118,6 +118,8 @@ class TileCluster:
         ----------
         function : callable
             At the top of a module; it may be called more than once, and at the same time.
+        job : object
+            What it is called with.
         is_soon : bool
             Whether it goes before what was submitted without this.
 

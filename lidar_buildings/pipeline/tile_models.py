@@ -55,6 +55,8 @@ def build_models(
         Building points with `building_id` and `plane_id`.
     outlines : tuple of BuildingOutline
         With their quality, if it is known.
+    config : BuildingModelConfig
+        Of the models.
     pool : Sharing, optional
         Where they are built; here, one after the other, if not given.
     """

@@ -22,6 +22,8 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
     ----------
     tile : PointTile
         Core and buffer points with their classes.
+    config : RasterConfig
+        Resolution and reach.
     frame : MapFrame
         Cells are aligned in its source's coordinates. A tile that came as a message does not know it.
     """

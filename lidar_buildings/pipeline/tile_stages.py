@@ -178,6 +178,8 @@ def trace_footprints(
         All points of the tile.
     roofs : PointTile
         Its roof points with edge labels, as `label_roof_edges` returns them.
+    footprints : Footprints
+    config : FootprintConfig
     edge_labelling : EdgeLabellingConfig
         For the points that are taken at footprints next to without roof points.
     """

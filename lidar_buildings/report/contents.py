@@ -47,6 +47,7 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Sh
 
     Parameters
     ----------
+    result : Result
     focus : ReportedBuilding, optional
         Show this one and what stands next to it, with all its points.
     share : callable

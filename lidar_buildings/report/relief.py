@@ -44,6 +44,7 @@ def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -
     ----------
     path : Path
         A GeoTIFF in the source's coordinates.
+    frame : MapFrame
     box : Box or None
         What is wanted of it, None for all.
     most_cells : int

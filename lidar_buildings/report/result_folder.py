@@ -112,6 +112,7 @@ def read_result(folder: Path, run: dict[str, Any] | None = None) -> Result:
 
     Parameters
     ----------
+    folder : Path
     run : dict, optional
         What ``run.json`` is to hold, where it is not written yet.
 

@@ -65,6 +65,8 @@ def read_shown_points(
 
     Parameters
     ----------
+    clouds : sequence of Path
+    frame : MapFrame
     n_per_class : mapping
         Class → points of all clouds, by which they are thinned.
     rows : mapping

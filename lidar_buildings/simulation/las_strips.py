@@ -39,6 +39,8 @@ def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], 
     ----------
     path : Path
         It appears when the block ends well.
+    frame : MapFrame
+        Of the points.
 
     Raises
     ------

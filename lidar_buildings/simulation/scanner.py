@@ -51,8 +51,12 @@ def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS
 
     Parameters
     ----------
+    scene : VirtualScene
+        What there is to be measured.
     seed : int
         The same seed gives the same points.
+    config : SimulationConfig
+        Flight and scanner.
 
     Yields
     ------

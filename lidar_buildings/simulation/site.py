@@ -24,6 +24,10 @@ class Site:
     ----------
     size : tuple of two float
         Extent along x and y [m].
+    terrain : Terrain
+        The ground.
+    seed : int
+        Seed of `random`.
 
     Attributes
     ----------

@@ -48,6 +48,8 @@ def judge_buildings(
 
     Parameters
     ----------
+    cells : CellChanges
+        What became of each cell.
     outlines : tuple of ndarray of shapely.Polygon
         Of both surveys [m].
     scatter : float

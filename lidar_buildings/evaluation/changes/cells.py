@@ -84,8 +84,14 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
 
     Parameters
     ----------
+    plan : CellPlan
+        The cells.
+    old, new : Surfaces
+        What was seen.
     offset : float
         By how much the new survey lies above the old one [m].
+    limits : Limits
+        What counts.
     """
     state, height = np.full(len(plan.numbers), UNSEEN, dtype=np.int8), np.zeros(len(plan.numbers))
     margin = max(_MARGIN, math.ceil(0.5 * limits.area / plan.size**2))

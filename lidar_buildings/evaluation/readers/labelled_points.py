@@ -63,6 +63,8 @@ def read_labels(path: Path, *, prefer_truth: bool, beside: tuple[str, ...] = ())
 
     Parameters
     ----------
+    path : Path
+        A cloud, or a folder of them.
     prefer_truth : bool
         Whether the true class of a simulated survey counts where a cloud has it.
     beside : tuple of str

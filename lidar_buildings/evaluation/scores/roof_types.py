@@ -34,6 +34,7 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
 
     Parameters
     ----------
+    found : str
     true : mapping
         The reference's attributes: `roof_type`, and `n_planes` where it is known: whatever the outline's
         shape, one level plane is a flat roof.

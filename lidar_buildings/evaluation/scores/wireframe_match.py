@@ -57,6 +57,7 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
 
     Parameters
     ----------
+    result, reference : Wireframe
     tolerance : float
         Greatest distance of a pair of corners, and of edges by length [m].
 
@@ -186,6 +187,7 @@ def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> R
 
     Parameters
     ----------
+    result, reference : Wireframe
     tolerance : float
         How far beside the reference's ridge, in plan, that of the result may lie [m].
     """

@@ -36,6 +36,10 @@ def place_bags(
         Files, folders, globs, bags.
     folder : Path
         Where the files are made, each in a folder of its own, as bags of different places may have one name.
+    choice : BagConfig
+        What of the bags is taken.
+    config : ScanConfig
+        How scans are placed.
     tell : callable
         Called with one line for each bag that was placed.
 

@@ -56,6 +56,8 @@ def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
 
     Parameters
     ----------
+    bag : Bag
+        An open bag.
     clouds, odometry : str
         What the user wants; empty if there is only one.
 

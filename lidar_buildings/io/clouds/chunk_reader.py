@@ -35,6 +35,8 @@ class ChunkReader:
     ----------
     file : BinaryIO
         The file, closed by whoever opened it.
+    header : laspy.LasHeader
+        Of it.
     """
 
     def __init__(self, file: BinaryIO, header: laspy.LasHeader) -> None:

@@ -66,6 +66,8 @@ def write_classified(
 
     Parameters
     ----------
+    cloud : Cloud
+        The input.
     rows : callable
         Gives the results of a range of points.
     path : Path

@@ -27,6 +27,8 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
         Of COPC only the chunks that touch the bounds are read.
     bounds : sequence of four float
         West, south, east and north, in source coordinates; points on them are within.
+    path : Path
+        The output.
 
     Returns
     -------

@@ -106,6 +106,8 @@ def runs_touching(cloud: CloudExtent, bounds: Sequence[float]) -> list[tuple[int
 
     Parameters
     ----------
+    cloud : CloudExtent
+        The file.
     bounds : sequence of four float
         West, south, east and north, in source coordinates.
 

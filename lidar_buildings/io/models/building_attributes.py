@@ -65,6 +65,8 @@ def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, An
     ----------
     attributes : dict
         In metres, elevations in the map frame.
+    frame : MapFrame
+        Where the map frame lies, and the source's units.
 
     Returns
     -------
@@ -84,6 +86,8 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
     ----------
     rings : sequence of ndarray of shape (n_vertices, 3)
         The exterior and the holes in the map frame [m].
+    frame : MapFrame
+        Where the map frame lies, and the source's units.
     """
     return in_source_units(face_shape(rings)._asdict(), frame) | _plane(rings, frame)
 

@@ -44,11 +44,15 @@ def header_line(
 
     Parameters
     ----------
+    frame : MapFrame
+        Where the map frame lies.
     crs : str
         The frame's reference system together with a vertical one, where that is known; of a pair that has no
         code the horizontal one is named.
     extent : ndarray of shape (2, 3), optional
         Least and greatest coordinates of all buildings in the map frame [m].
+    title : str
+        What the model is of.
     """
     translate = frame.to_source(np.zeros((1, 3)))[0]
     header: dict[str, Any] = {
@@ -92,6 +96,10 @@ def feature_line(
     ----------
     model : BuildingModel
         Its solids; a building without any still gets its line, without geometry.
+    building_id : int
+        Written as an attribute of this name.
+    frame : MapFrame
+        Where the map frame lies.
     attributes : dict
         In metres and in the map frame; written in the source's units, sorted by name.
     anchor : tuple of two float

@@ -52,6 +52,8 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     ----------
     path : Path
         It appears when the block ends well.
+    frame : MapFrame
+        Of the buildings.
 
     Raises
     ------

@@ -44,6 +44,8 @@ class DxfEntities:
         Handle of the model space.
     application : str
         Name under which entities carry data.
+    first_handle : int
+        Of the first entity.
     """
 
     def __init__(self, owner: str, application: str, first_handle: int) -> None:
@@ -57,6 +59,7 @@ class DxfEntities:
 
         Parameters
         ----------
+        layer : str
         corners : sequence of CornerText
             In one plane.
         data : str
@@ -91,10 +94,13 @@ class DxfEntities:
 
         Parameters
         ----------
+        layer : str
         corners : sequence of CornerText
             Open.
         bulges : sequence of float
             Of the segment from each corner to the next: tangent of a quarter of its angle, 0 for a line.
+        elevation : float
+            Of the plane.
         data : str
             What `extended_data` returns.
         """

@@ -32,6 +32,8 @@ class EarthFrame:
 
     Parameters
     ----------
+    frame : MapFrame
+        The map frame.
     crs : str
         Its reference system, together with the vertical one where that is known.
     geoid_height : float

@@ -37,6 +37,8 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     ----------
     path : Path
         It appears when the block ends well, and so does the file of materials of the same name in ``.mtl``.
+    frame : MapFrame
+        Of the buildings.
 
     Raises
     ------

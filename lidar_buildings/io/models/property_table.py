@@ -22,6 +22,8 @@ def schema(name: str, fields: Mapping[str, type]) -> dict[str, Any]:
 
     Parameters
     ----------
+    name : str
+        Of the one class.
     fields : mapping
         Attribute → int, float or str.
     """
@@ -40,6 +42,8 @@ def property_table(
 
     Parameters
     ----------
+    name : str
+        Its class.
     fields : mapping
         Attribute → int, float or str.
     rows : sequence of mapping

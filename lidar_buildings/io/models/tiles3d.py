@@ -87,6 +87,8 @@ def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBu
     ----------
     path : Path
         The folder with ``tileset.json``; it appears when the block ends well.
+    earth : EarthFrame
+        Where the map frame lies.
 
     Raises
     ------
@@ -170,7 +172,16 @@ class _Part(NamedTuple):
 
 
 class _Tree:
-    """The squares of a tileset, and its files: branches of many squares are tilesets of their own."""
+    """
+    The squares of a tileset, and its files: branches of many squares are tilesets of their own.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files go.
+    contents : dict
+        The squares that have a file.
+    """
 
     def __init__(self, folder: Path, contents: dict[_Node, _Content]) -> None:
         self._folder, self._contents = folder, contents

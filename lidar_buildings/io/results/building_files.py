@@ -42,10 +42,14 @@ def write_buildings(
 
     Parameters
     ----------
+    folder : Path
+        Where the files go.
     buildings : SurveyBuildings or SurveyPart
         Of all tiles, or of one block.
     formats : collection of str
         Names of `FORMAT_FILES`.
+    heading : ModelHeading
+        What a city model is to say of itself.
     terrain : iterable of TerrainMesh
         Stands behind the buildings in every format of models.
 

@@ -64,6 +64,8 @@ def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
     ----------
     path : Path
         It appears when the block ends well.
+    frame : MapFrame
+        Of the buildings.
 
     Raises
     ------

@@ -36,7 +36,16 @@ _BLOCK = 1 << 20
 
 
 class PointResults:
-    """A table on disk, one row per point of an input file."""
+    """
+    A table on disk, one row per point of an input file.
+
+    Parameters
+    ----------
+    path : Path
+        Where the table is made.
+    n_points : int
+        Points of the input.
+    """
 
     def __init__(self, path: Path, n_points: int) -> None:
         self._path = path
@@ -73,6 +82,8 @@ class PointResults:
         ----------
         fragments : iterable of Path
             Saved tiles, sorted by stamp.
+        source : int
+            The input's number.
         without : collection of int
             Ids of buildings that are not to be entered.
         """
@@ -144,10 +155,15 @@ def write_clouds(
 
     Parameters
     ----------
+    folder : Path
+        The output folder.
+    inputs : sequence of InputFile
     fragments : sequence of Path
         Saved tiles, sorted by stamp.
     without : collection of int
         Ids of buildings to leave out.
+    copc : bool
+        Whether each is written as COPC, too.
     share : callable
         As `map`; may call the function for several files at the same time, in other processes.
 

@@ -47,6 +47,8 @@ def cloud_sample(cloud: Path, every: int) -> Iterator[Callable[[int, NDArray[Any
 
     Parameters
     ----------
+    cloud : Path
+        The classified cloud.
     every : int
         Of so many stretches one is kept.
 

@@ -81,6 +81,10 @@ class GeotiffWriter:
     ----------
     path : Path
         An existing file is replaced; see `io.files.atomic_files` for writing it under another name.
+    layout : RasterLayout
+        Size, place and units.
+    meaning : str
+        What the values are.
 
     Raises
     ------

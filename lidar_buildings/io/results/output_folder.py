@@ -57,6 +57,8 @@ class OutputFolder:
         The folder; made if it is not there.
     inputs : sequence of InputFile
         A point's `source` is its file's place in this sequence.
+    frame : MapFrame
+        Of the tiles.
     overwrite : bool
         Whether earlier results may be replaced. With and without it an unfinished run of the same inputs and
         parameters is taken up again; `discard_unfinished` prevents that.
@@ -64,9 +66,15 @@ class OutputFolder:
         The last stage of the run; files that a later stage would fill are not made.
     parameters : mapping
         All settings that results depend on; they must be equal for a run to be taken up again.
+    footprints : FootprintFile or None
+        The footprints that were given.
+    files : OutputConfig
+        Which files are made, and what they hold.
     is_live : bool
         Whether tiles go on coming: the files are made from those there are, as often as one likes, and
         `inputs` are named before that.
+    use : Use
+        What is wanted of a run that the folder holds.
 
     Raises
     ------

@@ -64,6 +64,8 @@ def claim_folder(
 
     Parameters
     ----------
+    path : Path
+        The output folder.
     identity : dict
         What must be equal for a run to be the same: inputs, parameters, last stage.
     inputs : sequence of InputFile

@@ -78,6 +78,10 @@ class SurveyBuildings:
     ----------
     path : Path
         File for the models' lines, replaced if it is there.
+    frame : MapFrame
+        Of the tiles.
+    without : collection of int
+        Ids of buildings to leave out.
     footprint_id : mapping or None
         Building id → what the file of footprints calls it; None where outlines were traced.
     """

@@ -196,6 +196,8 @@ def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float)
     ----------
     fragments : sequence of Path
         Saved tiles, sorted by stamp.
+    frame : MapFrame
+        Of the tiles.
     tolerance : float
         Greatest distance in height of the cells' elevations from the triangles [m]; 0 for no terrain.
     """

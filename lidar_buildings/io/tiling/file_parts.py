@@ -51,6 +51,8 @@ def read_files(
         A point's `source` is its file's place in it.
     order : sequence of int
         In which they are brought.
+    store : TileStore
+        Where their points go.
     submit : callable, optional
         Reads parts in other processes, many ahead; files are read here, chunk by chunk, if not given.
 

@@ -40,6 +40,10 @@ class LiveFeed:
 
     Parameters
     ----------
+    tiling : LiveTilingConfig
+        Tiles, and where points are kept.
+    scans : ScanConfig
+        How they are placed.
     frame : MapFrame, optional
         Where the map lies, if that is known. An interrupted feed knows it.
 

@@ -85,6 +85,8 @@ class FrameSearch:
 
         Parameters
         ----------
+        placer : ScanPlacer
+            Knows the poses.
         now : float
             The time [s]; infinite to wait no longer.
         n_points : int
@@ -112,6 +114,8 @@ def place_by_fix(fix: Fix, placer: ScanPlacer) -> MapPlace | None:
     ----------
     fix : Fix
         Of the antenna on the vehicle or aircraft.
+    placer : ScanPlacer
+        Knows the poses.
     """
     pose = placer.antenna(fix.stamp)
     if pose is None:

@@ -44,6 +44,10 @@ class LiveSurvey:
 
     Parameters
     ----------
+    config : LiveTilingConfig
+        Size of tiles, and how long they are waited for.
+    frame : MapFrame
+        Where the map lies.
     folder : Path
         Where points are kept. A feed that was cut off goes on with those that are there.
     spacing : float, optional

@@ -45,6 +45,13 @@ class LiveTiles:
     """
     All tiles of a feed.
 
+    Parameters
+    ----------
+    grid : TileGrid
+        Where tiles and spool cells lie.
+    config : LiveTilingConfig
+        How wide buffers are, and how long tiles are waited for.
+
     Attributes
     ----------
     changed : set of Cell

@@ -42,6 +42,11 @@ class PlacedLaz:
     """
     A LAZ file that grows by scans.
 
+    Parameters
+    ----------
+    path : Path
+        The file.
+
     Attributes
     ----------
     n_points, n_far : int

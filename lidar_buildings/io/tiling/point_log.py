@@ -27,6 +27,11 @@ class PointLog:
     folder : Path
         Made if it is not there; what it holds is gone on with.
 
+    Attributes
+    ----------
+    count : int
+        Number of records.
+
     Raises
     ------
     OutputError

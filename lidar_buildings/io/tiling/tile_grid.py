@@ -47,6 +47,8 @@ class Buffer(NamedTuple):
 
         Parameters
         ----------
+        sides : Sides
+            On which it grows.
         least, most : float
             Width of the buffer that takes the place of none, and of the largest [m].
         """

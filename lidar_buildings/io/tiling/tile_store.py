@@ -50,6 +50,10 @@ class TileStore:
 
     Parameters
     ----------
+    grid : TileGrid
+        Tiles and spool cells.
+    frame : MapFrame
+        The map frame of all tiles.
     temporary : path or None
         Where the temporary folder is made.
     spacing : float, optional
@@ -182,6 +186,12 @@ class TileStore:
 
         Parameters
         ----------
+        plan : TilePlan
+            The tile.
+        buffer : Buffer
+            As it is.
+        sides : Sides
+            On which it may grow.
         most : float
             Width of the largest buffer [m].
         """

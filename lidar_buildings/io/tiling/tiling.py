@@ -42,6 +42,8 @@ class TileSource:
     ----------
     paths : path or iterable of paths
         Files, folders, globs.
+    config : TilingConfig
+        Tile size and buffers.
     temporary : path or None
         Where to put the temporary folder.
     skip : container of int
@@ -58,6 +60,8 @@ class TileSource:
     ----------
     inputs : list of InputFile
         The readable files; a point's `source` is its file's place in this list.
+    frame : MapFrame
+        The map frame of all tiles.
     problems : list of str
         One line per input that is missing or could not be read.
     unreadable : set of int

@@ -60,6 +60,7 @@ def read_footprints(source: FootprintSource, frame: MapFrame) -> FootprintFile:
 
     Parameters
     ----------
+    source : FootprintSource
     frame : MapFrame
         Of the clouds. Where they or the file name no reference system, both are taken to be in the same one.
 
@@ -110,6 +111,7 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
 
     Parameters
     ----------
+    file : FootprintFile
     bounds : tuple of four float
         West, south, east and north limit of all clouds, in their own coordinates.
     frame : MapFrame

@@ -35,6 +35,7 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
 
     Parameters
     ----------
+    result : Result
     name : str
         A building's readable id or the end of it, its number, the name of its footprint; or X,Y.
 

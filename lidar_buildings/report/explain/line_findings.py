@@ -26,6 +26,10 @@ def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
 
     Parameters
     ----------
+    path : Path
+        The GeoPackage.
+    name : str
+        The building's readable id.
     unit : float
         Metres per unit of length.
     """

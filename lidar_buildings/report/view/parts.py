@@ -41,6 +41,7 @@ def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
 
     Parameters
     ----------
+    contents : Contents
     roofs : str
         One of `OF_ROOFS`, or `NOTHING` for no models.
     points : str
@@ -64,6 +65,7 @@ def models_of(arrays: ModelArrays, types: Sequence[str], by: str) -> list[Colour
 
     Parameters
     ----------
+    arrays : ModelArrays
     types : sequence of str
         Roof type of each building.
     by : str

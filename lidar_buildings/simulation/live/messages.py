@@ -55,6 +55,8 @@ class LiveMessages:
 
     Parameters
     ----------
+    survey : MovingSurvey
+        What is told.
     make : callable
         Makes a message of a type from its members.
     with_tf : bool

@@ -25,10 +25,17 @@ class SurveyBag:
     ----------
     path : Path
         The folder, which must not be there.
+    survey : MovingSurvey
+        What is written.
     storage, compression : str
         As for `BagWriter`.
     with_tf, with_fix : bool
         As for `LiveMessages`.
+
+    Attributes
+    ----------
+    files : list of Path
+        The bag.
 
     Raises
     ------
@@ -75,6 +82,8 @@ class SurveyFiles:
     ----------
     output : Path
         Folder, made if it is not there.
+    survey : MovingSurvey
+        What is written.
 
     Attributes
     ----------

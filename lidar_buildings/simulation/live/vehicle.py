@@ -92,8 +92,12 @@ def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) 
 
     Parameters
     ----------
+    scene : VirtualScene
+        What there is to be measured.
     seed : int
         The same seed gives the same points.
+    config : VehicleConfig
+        Vehicle and scanner.
 
     Raises
     ------
