@@ -165,7 +165,7 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
     ParameterError
         If something is said of bags and no input is one.
     InputError, OutputError
-        If a bag cannot be read or placed, or the output folder not used.
+        If a bag cannot be read or placed.
     """
     if not bags_among(request.inputs):
         told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}
