@@ -38,6 +38,8 @@ class OneLineParser(argparse.ArgumentParser):
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit status."""
     options = command_parser().parse_args(arguments)
+    # Matrices are small, and threads that wait for the next one keep cores from tiles.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
     from lidar_buildings.core.model.errors import LidarBuildingsError
 
