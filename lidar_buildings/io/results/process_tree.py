@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 import resource
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _PROC = Path("/proc")
 _TICKS = os.sysconf("SC_CLK_TCK")
-#: How often memory is looked at: a tile takes seconds, a look milliseconds [s].
-_PERIOD = 0.5
+#: How often memory is looked at: a tile takes seconds [s];
+#: and for how much of the time at most, as the kernel counts the pages of large processes one by one.
+_PERIOD, _SHARE = 0.5, 0.005
 #: Unit of the kernel's mark of the memory of a process [bytes].
 _KIBI = 1024
 #: The most that this process and those that descend from it have been seen to take [bytes].
@@ -60,8 +62,11 @@ def watched_memory() -> Iterator[None]:
     ended = threading.Event()
 
     def watch() -> None:
-        while not ended.wait(_PERIOD):
+        took = 0.0
+        while not ended.wait(max(_PERIOD, took / _SHARE)):
+            started = time.perf_counter()
             peak_memory()
+            took = time.perf_counter() - started
 
     watching = threading.Thread(target=watch, daemon=True)
     watching.start()
