@@ -36,11 +36,17 @@ class Chains(NamedTuple):
         Number of components.
     patterns : list of ScanPattern
         The pattern whose window chained each component.
+    group : ndarray of int64, shape (n_points,)
+        What was gathered before, of which each component is a part, from 0.
+    group_patterns : list of ScanPattern
+        Measured of each group.
     """
 
     component: NDArray[np.int64]
     n_components: int
     patterns: list[ScanPattern]
+    group: NDArray[np.int64]
+    group_patterns: list[ScanPattern]
 
 
 def chain_along_scan(
@@ -79,7 +85,7 @@ def chain_along_scan(
     has_lines = np.array([not one.is_isotropic for one in patterns], dtype=bool)
     chain_patterns = [ScanPattern.isotropic(spacing)] * n_components
     if not has_lines.any():
-        return Chains(component, n_components, chain_patterns)
+        return Chains(component, n_components, chain_patterns, group, patterns)
     order = np.argsort(group, kind="stable")
     first = np.searchsorted(group[order], np.arange(len(patterns) + 1))
     for number in np.flatnonzero(has_lines):
@@ -89,7 +95,7 @@ def chain_along_scan(
         n_components += n_parts
         chain_patterns += [patterns[number]] * n_parts
     used, component = np.unique(component, return_inverse=True)
-    return Chains(component, len(used), [chain_patterns[k] for k in used])
+    return Chains(component, len(used), [chain_patterns[k] for k in used], group, patterns)
 
 
 def _groups(

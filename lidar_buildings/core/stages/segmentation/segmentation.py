@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
@@ -110,8 +109,9 @@ def segment_buildings(
     cells = scan_cells(pulses, spacing)
     chains = chain_along_scan(pulses, config.window, spacing, angle, cells, config.min_line_ratio)
     n_blocks, block_of_chain = chains.n_components, np.arange(chains.n_components)
+    uncut, spacings = chains.component, group_spacings(cloud, cells, chains.component, n_blocks)
     if config.min_neck > 0.0:
-        chains, block_of_chain = _without_necks(cloud, chains, config, cells, spacing)
+        chains, block_of_chain = _without_necks(cloud, chains, spacings, config, spacing)
     building = _buildings(cloud, chains, config, spacing)
     # Buildings on both ends of a neck touch there: they are of one block, as are the parts at a step.
     block = np.where(building >= 0, block_of_chain[building], -1)
@@ -128,16 +128,21 @@ def segment_buildings(
         )
     ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
+    n_parts = len(chain_of_part)
+    same = _whole_of(chains.group, part, n_parts)
     own = measure_scan_patterns(
         pulses,
-        part,
-        len(chain_of_part),
+        np.where(same[part] < 0, part, -1),
+        n_parts,
         spacing,
         scan_angle=angle,
         cells=cells,
         min_ratio=config.min_line_ratio,
     )
-    wide = group_spacings(cloud, cells, part, len(chain_of_part))
+    own = [one if k < 0 else chains.group_patterns[k] for one, k in zip(own, same[:-1], strict=True)]
+    same = _whole_of(uncut, part, n_parts)
+    wide = group_spacings(cloud, cells, np.where(same[part] < 0, part, -1), n_parts)
+    wide = np.where(same[:-1] < 0, wide, spacings[same[:-1]])
     patterns = {
         int(ids[k]): _traced_pattern(own[k], float(wide[k]), spacing) for k in np.flatnonzero(ids[:-1])
     }
@@ -146,13 +151,26 @@ def segment_buildings(
     )
 
 
+def _whole_of(group: NDArray[np.int64], part: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
+    """Return the group that each part, and −1 at the end, is all of: it has been measured; else −1."""
+    whole = np.full(n_parts + 1, -1, dtype=np.int64)
+    whole[part] = group
+    whole[-1] = -1
+    is_all = sizes(np.where(part < 0, n_parts, part), n_parts + 1) == np.bincount(group, minlength=1)[whole]
+    return np.where(is_all, whole, -1)
+
+
 def _without_necks(
-    cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, cells: CellGrid, spacing: float
+    cloud: NDArray[np.float64],
+    chains: Chains,
+    spacings: NDArray[np.float64],
+    config: SegmentationConfig,
+    spacing: float,
 ) -> tuple[Chains, NDArray[np.int64]]:
     """Cut the necks of every component, in units of its own spacing; also return what each was cut from."""
     component, patterns = chains.component.copy(), list(chains.patterns)
     cut_from = list(range(chains.n_components))
-    for unit, rows in _by_unit(cloud, chains, cells, spacing):
+    for unit, rows in _by_unit(chains, spacings, spacing):
         parts = cut_necks(
             turned(cloud[rows], unit),
             chains.component[rows],
@@ -165,16 +183,18 @@ def _without_necks(
             component[rows[members]] = len(patterns)
             patterns.append(patterns[number])
             cut_from.append(number)
-    return Chains(component, len(patterns), patterns), np.array(cut_from, dtype=np.int64)
+    cut = chains._replace(component=component, n_components=len(patterns), patterns=patterns)
+    return cut, np.array(cut_from, dtype=np.int64)
 
 
 def _by_unit(
-    cloud: NDArray[np.float64], chains: Chains, cells: CellGrid, spacing: float
+    chains: Chains, own: NDArray[np.float64], spacing: float
 ) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
     """
     Return the rows of components with their units; those with the general one, which keep apart, together.
+
+    `own` are the components' own spacings [m].
     """
-    own = group_spacings(cloud, cells, chains.component, chains.n_components)
     general = ScanPattern.isotropic(spacing)
     units = [
         _traced_pattern(pattern, float(one), spacing)
