@@ -32,7 +32,7 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
     x, y, _ = frame.origin
     rows = _that_matter(tile, config)
     return make_rasters(
-        tile.points[rows],
+        tile.points.take(rows, axis=0),
         tile.classification[rows],
         config,
         return_number=None if tile.return_number is None else tile.return_number[rows],
@@ -42,10 +42,10 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
     )
 
 
-def _that_matter(tile: PointTile, config: RasterConfig) -> NDArray[np.intp] | slice:
+def _that_matter(tile: PointTile, config: RasterConfig) -> NDArray[np.intp]:
     """Return the points that the rasters of a tile's core depend on: those within twice the reach of it."""
     if tile.buffer is None or not tile.is_core.any():
-        return slice(None)
+        return np.arange(len(tile))
     margin = 2.0 * config.raster_reach + _MARGIN_CELLS * config.raster_resolution
     matters = np.ones(len(tile), dtype=bool)
     for along in tile.points[:, :2].T:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
@@ -153,10 +154,10 @@ def trace_buildings(
         jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
-    places = (tile.points[rows, :2] for _, rows in owned)
+    places = (extent_of(tile.points[rows, :2]) for _, rows in owned)
     clipped = reduce(
         or_,
-        (Sides.passed(xy.min(axis=0), xy.max(axis=0), tile.bounds, max(found.window)) for xy in places),
+        (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places),
         NONE,
     )
     return TracedTile(tile.with_columns(building_id=building_id), tuple(outlines), clipped)

@@ -172,8 +172,9 @@ class PointTile:
     def select(self, rows: NDArray[Any]) -> PointTile:
         """Return the tile's rows chosen by a mask or by indices."""
         tile = copy(self)  # what it has needs no more casting
+        rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         for name in ("points", *self.columns):
-            object.__setattr__(tile, name, getattr(self, name)[rows])
+            object.__setattr__(tile, name, getattr(self, name).take(rows, axis=0))
         return tile
 
     def joined(self, other: PointTile) -> PointTile:

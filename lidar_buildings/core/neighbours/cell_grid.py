@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
 #: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds.
@@ -158,8 +159,7 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
     """Return the cells' numbers, the number of columns and the cells' side."""
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64), 1, cell
-    x, y = points[:, 0], points[:, 1]
-    low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
+    low, high = extent_of(points[:, :2]).tolist()
     while _n_across(low[0], high[0], cell) * _n_across(low[1], high[1], cell) > MAX_CELLS:
         cell *= 2.0
     # Differences before the cast: a coordinate far from the origin would not fit an integer.

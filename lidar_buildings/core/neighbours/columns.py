@@ -84,8 +84,8 @@ class Columns:
     def _first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return where the columns of `select` begin."""
         before = np.zeros(len(kept) + 1, dtype=np.int64)
-        np.cumsum(kept, out=before[1:])
-        return before[self.first]
+        before[1:] = kept  # numpy sums truth values several times as slowly
+        return np.cumsum(before, out=before)[self.first]
 
     def around(
         self, reach: float, asking: NDArray[np.intp] | None = None, *, north: bool = False

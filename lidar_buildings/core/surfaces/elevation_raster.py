@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.point_array import extent_of
 
 #: Rounds of relaxation on each level of filling; more change nothing that a filter would notice.
 RELAXATIONS = 2
@@ -26,8 +27,7 @@ def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]
     cell : float
         Side of a cell [m].
     """
-    corners = np.array([points[:, 1::-1].min(axis=0), points[:, 1::-1].max(axis=0)])
-    return np.floor(corners / cell)
+    return np.floor(extent_of(points[:, 1::-1]) / cell)
 
 
 def lowest_elevations(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.surfaces.elevation_raster import cell_bounds, filled, lowest_elevations
 
@@ -70,7 +71,7 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _cell_size(points: NDArray[np.float64]) -> float:
     """Return the side of a cell, such that the raster stays small enough [m]."""
     cell = max(CELL_SPACINGS * quantised_spacing(points), MIN_CELL)
-    while np.prod(np.ptp(points[:, :2], axis=0) / cell + 1.0) > MAX_CELLS:
+    while np.prod(np.diff(extent_of(points[:, :2]), axis=0) / cell + 1.0) > MAX_CELLS:
         cell *= 2.0
     return cell
 

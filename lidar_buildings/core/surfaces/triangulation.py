@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.model.point_array import checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import cell_order
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
 from lidar_buildings.core.surfaces.tin import Tin, walk
@@ -105,8 +105,8 @@ def triangulate(
     """
     if len(vertices) == 0:
         raise ValueError("vertices is empty: a TIN needs at least one point")
-    corners = vertices[:, :2] if extent is None else np.vstack((vertices[:, :2], extent))
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    corners = extent_of(vertices[:, :2])
+    low, high = extent_of(corners if extent is None else np.vstack((corners, extent)))
     origin = np.floor(low)
     real = np.ascontiguousarray(vertices - [*origin, 0.0])
     margin = max(_FRAME_MARGIN * float((high - low).max()) + clearance, _MIN_MARGIN)
@@ -142,7 +142,7 @@ def _insertion_order(vertices: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the rows in the order of insertion: random rounds, each larger, each sorted by place."""
     n = len(vertices)
     shuffled = np.random.default_rng(0).permutation(n)
-    area = float(np.prod(np.maximum(np.ptp(vertices[:, :2], axis=0), _MIN_MARGIN)))
+    area = float(np.prod(np.maximum(np.diff(extent_of(vertices[:, :2]), axis=0), _MIN_MARGIN)))
     rounds, first, last = [], 0, min(_FIRST_ROUND, n)
     while first < n:
         rows = shuffled[first:last]

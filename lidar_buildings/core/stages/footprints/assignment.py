@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
@@ -135,9 +136,8 @@ class _Surroundings:
 
 def _box(points: NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
     """Return the limits of points with a margin around."""
-    west, south = points[:, :2].min(axis=0) - margin
-    east, north = points[:, :2].max(axis=0) + margin
-    return float(west), float(south), float(east), float(north)
+    (west, south), (east, north) = extent_of(points[:, :2]).tolist()
+    return west - margin, south - margin, east + margin, north + margin
 
 
 def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points
+from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import (
     CellGrid,
     in_rows_order,
@@ -183,8 +183,7 @@ def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterCon
 
     Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
     """
-    x, y = cloud.points[:, 0], cloud.points[:, 1]
-    extent = np.array([[x.min(), y.min()], [x.max(), y.max()]])
+    extent = extent_of(cloud.points[:, :2])
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method in DENSIFIED:
         return DENSIFIED[config.method](candidates, extent, config)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.model.point_array import checked_points, extent_of
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.stages.plane_fitting.adjusted import (
@@ -113,7 +113,7 @@ def number_planes(
         raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
     if why_degenerate(given):
         return np.zeros(len(given), dtype=np.uint16)
-    near = given - given.min(axis=0)
+    near = given - extent_of(given)[0]
     spacing = point_spacing or measure_spacing(near, FEW_PROBES)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
     find = ransac_planes if config.method == "ransac" else connected_planes

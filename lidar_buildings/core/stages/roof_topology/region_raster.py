@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.point_array import extent_of
 
 #: Side of a cell in point spacings.
 CELL = 0.5
@@ -69,7 +70,7 @@ def region_raster(
         Point spacing [m].
     """
     # Column by column: numpy takes twenty times as long along the rows of a narrow array.
-    low, high = np.array([(column.min(), column.max()) for column in points.T[:2]]).T
+    low, high = extent_of(points[:, :2])
     reach = np.maximum(high - low, _LEAST_MARGIN)
     for ring in rings[:1]:
         low, high = (

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.point_array import extent_of
+
 
 def plan_sums(points: NDArray[np.float64], part: NDArray[np.int64], n_parts: int) -> NDArray[np.float64]:
     """
@@ -16,7 +18,7 @@ def plan_sums(points: NDArray[np.float64], part: NDArray[np.int64], n_parts: int
     """
     if not len(points):
         return np.zeros((n_parts, 6))
-    x, y = (points[:, :2] - (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2.0).T
+    x, y = (points[:, :2] - extent_of(points[:, :2]).sum(axis=0) / 2.0).T
     terms = (np.ones(len(x)), x, y, x * x, y * y, x * y)
     return np.column_stack([np.bincount(part, weights=term, minlength=n_parts) for term in terms])
 

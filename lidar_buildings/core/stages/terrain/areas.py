@@ -8,6 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.point_array import extent_of
+
 #: Windows of fewer cells may be as empty as they are: some 1 GB.
 _SMALL = 25_000_000
 #: A window of which less than one in so many squares holds a point is nearly empty.
@@ -31,8 +33,7 @@ def main_area(points: NDArray[np.float64], square: float, resolution: float) -> 
     resolution : float
         Side of a cell [m].
     """
-    # a column at a time: ten times as fast as both
-    if not len(points) or np.prod([np.ptp(points[:, axis]) / resolution for axis in (0, 1)]) <= _SMALL:
+    if not len(points) or np.prod(np.diff(extent_of(points[:, :2]), axis=0) / resolution) <= _SMALL:
         return slice(None)
     squares, at, count = np.unique(
         np.floor(points[:, :2] / square).astype(np.int64), axis=0, return_inverse=True, return_counts=True

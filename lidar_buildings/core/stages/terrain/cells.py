@@ -113,7 +113,8 @@ class Cells:
         found = _extremes(points, at, is_first, self.window.height * self.window.width)
         filled = [np.flatnonzero(rows >= 0) for rows in found]
         first, later, lowest = (
-            self._cell_points(one, points[rows[one]]) for one, rows in zip(filled, found, strict=True)
+            self._cell_points(one, points.take(rows[one], axis=0))
+            for one, rows in zip(filled, found, strict=True)
         )
         return first, later, lowest
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
 _log = logging.getLogger(__name__)
@@ -43,8 +44,7 @@ def interpolated(
     """
     if method == IDW:
         return _by_distance(vertices, places)
-    extent = np.array([places.min(axis=0), places.max(axis=0)])
-    linear = triangulate(vertices, extent).elevation(places)
+    linear = triangulate(vertices, extent_of(places)).elevation(places)
     if method == NATURAL:
         return _by_natural_neighbours(vertices, places, linear)
     return _by_spline(vertices, places, linear) if method == SPLINE else linear

@@ -125,7 +125,8 @@ def make_rasters(
     if config.raster_resolution <= 0.0:
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
     seen = np.flatnonzero(~_IS_NOISE[classes])
-    seen = seen[main_area(points[seen], 3.0 * config.raster_reach + _LEAST_SQUARE, config.raster_resolution)]
+    near = points if len(seen) == len(points) else points.take(seen, axis=0)
+    seen = seen[main_area(near, 3.0 * config.raster_reach + _LEAST_SQUARE, config.raster_resolution)]
     if len(seen) < len(points):
         points, classes = points.take(seen, axis=0), classes[seen]
         core, first = core[seen], first[seen]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.surfaces.incremental_delaunay import with_room
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import insert_all
@@ -74,7 +75,7 @@ class _Mesh:
     def __init__(self, nodes: NDArray[np.float64], first: NDArray[np.intp]) -> None:
         found = Delaunay(nodes[first, :2])
         self._nodes, self.n_triangles = nodes, len(found.simplices)
-        self._extent = np.array([nodes[first, :2].min(axis=0), nodes[first, :2].max(axis=0)])
+        self._extent = extent_of(nodes[first, :2])
         self._triangles = with_room(first[found.simplices], 2 * len(nodes))
         self._neighbours = with_room(found.neighbors, 2 * len(nodes))
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.point_array import extent_of
+
 #: A tile of more cells than this is taken for a mistake: some 30 GB; wide margin: 15 km at 0.5 m.
 MOST_CELLS = 1_000_000_000
 
@@ -117,9 +119,7 @@ def window_of(points: NDArray[np.float64], origin: tuple[float, float], resoluti
     """
     if len(points) == 0:
         return RasterWindow(resolution)
-    x, y = points[:, 0], points[:, 1]
-    corners = np.array([[x.min(), y.min()], [x.max(), y.max()]])
-    columns, rows = _grid_cells(corners, origin, resolution)
+    columns, rows = _grid_cells(extent_of(points[:, :2]), origin, resolution)
     width, height = int(columns[1] - columns[0]) + 1, int(rows[0] - rows[1]) + 1
     if width * height > MOST_CELLS:
         raise ValueError(

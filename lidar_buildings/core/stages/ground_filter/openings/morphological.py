@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
@@ -95,7 +96,7 @@ def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
         cell *= 2.0
         lowest = lowest[lowest_per_cell(lowest, cell)]
     place = np.floor(lowest[:, 1::-1] / cell)
-    first = place.min(axis=0)
+    first = extent_of(place)[0]
     row, column = (place - first).astype(np.int64).T
     shape = int(row.max()) + 1, int(column.max()) + 1
     numbers = row * shape[1] + column

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
 # Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.
@@ -82,11 +83,11 @@ def fit_trend(
         Whether planes are wanted further than three radii away from any ground.
     """
     cell = radius / cells_per_radius
-    low, extent = np.array([(one.min(), np.ptp(one)) for one in points[:, :2].T]).T
-    while np.prod(extent / cell + 3.0) > MAX_CELLS:
+    low, high = extent_of(points[:, :2])
+    while np.prod((high - low) / cell + 3.0) > MAX_CELLS:
         cell *= 2.0
     corner = (np.floor(low / cell) - 1.0) * cell
-    columns, rows = (np.floor((low + extent - corner) / cell) + 2.0).astype(int)
+    columns, rows = (np.floor((high - corner) / cell) + 2.0).astype(int)
     x, y = (points[ground, :2] - corner).T
     base = points[:, 2].min()
     z = points[ground, 2] - base
