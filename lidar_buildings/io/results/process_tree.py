@@ -5,16 +5,14 @@ from __future__ import annotations
 import os
 import resource
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _PROC = Path("/proc")
 _TICKS = os.sysconf("SC_CLK_TCK")
-#: How often memory is looked at: a tile takes seconds [s];
-#: and for how much of the time at most, as the kernel counts the pages of large processes one by one.
-_PERIOD, _SHARE = 0.5, 0.005
+#: How often memory is looked at: a tile takes seconds, a look milliseconds [s].
+_PERIOD = 0.5
 #: Unit of the kernel's mark of the memory of a process [bytes].
 _KIBI = 1024
 #: The most that this process and those that descend from it have been seen to take [bytes].
@@ -46,6 +44,15 @@ def memory_by_process(pid: int) -> dict[int, int]:
     return found
 
 
+def _resident_pages(pid: int) -> int:
+    """Return the pages in memory of a tree, what several of its processes share counted for each."""
+    found = 0
+    for one in tree_of(pid):
+        with suppress(OSError):
+            found += int((_PROC / str(one) / "statm").read_text().split()[1])
+    return found
+
+
 def cpu_of(pids: list[int]) -> float:
     """Return the processor time of living processes, and of children that they waited for, so far [s]."""
     total = 0
@@ -62,11 +69,11 @@ def watched_memory() -> Iterator[None]:
     ended = threading.Event()
 
     def watch() -> None:
-        took = 0.0
-        while not ended.wait(max(_PERIOD, took / _SHARE)):
-            started = time.perf_counter()
-            peak_memory()
-            took = time.perf_counter() - started
+        most = 0
+        while not ended.wait(_PERIOD):
+            if (pages := _resident_pages(os.getpid())) > most:  # to know what is shared takes far longer
+                most = pages
+                peak_memory()
 
     watching = threading.Thread(target=watch, daemon=True)
     watching.start()

@@ -69,7 +69,6 @@ def region_raster(
     spacing : float
         Point spacing [m].
     """
-    # Column by column: numpy takes twenty times as long along the rows of a narrow array.
     low, high = extent_of(points[:, :2])
     reach = np.maximum(high - low, _LEAST_MARGIN)
     for ring in rings[:1]:

@@ -124,12 +124,13 @@ def make_rasters(
     first = _checked_or(np.zeros, "return_number", return_number, len(points), np.uint8) <= 1
     if config.raster_resolution <= 0.0:
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
-    seen = np.flatnonzero(~_IS_NOISE[classes])
-    near = points if len(seen) == len(points) else points.take(seen, axis=0)
-    seen = seen[main_area(near, 3.0 * config.raster_reach + _LEAST_SQUARE, config.raster_resolution)]
-    if len(seen) < len(points):
-        points, classes = points.take(seen, axis=0), classes[seen]
-        core, first = core[seen], first[seen]
+    columns = [points, classes, core, first]
+    if (is_noise := _IS_NOISE[classes]).any():
+        seen = np.flatnonzero(~is_noise)
+        columns = [one.take(seen, axis=0) for one in columns]
+    square = 3.0 * config.raster_reach + _LEAST_SQUARE
+    near = main_area(columns[0], square, config.raster_resolution)
+    points, classes, core, first = (one[near] for one in columns)
     reach = reach_in_cells(config.raster_reach, config.raster_resolution)
     window = window_of(points, origin, config.raster_resolution).grown(reach + 1)
     cells = Cells(window, origin)

@@ -52,7 +52,6 @@ def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: in
     """
     if not len(points):
         return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))
-    # Column by column: numpy takes twenty times as long along the rows of a narrow array.
     low, high = extent_of(points)
     centre = 0.5 * (low + high)
     half = max(float((high - low).max()), 1e-3)
