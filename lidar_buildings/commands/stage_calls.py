@@ -125,6 +125,6 @@ def _stored_outlines(rows: NDArray[np.float64]) -> tuple[BuildingOutline, ...]:
     return tuple(outlines)
 
 
-#: What every run needs, and all that is compiled; the longest first.
-OF_RUNS = (_outlines, _models, _ground, _regularisation, _planes, _roofs, _rasters)
+#: What every run needs, and all that is compiled; the longest first, but what models call, too, before these.
+OF_RUNS = (_outlines, _models, _regularisation, _ground, _planes, _roofs, _rasters)
 CALLS = (*OF_RUNS, _simulation, _rare)

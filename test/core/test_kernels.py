@@ -5,7 +5,11 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
+from numba import njit
 from numba.core.caching import NullCache
+from numba.core.runtime import _nrt_python, rtsys
+from numpy.testing import assert_array_equal
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 
@@ -67,3 +71,71 @@ def test_a_loop_from_a_file_is_put_into_those_that_are_compiled(tmp_path):
 
 def test_loops_divide_as_numpy_does():
     assert share(1.0, 0.0) == float("inf")
+
+
+@inner_kernel
+def later_part(values, begin):
+    return values[begin:]
+
+
+@inner_kernel
+def first_below(values, limit, begin):
+    """Has several ways out, on which several of its names end."""
+    rest = values[begin:]
+    for i in range(len(rest)):
+        if rest[i] < 0.0:
+            return -1
+        if rest[i] < limit:
+            return begin + i
+    return len(values)
+
+
+@kernel
+def taken_apart(values, other, n):
+    """Swap, slice, keep and return arrays of both kinds: handed in, and made here."""
+    one, two, kept = values, other, values[:0]
+    total = 0.0
+    for i in range(n):
+        one, two = two, one
+        if i == 3:
+            kept = later_part(one, 1)
+        elif i == 5:
+            two = np.ones(4)
+        total += first_below(one, 0.5, i % 2) + np.sum(two)
+    pair = (later_part(two, 1), kept)
+    return pair, total
+
+
+@pytest.fixture
+def _counted_allocations():
+    _nrt_python.memsys_enable_stats()
+    yield
+    _nrt_python.memsys_disable_stats()
+
+
+@pytest.mark.usefixtures("_counted_allocations")
+def test_arrays_live_as_long_as_they_are_used():
+    values, other = np.arange(4.0), np.arange(4.0) + 10.0
+    as_numba_does = njit(taken_apart.py_func)
+    before = rtsys.get_allocation_stats()
+    references = sys.getrefcount(values), sys.getrefcount(other)
+    for n in range(9):
+        (one, two), total = taken_apart(values, other, n)
+        expected, expected_total = as_numba_does(values, other, n)
+        assert_array_equal(one, expected[0])
+        assert_array_equal(two, expected[1])
+        assert total == expected_total
+    del one, two, expected
+    after = rtsys.get_allocation_stats()
+    assert after.alloc - before.alloc == after.free - before.free > 0
+    assert (sys.getrefcount(values), sys.getrefcount(other)) == references
+
+
+def test_references_to_what_is_handed_in_are_not_counted():
+    first_below_of = kernel(first_below.py_func)
+    first_below_of._cache = NullCache()
+    assert first_below_of(np.arange(4.0), 2.5, 1) == 1
+    (code,) = first_below_of.inspect_llvm().values()
+    loop = code[code.index("define") :].split("\n}")[0]
+    assert "NRT_incref" not in loop
+    assert "NRT_decref" not in loop
