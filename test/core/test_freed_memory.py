@@ -1,5 +1,6 @@
 """What is free goes back to the system, not more often than wanted."""
 
+import gc
 import sys
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core import freed_memory
-from lidar_buildings.core.freed_memory import give_memory_back
+from lidar_buildings.core.freed_memory import collect_rarely, give_memory_back
 
 
 def resident():
@@ -30,3 +31,16 @@ def test_memory_between_what_is_in_use_goes_back_once_a_period(monkeypatch):
     assert resident() > after - 1.0, "not again so soon"
     give_memory_back()
     assert resident() < after - 20.0
+
+
+def test_garbage_is_looked_for_seldom_but_found():
+    usual = gc.get_threshold()
+    collections = gc.get_stats()[0]["collections"]
+    try:
+        collect_rarely()
+        kept = [[] for _ in range(20 * usual[0])]
+        assert gc.get_stats()[0]["collections"] <= collections + 1
+        kept += [[] for _ in range(200_000)]
+        assert gc.get_stats()[0]["collections"] > collections
+    finally:
+        gc.set_threshold(*usual)
