@@ -49,6 +49,7 @@ class Sending(NamedTuple):
     tile: int
     revision: int
     n_points: int
+    has_gaps: bool
     last_point: float
     made: float
     done: float
@@ -156,13 +157,16 @@ def latencies(sendings: list[Sending], end: float) -> dict[str, Any]:
 
     `first` are those of tiles that were not sent before; `last` those after which no points came, so that
     this is the time from a tile's last point to its models; `last_in_flight` those of them whose last point
-    came before the last ten seconds of the feed, after which all that is left is sent at once.
+    came before the last ten seconds of the feed, after which all that is left is sent at once; `whole` those
+    of these that have points all over and around them.
     """
     last = list({one.tile: one for one in sendings}.values())
+    in_flight = [one for one in last if one.last_point < end - _FLUSHED]
     kinds = {
         "first": [one for one in sendings if one.revision == 0],
         "last": last,
-        "last_in_flight": [one for one in last if one.last_point < end - _FLUSHED],
+        "last_in_flight": in_flight,
+        "whole": [one for one in in_flight if not one.has_gaps],
         "all": sendings,
     }
     return {name: _quantiles(ones) for name, ones in kinds.items() if ones}
@@ -217,7 +221,8 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
         if tile is not None:
             own = self._tiles.of_stamp(tile.stamp)
             last = self._tiles.last_touched(own)
-            under_way[own.stamp] = [own.stamp, own.revision, len(tile), last, time.monotonic()]
+            gaps = any(self._tiles.has_gaps(own))
+            under_way[own.stamp] = [own.stamp, own.revision, len(tile), gaps, last, time.monotonic()]
         return tile
 
     def noted_finish(self: LiveSurvey, stamp: int, *, is_done: bool = True) -> None:

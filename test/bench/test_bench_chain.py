@@ -193,20 +193,25 @@ def test_a_landing_is_appended_from_what_was_kept(tmp_path, monkeypatch, capsys)
 
 def test_latencies_of_a_feed_count_from_a_tiles_last_point():
     sendings = [
-        Sending(1, 0, 100, 0.0, 1.0, 3.0),
-        Sending(2, 0, 300, 0.0, 1.0, 2.0),
-        Sending(2, 1, 500, 5.0, 15.0, 16.0),
+        Sending(1, 0, 100, False, 0.0, 1.0, 3.0),
+        Sending(2, 0, 300, True, 0.0, 1.0, 2.0),
+        Sending(2, 1, 500, False, 5.0, 15.0, 16.0),
+        Sending(3, 0, 200, True, 0.0, 1.0, 2.0),
     ]
     found = latencies(sendings, end=12.0)
     first = found["first"]
-    assert (first["n"], first["points"]) == (2, 200)
-    assert (first["latency"][0], first["latency"][2]) == (2.5, 3.0)
-    assert (first["of_it_in_the_graph"][0], first["of_it_in_the_graph"][2]) == (1.5, 2.0)
-    assert found["all"]["n"] == 3
+    assert (first["n"], first["points"]) == (3, 200)
+    assert (first["latency"][0], first["latency"][2]) == (2.0, 3.0)
+    assert (first["of_it_in_the_graph"][0], first["of_it_in_the_graph"][2]) == (1.0, 2.0)
+    assert found["all"]["n"] == 4
     assert found["all"]["latency"][2] == 11.0
-    assert [one[name] for one in (found["last"], found["last_in_flight"]) for name in ("n", "points")] == [
+    assert [
+        found[kind][name] for kind in ("last", "last_in_flight", "whole") for name in ("n", "points")
+    ] == [
+        3,
+        200,
         2,
-        300,
+        150,
         1,
         100,
     ]

@@ -166,12 +166,13 @@ class LiveSurvey:
         """
         Return the ready tile into which no point has fallen for longest, None if none is ready.
 
+        Those without gaps go first, then those with gaps in their buffer: the others most often come again.
         Raises an OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
             if not self._ready:
                 return None
-            tile = min((self._tiles[place] for place in self._ready), key=self._tiles.last_touched)
+            tile = min((self._tiles[place] for place in self._ready), key=self._order_of)
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
@@ -243,6 +244,9 @@ class LiveSurvey:
         """Whether a tile has waited long enough, or the sensor is far away."""
         has_waited = self._tiles.has_waited(place, self._now, self._store.count_in)
         return has_waited or self._tiles.is_left(place, self._sensor)
+
+    def _order_of(self, tile: LiveTile) -> tuple[tuple[bool, bool], float]:
+        return self._tiles.has_gaps(tile), self._tiles.last_touched(tile)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""

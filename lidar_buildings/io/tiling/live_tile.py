@@ -114,6 +114,11 @@ class LiveTiles:
         """Return when a point has fallen into a tile or its buffer last."""
         return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
 
+    def has_gaps(self, tile: LiveTile) -> tuple[bool, bool]:
+        """Whether cells have had no point in a tile, and in it or its buffer: later passes may fill them."""
+        seen = self._touched.keys()
+        return any(cell not in seen for cell in tile.block.cells), any(cell not in seen for cell in tile.near)
+
     def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
         """
         Whether no point has fallen into a tile or its buffer for long enough.

@@ -67,6 +67,18 @@ def test_a_tile_is_ready_when_no_point_has_fallen_into_it_for_a_while(survey):
     np.testing.assert_array_equal(sorted_rows(tile.points), sorted_rows(scan_at(20, 20).points))
 
 
+def test_a_tile_without_gaps_goes_before_those_that_later_passes_may_fill(survey):
+    survey.add(scan_at(20, 20), 0.0)
+    x, y = (axis.ravel() for axis in np.mgrid[111.0:169.5:0.9, -9.0:49.5:0.9])
+    points = np.column_stack([x, y, np.zeros(len(x))])
+    survey.add(PlacedScan(points, np.full(len(x), T0), {}, None), 1.0)
+    survey.tick(9.0)
+    middles = [tile.points[tile.buffer == 0][:, :2].mean(axis=0) for tile in tiles_of(survey)]
+    assert len(middles) == 10
+    np.testing.assert_allclose(middles[0], (140.0, 20.0), atol=1.0)
+    np.testing.assert_allclose(middles[1], (20.0, 20.0), atol=1.0, err_msg="of the others the longest left")
+
+
 def test_points_in_the_buffer_keep_a_tile_waiting(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.tick(0.0)
