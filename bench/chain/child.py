@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.common.clouds import ROOT
-from lidar_buildings.io.results.process_tree import tree_memory, tree_of
+from lidar_buildings.io.results.process_tree import MemoryWatch, tree_of
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
 PERIOD = 0.25
@@ -109,8 +109,8 @@ class Watch:
     """Looks at a process and its descendants time and again, and at its folders."""
 
     def __init__(self, temporary: Path, output: Path | None = None) -> None:
-        #: The largest sum over several processes at a time, 0 if there was never more than one [bytes].
-        self.memory = 0
+        #: Of several processes, None if there was never more than one.
+        self._memory: MemoryWatch | None = None
         self._temporary, self._output = temporary, output
         self._looks: list[Counter[str]] = []
 
@@ -134,8 +134,14 @@ class Watch:
     def look(self, pid: int) -> None:
         """Look once."""
         if len(tree_of(pid)) > 1:
-            self.memory = max(self.memory, tree_memory(pid))
+            self._memory = self._memory or MemoryWatch(pid)
+            self._memory.look()
         self._looks.append(_sizes(self._temporary, self._output))
+
+    @property
+    def memory(self) -> int:
+        """The largest sum over several processes at a time, 0 if there was never more than one [bytes]."""
+        return self._memory.most if self._memory else 0
 
     def disk(self) -> int:
         """Return the most of temporary files: all but what stands in the output folder now [bytes]."""

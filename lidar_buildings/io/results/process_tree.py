@@ -63,17 +63,40 @@ def cpu_of(pids: list[int]) -> float:
     return total / _TICKS
 
 
+class MemoryWatch:
+    """
+    The most memory that a process and its descendants are seen to take.
+
+    What several of them share is counted once; as the kernel takes long to say so of large processes, it is
+    asked only when more pages than ever are in memory.
+
+    Attributes
+    ----------
+    most : int
+        By the looks so far [bytes].
+    """
+
+    def __init__(self, pid: int) -> None:
+        self.most = 0
+        self._pid, self._pages = pid, 0
+
+    def look(self) -> None:
+        """Look once."""
+        if (pages := _resident_pages(self._pid)) > self._pages:
+            self._pages = pages
+            self.most = max(self.most, tree_memory(self._pid))
+
+
 @contextmanager
 def watched_memory() -> Iterator[None]:
     """Look at the memory of this process's tree now and then, until the block ends."""
     ended = threading.Event()
 
     def watch() -> None:
-        most = 0
+        memory = MemoryWatch(os.getpid())
         while not ended.wait(_PERIOD):
-            if (pages := _resident_pages(os.getpid())) > most:  # to know what is shared takes far longer
-                most = pages
-                peak_memory()
+            memory.look()
+            _seen[0] = max(_seen[0], memory.most)
 
     watching = threading.Thread(target=watch, daemon=True)
     watching.start()
