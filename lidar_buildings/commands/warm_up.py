@@ -70,14 +70,20 @@ def _alone(path: Path) -> Iterator[None]:
 
 def _call_all(tell: Callable[[int, int], None]) -> None:
     from lidar_buildings.commands.stage_calls import CALLS
-    from lidar_buildings.core.neighbours.parallel import n_cores, work_alone
+    from lidar_buildings.core.neighbours.parallel import n_cores
 
     tell(0, len(CALLS))
     # forked: what is imported once need not be imported again
-    gc.disable()  # a tenth of the compiler's time goes into it
     context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=work_alone) as pool:
+    with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=_work_alone) as pool:
         calls = [pool.submit(call) for call in CALLS]
         for done, call in enumerate(as_completed(calls), start=1):
             call.result()
             tell(done, len(CALLS))
+
+
+def _work_alone() -> None:
+    from lidar_buildings.core.neighbours.parallel import work_alone
+
+    gc.disable()  # a tenth of the compiler's time goes into it
+    work_alone()

@@ -6,7 +6,8 @@ import ctypes
 import gc
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 # Parameters of mallopt, from malloc.h of glibc.
 _M_TRIM_THRESHOLD, _M_MMAP_MAX, _M_ARENA_MAX = -1, -4, -8
@@ -32,9 +33,15 @@ def keep_freed_memory() -> None:
         mallopt(_M_ARENA_MAX, 1)
 
 
-def collect_rarely() -> None:
-    """Let Python look for garbage seldom in this process: it took 2 % of a large run's time."""
-    gc.set_threshold(_NEW_OBJECTS, *gc.get_threshold()[1:])
+@contextmanager
+def rare_collection() -> Iterator[None]:
+    """Let Python look for garbage seldom until the block ends: it took 2 % of a large run's time."""
+    usual = gc.get_threshold()
+    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
 
 
 def give_memory_back(period: float = 0.0) -> None:

@@ -16,7 +16,8 @@ _COUNT = re.compile(r" +(?:tail )?call void @NRT_(?:inc|dec)ref\(ptr (%[^ ,()]+)
 _CHOICE = re.compile(r" +(%[^ ]+) = (?:phi ptr|select i1 [^,]+, ptr) (.*)")
 _BLOCK = re.compile(r", %[^ ]+ \]")
 _NAME = re.compile(r"%[^ ,()]+")
-_ARGUMENT = "%arg."
+#: How numba names what a function is handed, as its variables may be named, too.
+_ARGUMENT = re.compile(r"%arg\.[^ ,()]+")
 
 
 def without_borrowed(module: str) -> str:
@@ -40,23 +41,22 @@ def _without_borrowed(function: str) -> str:
     counted = {count[1] for _, count in lines if count}
     if not counted:
         return function
-    owned = _owned(counted, [line for line, count in lines[1:] if not count])
+    handed_in = set(_ARGUMENT.findall(lines[0][0]))
+    owned = _owned(counted, handed_in, [line for line, count in lines[1:] if not count])
     return "\n".join(line for line, count in lines if not count or count[1] in owned)
 
 
-def _owned(pointers: set[str], lines: list[str]) -> set[str]:
+def _owned(pointers: set[str], handed_in: set[str], lines: list[str]) -> set[str]:
     """Return those that may be the function's own, or be part of what it makes; with what they stand for."""
-    choices = {}
-    owned = set()
+    choices: dict[str, set[str]] = {}
+    owned: set[str] = set()
     for line in lines:
         choice = _CHOICE.match(line)
         if choice:
             choices[choice[1]] = {choice[1], *_NAME.findall(_BLOCK.sub("", choice[2]))}
         elif " call " not in line:  # who is called borrows in turn
             owned.update(_NAME.findall(line))
-    for name in pointers.union(*choices.values()):
-        if name not in choices and not name.startswith(_ARGUMENT):
-            owned.add(name)
+    owned |= pointers.union(*choices.values()) - choices.keys() - handed_in
     n_before = -1
     while n_before != len(owned):
         n_before = len(owned)

@@ -17,7 +17,7 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
-from lidar_buildings.core.freed_memory import collect_rarely, give_memory_back
+from lidar_buildings.core.freed_memory import give_memory_back, rare_collection
 from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, share_cores
 from lidar_buildings.pipeline.sharing import Parcel, Sharing, packed, receive, send, unpacked
 
@@ -95,14 +95,13 @@ def _work_first(
 
 def _work(link: Connection, n_workers: int, busy: memoryview | None = None) -> None:
     """Do what there is until the other end is closed, and say in the first of some bytes when."""
-    collect_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     if busy is None:  # nothing tells what the others do
         share_cores(lambda: False)
         busy = memoryview(bytearray(1))
     worker = _Worker(link, n_workers)
-    with contextlib.suppress(EOFError, OSError):
+    with contextlib.suppress(EOFError, OSError), rare_collection():
         while True:
             _, is_tile = link.recv()
             busy[0] = 1

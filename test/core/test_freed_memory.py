@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core import freed_memory
-from lidar_buildings.core.freed_memory import collect_rarely, give_memory_back
+from lidar_buildings.core.freed_memory import give_memory_back, rare_collection
 
 
 def resident():
@@ -35,12 +35,14 @@ def test_memory_between_what_is_in_use_goes_back_once_a_period(monkeypatch):
 
 def test_garbage_is_looked_for_seldom_but_found():
     usual = gc.get_threshold()
-    collections = gc.get_stats()[0]["collections"]
-    try:
-        collect_rarely()
-        kept = [[] for _ in range(20 * usual[0])]
-        assert gc.get_stats()[0]["collections"] <= collections + 1
-        kept += [[] for _ in range(200_000)]
-        assert gc.get_stats()[0]["collections"] > collections
-    finally:
-        gc.set_threshold(*usual)
+
+    def collections_while_making(n_objects):
+        before = gc.get_stats()[0]["collections"]
+        kept = [[] for _ in range(n_objects)]
+        return gc.get_stats()[0]["collections"] - before, len(kept)
+
+    with rare_collection():
+        few, _ = collections_while_making(20 * usual[0])
+        many, _ = collections_while_making(200_000)
+    assert few <= 1 <= many
+    assert gc.get_threshold() == usual

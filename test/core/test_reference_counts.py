@@ -31,6 +31,11 @@ def test_what_the_function_made_is_counted():
     assert counted(made, TAKE.format("%made"), GIVE.format("%made")) == ["%made", "%made"]
 
 
+def test_a_variable_that_is_named_as_arguments_are_is_counted():
+    made = "  %arg.c.0 = call ptr @NRT_MemInfo_alloc_aligned(i64 8)"
+    assert counted(made, TAKE.format("%arg.c.0"), GIVE.format("%arg.c.0")) == ["%arg.c.0", "%arg.c.0"]
+
+
 def test_an_argument_that_is_returned_is_counted():
     stored = "  store ptr %arg.a.0, ptr %retptr, align 8"
     assert counted(TAKE.format("%arg.a.0"), TAKE.format("%arg.b.0"), GIVE.format("%arg.b.0"), stored) == [
