@@ -75,14 +75,14 @@ def _call_all(tell: Callable[[int, int], None]) -> None:
     tell(0, len(CALLS))
     # forked: what is imported once need not be imported again
     context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-    with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=_work_alone) as pool:
+    with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=_compile_alone) as pool:
         calls = [pool.submit(call) for call in CALLS]
         for done, call in enumerate(as_completed(calls), start=1):
             call.result()
             tell(done, len(CALLS))
 
 
-def _work_alone() -> None:
+def _compile_alone() -> None:
     from lidar_buildings.core.neighbours.parallel import work_alone
 
     gc.disable()  # a tenth of the compiler's time goes into it

@@ -112,14 +112,14 @@ def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
         _step_away(plan[i], np.uint8(value), found[i - 1] if i > 0 else far, far, found[i])
     for i in range(n - 2, -1, -1):
         _lower(found[i], found[i + 1], np.int32(1))
-    gap = far
+    along_column = np.empty(m, dtype=np.int32)
     for i in range(n):
         for j in range(m):
             found[i, j] *= found[i, j]
-        gap[:] = found[i]
+        along_column[:] = found[i]
         for step in range(1, min(reach, m - 1) + 1):
-            _lower(found[i, step:], gap[: m - step], np.int32(step * step))
-            _lower(found[i, : m - step], gap[step:], np.int32(step * step))
+            _lower(found[i, step:], along_column[: m - step], np.int32(step * step))
+            _lower(found[i, : m - step], along_column[step:], np.int32(step * step))
     return found
 
 
