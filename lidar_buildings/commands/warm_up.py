@@ -83,7 +83,9 @@ def _call_all(tell: Callable[[int, int], None]) -> None:
 
 
 def _compile_alone() -> None:
+    from lidar_buildings.core.freed_memory import keep_freed_memory
     from lidar_buildings.core.neighbours.parallel import work_alone
 
     gc.disable()  # a tenth of the compiler's time goes into it
+    keep_freed_memory()
     work_alone()
