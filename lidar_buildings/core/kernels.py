@@ -42,7 +42,7 @@ from lidar_buildings.core.reference_counts import without_borrowed
 #: do without (such a part or error does not compile, such a formula takes longer to).
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_rewrites": True}
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
-#: Left out are those for functions within functions, comprehensions, `with`, `literally` and `inline="always"`.
+#: Left out are those for functions within functions, comprehensions, `with`, `literally`, `inline="always"`.
 _PASSES = (
     TranslateByteCode,
     FixupArgs,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable
 from concurrent.futures import Future
 from typing import Any
 
-from lidar_buildings.pipeline.sharing import Parcel
+from lidar_buildings.pipeline.parcels import Parcel
 
 
 class WorkerLostError(RuntimeError):

@@ -15,14 +15,15 @@ from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task, WorkerLostError
+from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send
 from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Parcel, Sharing, map_buildings, packed, receive, received, send
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings, received
 
-__all__ = ["BuildingPool", "NoWorkerError", "Sharing", "WorkerLostError", "map_buildings"]
+__all__ = ["BuildingPool", "Call", "NoWorkerError", "Sharing", "WorkerLostError", "map_buildings"]
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -131,28 +132,19 @@ class BuildingPool(Sharing):
         WorkerLostError
             If two processes ended at it.
         """
-        result: _Result = self._finished((function, arguments, shares))()
-        return result
+        return self.begin(function, *arguments, shares=shares).result()
+
+    def begin(
+        self, function: Callable[..., _Result], *arguments: object, shares: bool = False
+    ) -> Call[_Result]:
+        """Do as `call`, without waiting; without any process it is called when its result is asked for."""
+        work = function, arguments, shares
+        return Call(work, self.submit(_called, work) if self._n_alive else None)
 
     def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
         """Do as `call` for each of some jobs, several at a time, and yield the results in their order."""
-        for finish in [self._finished((function, (job,), False)) for job in jobs]:
-            yield finish()
-
-    def _finished(self, work: _Work) -> Callable[[], Any]:
-        """Begin a call; return what waits for its result."""
-        answer = self.submit(_called, work) if self._n_alive else None
-
-        def finish() -> Any:
-            try:
-                result = answer.result() if answer else _called(work, None)
-            except NoWorkerError:
-                result = _called(work, None)
-            if isinstance(result, Exception):
-                raise result
-            return result
-
-        return finish
+        for call in [self.begin(function, job) for job in jobs]:
+            yield call.result()
 
     def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         tasks = [Task(message) for message in messages]
@@ -199,7 +191,10 @@ class BuildingPool(Sharing):
             self._agenda.put(shared)
             while (batch := self._agenda.take_batch(shared)) is not None:
                 self._do(link, batch, held)
-            link.send((SHARED, _answers(shared)))
+            answers = _answers(shared)
+            link.send((SHARED, [answer is not None for answer in answers]))
+            for answer in filter(None, answers):
+                send(link, answer)
         answer = receive(link)
         held.pop()
         self._agenda.finish(task, answer)
@@ -214,6 +209,49 @@ class BuildingPool(Sharing):
             self._agenda.lose(task)
         if not self._n_alive:
             self._agenda.close()
+
+
+class Call(Generic[_Result]):
+    """
+    A call that a process has been given.
+
+    Parameters
+    ----------
+    work : tuple
+        What is called.
+    answer : Future, optional
+        The process's; None if there is no process.
+    """
+
+    def __init__(self, work: _Work, answer: Future[Any] | None) -> None:
+        self._work, self._answer = work, answer
+
+    def when_done(self, then: Callable[[], object]) -> None:
+        """Call `then`, in whatever thread, as soon as there is nothing to wait for."""
+        if self._answer is None:
+            then()
+        else:
+            self._answer.add_done_callback(lambda _: then())
+
+    def result(self) -> _Result:
+        """
+        Wait for the result, and return it.
+
+        Raises
+        ------
+        WorkerLostError
+            If two processes ended at it.
+        Exception
+            What the function raised.
+        """
+        try:
+            result = _called(self._work, None) if self._answer is None else self._answer.result()
+        except NoWorkerError:
+            result = _called(self._work, None)
+        if isinstance(result, Exception):
+            raise result
+        found: _Result = result
+        return found
 
 
 def _called(work: _Work, pool: Sharing | None) -> Any:

@@ -19,7 +19,8 @@ from multiprocessing.process import BaseProcess
 
 from lidar_buildings.core.freed_memory import give_memory_back, rare_collection
 from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, share_cores
-from lidar_buildings.pipeline.sharing import Parcel, Sharing, packed, receive, send, unpacked
+from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
+from lidar_buildings.pipeline.sharing import Sharing
 
 _log = logging.getLogger(__name__)
 
@@ -140,8 +141,7 @@ class _Worker(Sharing):
         self._link.send((SHARE, messages))
         while (told := self._link.recv())[0] == DO:
             self.answer(told[1], receive(self._link))
-        answers: list[Parcel | None] = told[1]
-        return answers
+        return [receive(self._link) if is_there else None for is_there in told[1]]
 
 
 class _Records(logging.Handler):

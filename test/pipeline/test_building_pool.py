@@ -262,6 +262,19 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
     assert pool.call(place_of, 8) == (8, os.getpid(), False)
 
 
+@pytest.mark.parametrize("n_processes", [0, 2])
+def test_a_call_says_when_it_is_done(n_processes):
+    with BuildingPool(n_processes) as pool:
+        good, bad = pool.begin(place_of, 5, shares=n_processes > 0), pool.begin(refuse, 7)
+        for call in (good, bad):
+            is_done = threading.Event()
+            call.when_done(is_done.set)
+            assert is_done.wait(20.0)
+        assert good.result()[::2] == (5, n_processes > 0)
+        with pytest.raises(ValueError, match="number = 7: must be larger"):
+            bad.result()
+
+
 @pytest.mark.skipif(n_cores() < 2, reason="a single core needs no threads")
 def test_nothing_of_a_call_is_kept_when_it_is_done(pool):
     large, is_gone = np.ones(LARGE), threading.Event()
