@@ -42,7 +42,7 @@ def make_node(
         As for `rclpy.node.Node`: namespace, context…
     """
     # these work themselves; the others let processes work, to wait for no interpreter's lock in one process
-    shared = {} if name in (*SOURCES, "recorder") else {"pool": pool}
+    shared = {} if name in ("scan_assembler", "recorder") else {"pool": pool}
     return node_class(name)(
         parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
     )
@@ -103,10 +103,10 @@ def survey_nodes(
     merged = _merged(given, own)
     nodes: dict[str, StageNode] = {}
     try:
-        # the writer first: it refuses an output folder before anything is read, which begins with the player
+        # the recorder first, which misses nothing; then the player, which reads while the others are made
         names = [name for name in nodes_until(until, source) if output or name != "model_writer"]
         recorder = ("recorder",) if merged.get("recorder", {}).get("output") else ()
-        for name in (*recorder, names[-1], *names[:-1]):
+        for name in (*recorder, *names):
             nodes[name] = make_node(name, merged, pool, **kwargs)
     except Exception:
         for node in nodes.values():

@@ -17,6 +17,7 @@ from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.turns import Turns
 
 
 class GroundFilter(StageNode):
@@ -31,9 +32,11 @@ class GroundFilter(StageNode):
             self._dtm = self.create_publisher(PointCloud2, "dtm", CLOUD)
         self.subscribe_tiles("points", self.on_tile)
 
-    def on_tile(self, tile: PointTile) -> None:
-        """Classify one tile."""
-        classified = self._pool.call(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
+    def on_tile(self, tile: PointTile) -> Turns:
+        """Classify one tile, and let others come meanwhile."""
+        call = self._pool.begin(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
+        yield call.when_done
+        classified = call.result()
         self._ground_points.publish(classified)
         if self._dtm is not None:
             self._publish_dtm(classified)

@@ -11,6 +11,7 @@ from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.turns import Turns
 
 
 class RoofSelector(StageNode):
@@ -23,9 +24,11 @@ class RoofSelector(StageNode):
         self._roof_points = self.create_tile_outlet("roof_points")
         self.subscribe_tiles("ground_points", self.on_tile)
 
-    def on_tile(self, tile: PointTile) -> None:
-        """Classify one tile and hand its roofs on."""
-        classified = self._pool.call(select_roof_points, tile, self.parameters[RoofSelectionConfig])
+    def on_tile(self, tile: PointTile) -> Turns:
+        """Classify one tile and hand its roofs on; let others come meanwhile."""
+        call = self._pool.begin(select_roof_points, tile, self.parameters[RoofSelectionConfig])
+        yield call.when_done
+        classified = call.result()
         self._roof_points.publish(roof_points(classified))
         self._classified_points.publish(classified)
 

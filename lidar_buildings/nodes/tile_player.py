@@ -15,6 +15,7 @@ from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
 from lidar_buildings.nodes.tile_sender import TileSender
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of, to_time
@@ -23,7 +24,7 @@ from lidar_buildings.ros.stamps import header_of, to_time
 class TilePlayer(TileSender):
     """Cuts files into tiles and sends them into the graph."""
 
-    def __init__(self, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
@@ -35,7 +36,7 @@ class TilePlayer(TileSender):
             raise
         for problem in self._source.problems:
             self.get_logger().error(problem)
-        self.tiles = TileReader(self._source, loop=config.loop)
+        self.tiles = TileReader(self._source, pool or BuildingPool(0), loop=config.loop)
         self._clock_publisher = None
         if config.publish_clock:
             self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)

@@ -9,7 +9,9 @@ from dataclasses import replace
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.stamps import tile_of
 
 #: Tiles read ahead: enough to read while one is sent, and no more memory.
@@ -27,6 +29,8 @@ class TileReader:
     ----------
     source : TileSource
         What to read.
+    pool : BuildingPool
+        Processes that put tiles together; it is done here without any.
     loop : bool
         Whether to begin again after the last tile, with later stamps.
 
@@ -38,10 +42,11 @@ class TileReader:
         Whether every tile has been read (and perhaps not yet taken).
     """
 
-    def __init__(self, source: TileSource, *, loop: bool = False) -> None:
+    def __init__(self, source: TileSource, pool: BuildingPool, *, loop: bool = False) -> None:
         self.error: Exception | None = None
         self.is_exhausted = False
         self._source = source
+        self._pool = pool
         self._loop = loop
         self._shifts: dict[int, int] = {}
         self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=_AHEAD)
@@ -80,7 +85,7 @@ class TileReader:
     def _run(self) -> None:
         """Read until the end, an error, or `stop`."""
         try:
-            for tile in self._rounds() if self._loop else self._source:
+            for tile in self._rounds() if self._loop else self._round():
                 if not self._put(tile):
                     return
                 self._on_tile()
@@ -90,12 +95,17 @@ class TileReader:
         if not self._stopping.is_set():
             self._on_tile()
 
+    def _round(self) -> Iterator[PointTile]:
+        """Yield all tiles."""
+        for tile in self._source.ready():
+            yield self._pool.call(SpooledTile.read, tile.alone())
+
     def _rounds(self) -> Iterator[PointTile]:
         """Yield all tiles again and again, each round's stamps after those of the round before."""
         first, last, shift = None, 0, 0
         while not self._stopping.is_set():
             n_tiles = 0
-            for tile in self._source:
+            for tile in self._round():
                 n_tiles += 1
                 first = tile.stamp if first is None else min(first, tile.stamp)
                 last = max(last, tile.stamp)

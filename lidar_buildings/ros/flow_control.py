@@ -60,8 +60,8 @@ class FlowControl:
 
     A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's
     hands is lost if the node that had it was started anew, or if one that was sent later is done: topics
-    keep their order, unless nodes share their tiles. Beside that it is lost if all nodes are idle and
-    silent: for a second if a node has started meanwhile, else for `timeout`.
+    keep their order, unless nodes share their tiles or have several in hand. Beside that it is lost if all
+    nodes are idle and silent: for a second if a node has started meanwhile, else for `timeout`.
 
     Parameters
     ----------
@@ -172,10 +172,10 @@ class FlowControl:
     def hear(self, receipt: Receipt) -> None:
         """Note what a node does with a tile."""
         self._last_event = self._now()
-        self._keeps_order &= receipt.replicas == 1
         in_hand = self._at_work.setdefault(receipt.node, set())
         if receipt.state == TAKEN:
             in_hand.add(receipt.stamp)
+            self._keeps_order &= receipt.replicas == len(in_hand) == 1
             return
         in_hand.discard(receipt.stamp)
         flight = self._flights.get(tile_of(receipt.stamp))

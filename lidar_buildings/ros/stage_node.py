@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -30,6 +30,7 @@ from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSend
 from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
+from lidar_buildings.ros.turns import Turns, TurnTaking
 
 #: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
 _MEMORY_PERIOD = 10.0
@@ -70,6 +71,7 @@ class StageNode(Node):
         self.outcome: Future = Future()
         self.exit_status = 0
         self._inboxes: list[Inbox] = []
+        self._turns = TurnTaking(self)
         try:
             self.parameters = NodeParameters(self, configs)
         except LidarBuildingsError:
@@ -110,12 +112,14 @@ class StageNode(Node):
         """Say that the node is there; called when it begins to spin."""
         self._receipts.send(READY)
 
-    def subscribe_tiles(self, topic: str, work: Callable[[PointTile], Mapping[str, int] | None]) -> None:
+    def subscribe_tiles(
+        self, topic: str, work: Callable[[PointTile], Turns | Mapping[str, int] | None]
+    ) -> None:
         """
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
 
         The tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
-        counts for `diagnostics`.
+        counts for `diagnostics`; what yields lets the next tile begin before it has come to its end.
         """
         infos = self.tile_infos = self.tile_infos or TileInfos(self)
 
@@ -140,10 +144,16 @@ class StageNode(Node):
             return infos.complete(reading.tile)
 
         def handle(stamp: int, get: Callable[[TileReport], PointTile]) -> None:
+            self._turns.begin(turns(stamp, get))
+
+        def turns(stamp: int, get: Callable[[TileReport], PointTile]) -> Turns:
             with self.reporting(stamp) as report:
                 tile = get(report)
                 report.n_points = len(tile)
-                report.counts.update(work(tile) or {})
+                counts = work(tile)
+                if isinstance(counts, Generator):
+                    counts = yield from counts
+                report.counts.update(counts or {})
 
         inbox = self._inbox(self.create_subscription(PointCloud2, topic, on_message, CLOUD), on_tile)
 
@@ -185,6 +195,7 @@ class StageNode(Node):
 
     def destroy_node(self) -> None:
         """Let nothing more be handed to the node."""
+        self._turns.close()
         for inbox in self._inboxes:
             inbox.close()
         self._inboxes.clear()

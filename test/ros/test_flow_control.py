@@ -239,3 +239,13 @@ def test_where_nodes_share_tiles_one_may_pass_another(flow):
     flow.hear(Receipt("selector_1", "life", DONE, B, "selector", 1, 2))
     assert flow.done(B)
     assert not flow.has_losses
+
+
+def test_where_a_node_has_several_tiles_in_hand_one_may_pass_another(flow):
+    send_both(flow)
+    for stamp in (A, B):
+        hear(flow, "selector", TAKEN, stamp)
+    for stamp in (B, A):
+        hear(flow, "selector", DONE, stamp)
+    assert flow.done(B)
+    assert not flow.has_losses

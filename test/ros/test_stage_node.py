@@ -159,3 +159,63 @@ def test_what_fails_since_ros_has_ended_is_no_failure_of_the_tile(context, capfd
         work()
     assert "not handed on" not in "".join(capfd.readouterr())
     node.destroy_node()
+
+
+class Patient(StageNode):
+    """Hands on what waits for something only once that has come."""
+
+    def __init__(self, **kwargs):
+        super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)
+        self.awaited = {}
+        self._out = self.create_publisher(PointCloud2, "doubled", CLOUD)
+        self.subscribe_tiles("points", self.on_tile)
+
+    def on_tile(self, tile):
+        yield lambda then: self.awaited.update({len(tile): then})
+        if len(tile) == 3:
+            raise ZeroDivisionError("three is too much")
+        self._out.publish(to_message(tile))
+        return {"waited": len(tile)}
+
+
+@pytest.fixture
+def patient_graph(context):
+    patient, listener = Patient(context=context), Listener(context=context)
+    with running(patient, listener):
+        sender = Node("sender", context=context)
+        publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
+        wait_until(lambda: publisher.get_subscription_count() and patient._out.get_subscription_count())
+        yield publisher, patient, listener
+        sender.destroy_node()
+
+
+def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(patient_graph):
+    publisher, patient, listener = patient_graph
+    for n, second in ((2, 1), (3, 2), (4, 3)):
+        publisher.publish(to_message(tile(n, second)))
+    wait_until(lambda: patient.awaited.keys() == {2, 3, 4})
+    assert patient.summary.is_at_work
+    assert not listener.tiles
+    for n in (4, 3, 2):
+        patient.awaited[n]()
+        wait_until(lambda n=n: len(listener.statuses) == 5 - n)
+    wait_until(lambda: len(listener.tiles) == 2)
+    assert [len(one) for one in listener.tiles] == [4, 2]
+    assert [status.message for status in listener.statuses] == [
+        "done",
+        "ZeroDivisionError: three is too much",
+        "done",
+    ]
+    assert [{pair.key: pair.value for pair in one.values}.get("waited") for one in listener.statuses] == [
+        "4",
+        None,
+        "2",
+    ]
+    assert not patient.summary.is_at_work
+
+
+def test_what_a_destroyed_node_has_waited_for_may_still_come(context):
+    patient = Patient(context=context)
+    patient._turns.begin(patient.on_tile(tile(2, 1)))
+    patient.destroy_node()
+    patient.awaited[2]()
