@@ -23,7 +23,7 @@ _LEFT = 0.5
 #: Side of a place [m].
 _PLACE = 5.0
 #: Points that one strip is to bring into a tile with its buffer; further strips and those across bring more.
-_STRIP_POINTS = 800_000
+_STRIP_POINTS = 600_000
 #: Sides to choose from are multiples of the step, between the smallest and the largest [m]. Smaller tiles are
 #: mostly buffer, and a scanner on the street goes on measuring what it has measured.
 _SMALLEST, _LARGEST, _STEP = 150.0, 1000.0, 25.0

@@ -95,7 +95,7 @@ class LiveTilingConfig(TilingConfig):
         read_only=True,
     )
     buffer: float = parameter(
-        75.0,
+        35.0,
         "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
         "west a third.",
         unit="m",
