@@ -61,6 +61,8 @@ Pieces = dict[Cell, list[Piece]]
 
 #: Records read back at a time (10 MB).
 BLOCK = 262_144
+#: A folder to which files are still added is deleted so often at most; wide margin.
+_ATTEMPTS = 100
 #: Cell numbers up to this sort fastest (radix sort).
 _SHORT = 65_536
 
@@ -160,8 +162,11 @@ class Spool:
         return part
 
     def remove(self) -> None:
-        """Delete everything."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Delete everything, also what another thread adds meanwhile; once the folder is gone it cannot."""
+        for _ in range(_ATTEMPTS):
+            shutil.rmtree(self.folder, ignore_errors=True)
+            if not self.folder.exists():
+                break
 
     def _file(self, cell: Cell) -> Path:
         return self.folder / f"{cell[0]}_{cell[1]}.points"

@@ -1,5 +1,9 @@
 """The spool gives the records of a cell back as they came."""
 
+import threading
+from contextlib import suppress
+from itertools import count
+
 import numpy as np
 
 from lidar_buildings.io.tiling.spool import RECORD, Spool
@@ -29,3 +33,25 @@ def test_far_apart_cells_are_grouped_as_well(tmp_path):
     records["index"] = [1, 2, 3]
     assert sorted(spool.append(cells, records)) == [(0, 0), (10**9, -(10**9))]
     assert [r["index"].tolist() for r in spool.blocks((0, 0))] == [[1, 3]]
+
+
+def test_nothing_is_left_of_a_spool_to_which_another_thread_still_adds(tmp_path):
+    for _ in range(20):
+        spool, is_adding, is_over = Spool(tmp_path), threading.Event(), threading.Event()
+
+        def add(folder=spool.folder, begin=is_adding.set, is_over=is_over.is_set):
+            numbers = count()
+            with suppress(OSError):
+                while not is_over():
+                    (folder / str(next(numbers))).touch()
+                    begin()
+
+        adder = threading.Thread(target=add)
+        adder.start()
+        assert is_adding.wait(20.0)
+        spool.remove()
+        is_gone = not spool.folder.exists()
+        is_over.set()
+        adder.join()
+        assert is_gone
+        assert list(tmp_path.iterdir()) == []
