@@ -4,9 +4,9 @@ How loops are compiled: `kernel` for those that Python calls, `inner_kernel` for
 Numba takes some 0.1 s of a processor for each. Both leave out what is never used: the way in from C, copies
 for each literal number that a loop passes on, passes over what loops do not have, and for inner ones, as for
 numba's own functions, the way in from Python, machine code and a file of their own, as the files of their
-callers hold them. Which of its functions a call means, numba looks up once. What was compiled
-before is loaded as machine code alone: what the compiler would need is read when it is asked for. References
-to arrays that are handed in are not counted (see `reference_counts`).
+callers hold them. Which of its functions a call means, numba looks up once. What was compiled before is
+loaded as machine code alone: what the compiler would need is read when it is asked for. References to arrays
+that are handed in are not counted (see `reference_counts`).
 """
 
 from collections.abc import Callable, Iterator

@@ -2,7 +2,8 @@
 How objects travel between processes: pickled, their large arrays in memory that all of them see.
 
 An array is copied there once. From then on processes hand each other file descriptors, and an array that
-comes back, or goes on to the next process, is not copied again.
+comes back, or goes on to the next process, is not copied again. So what a process is given it must not change
+in place and return: that would come back as it was.
 """
 
 from __future__ import annotations

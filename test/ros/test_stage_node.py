@@ -1,4 +1,5 @@
 import json
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -47,15 +48,22 @@ class Listener(StageNode):
         self.statuses += [status for status in message.status if status.name == "doubler"]
 
 
-@pytest.fixture
-def graph(context):
-    doubler, listener = Doubler(context=context), Listener(context=context)
-    with running(doubler, listener):
+@contextmanager
+def sender_of_tiles(node, listener, context):
+    """Let nodes run, and give what publishes points to them."""
+    with running(node, listener):
         sender = Node("sender", context=context)
         publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
-        wait_until(lambda: publisher.get_subscription_count() and doubler._out.get_subscription_count())
-        yield publisher, listener
+        wait_until(lambda: publisher.get_subscription_count() and node._out.get_subscription_count())
+        yield publisher
         sender.destroy_node()
+
+
+@pytest.fixture
+def graph(context):
+    listener = Listener(context=context)
+    with sender_of_tiles(Doubler(context=context), listener, context) as publisher:
+        yield publisher, listener
 
 
 def tile(n, second):
@@ -178,28 +186,18 @@ class Patient(StageNode):
         return {"waited": len(tile)}
 
 
-@pytest.fixture
-def patient_graph(context):
+def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
     patient, listener = Patient(context=context), Listener(context=context)
-    with running(patient, listener):
-        sender = Node("sender", context=context)
-        publisher = sender.create_publisher(PointCloud2, "points", CLOUD)
-        wait_until(lambda: publisher.get_subscription_count() and patient._out.get_subscription_count())
-        yield publisher, patient, listener
-        sender.destroy_node()
-
-
-def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(patient_graph):
-    publisher, patient, listener = patient_graph
-    for n, second in ((2, 1), (3, 2), (4, 3)):
-        publisher.publish(to_message(tile(n, second)))
-    wait_until(lambda: patient.awaited.keys() == {2, 3, 4})
-    assert patient.summary.is_at_work
-    assert not listener.tiles
-    for n in (4, 3, 2):
-        patient.awaited[n]()
-        wait_until(lambda n=n: len(listener.statuses) == 5 - n)
-    wait_until(lambda: len(listener.tiles) == 2)
+    with sender_of_tiles(patient, listener, context) as publisher:
+        for n, second in ((2, 1), (3, 2), (4, 3)):
+            publisher.publish(to_message(tile(n, second)))
+        wait_until(lambda: patient.awaited.keys() == {2, 3, 4})
+        assert patient.summary.is_at_work
+        assert not listener.tiles
+        for n in (4, 3, 2):
+            patient.awaited[n]()
+            wait_until(lambda n=n: len(listener.statuses) == 5 - n)
+        wait_until(lambda: len(listener.tiles) == 2)
     assert [len(one) for one in listener.tiles] == [4, 2]
     assert [status.message for status in listener.statuses] == [
         "done",
