@@ -11,7 +11,6 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
-from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
@@ -92,6 +91,8 @@ class BuildingTracer(StageNode):
                 self.parameters[BoundaryTracingConfig],
                 shares=True,
             )
+        from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints  # loads slowly
+
         given = read_footprints(FootprintSource(Path(config.file), config.layer), frame)
         return trace_footprints(
             parts[_ALL], parts[_EDGES], given.footprints, config, self.parameters[EdgeLabellingConfig]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from rclpy.event_handler import PublisherEventCallbacks
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
@@ -78,10 +77,9 @@ class ModelBuilder(StageNode):
         self._add(tile.stamp, _POINTS, tile)
 
     def _make_publishers(self) -> None:
-        # One topic, two durabilities: each kind of subscription is meant to match its own publisher.
-        silent = PublisherEventCallbacks(use_default_callbacks=False)
+        # one topic, two durabilities: each kind of subscription is meant to match its own publisher
         self._header = self.create_publisher(String, "city_model", LATCHED)
-        self._features = self.create_publisher(String, "city_model", BUILDING, event_callbacks=silent)
+        self._features = self.create_publisher(String, "city_model", BUILDING)
         self._roof_faces = self.create_ring_outlet("roof_faces")
         self._markers = self.create_publisher(MarkerArray, "building_markers", CLOUD)
         self._tile_done = None

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
@@ -24,9 +24,10 @@ from lidar_buildings.nodes.tile_gathering import TileGathering
 from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, ROOF_FACES, TRACED_OUTLINES
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.ros.letterbox import Letterbox
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import Rings
-from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
+from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.receipts import DONE, TAKEN
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -38,6 +39,8 @@ TILE_FAILED = 3
 #: After so long without diagnostics the last have come [s]; at most so many periods are waited for them.
 #: Wide margin: they are sent right after the results.
 _SILENCE, _MAX_PERIODS = 0.1, 20
+#: Period of looks at diagnostics [s]; the middleware keeps those of a minute and more.
+_LOOK = 5.0
 
 
 class ModelWriter(StageNode):
@@ -75,7 +78,8 @@ class ModelWriter(StageNode):
         self._map: FrameListener | None = None
         if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
-        self.create_subscription(DiagnosticArray, "diagnostics", self._record.add, EVENT)
+        self._statuses = Letterbox(self, DiagnosticArray, "diagnostics", self._record.add, EVENT)
+        self.create_timer(_LOOK, self._statuses.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self._subscribe_results()
@@ -183,8 +187,9 @@ class ModelWriter(StageNode):
         """Subscribe to what the last stage of the run and those before it publish."""
         for topic in self._topics:
             if topic == CITY_MODEL.name:
-                silent = SubscriptionEventCallbacks(use_default_callbacks=False)
-                self.create_subscription(String, topic, self.on_feature, BUILDING, event_callbacks=silent)
+                self.create_subscription(
+                    String, topic, self.on_feature, BUILDING, event_callbacks=SILENT_SUBSCRIPTION
+                )
             elif topic in (TRACED_OUTLINES.name, OUTLINES.name, ROOF_FACES.name):
                 self.subscribe_rings(topic, lambda stamp, rings, t=topic: self.on_rings(t, stamp, rings))
             else:
@@ -223,6 +228,7 @@ class ModelWriter(StageNode):
 
     def _make_files_soon(self) -> None:
         """Make the files once the diagnostics of the last tiles have come."""
+        self._statuses.look()
         if self._end_timer is None and self._record.has_all(self._stages, self._written):
             self._finish()
         elif self._end_timer is None:
@@ -231,6 +237,7 @@ class ModelWriter(StageNode):
 
     def _finish_after_silence(self) -> None:
         """Make the files if no diagnostics have come since the last call."""
+        self._statuses.look()
         self._counts.append(self._record.n_heard)
         if self._counts[-1] == self._counts[-2] or len(self._counts) > _MAX_PERIODS:
             self._end_timer.cancel()
@@ -256,6 +263,7 @@ class ModelWriter(StageNode):
     def _make_files(self) -> RunSummary:
         """Make the files; the writer is at work, so that no tile that waits for it is sent again."""
         self._receipts.send(TAKEN)
+        self._statuses.look()
         try:
             record = self._record.as_dict(self.failed_tiles, ())
             summary = self._survey.make_files(record, self._each_cloud, self._pool.call_each)

@@ -8,7 +8,6 @@ from importlib import import_module
 from typing import Any
 
 import rclpy
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.core.model.errors import ParameterError
@@ -103,9 +102,8 @@ class Recorder(StageNode):
         wanted = QoSProfile(
             reliability=profile.reliability, durability=profile.durability, history=HistoryPolicy.KEEP_ALL
         )
-        silent = SubscriptionEventCallbacks(use_default_callbacks=False)
         subscription = self.create_subscription(
-            message_type, name, take, wanted, raw=True, event_callbacks=silent
+            message_type, name, take, wanted, raw=True, event_callbacks=qos.SILENT_SUBSCRIPTION
         )
         self._takers.append((subscription, take))
 

@@ -18,6 +18,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.tile_queue import Progress, TileQueue
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
+from lidar_buildings.ros.letterbox import Letterbox
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
@@ -80,7 +81,7 @@ class TileSender(StageNode):
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
         self.create_subscription(String, CLIPPED, self.on_clipped, EVENT)
-        self.create_subscription(String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
+        self._receipt_box = Letterbox(self, String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
         self._wake = self.create_guard_condition(self.on_tick)
@@ -114,6 +115,7 @@ class TileSender(StageNode):
         """Send what is due."""
         if self._is_finished or self._queue_has_failed():
             return
+        self._receipt_box.look()
         self._send_overdue()
         while self._may_send():
             self._send(self._take())
@@ -122,6 +124,7 @@ class TileSender(StageNode):
 
     def on_done(self, message: Header) -> None:
         """Take back a tile's credit; an earlier revision than the one under way is none."""
+        self._receipt_box.look()
         stamp = to_stamp(message.stamp)
         sent = self._flow.tile(stamp)
         if sent is not None and stamp < sent.stamp:

@@ -1,5 +1,6 @@
-"""Quality of service: some kinds of topic, one profile each."""
+"""Quality of service: some kinds of topic, one profile each; and who says where profiles do not match."""
 
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, SENSOR_DEPTH
@@ -40,3 +41,9 @@ EVENT = _profile(EVENT_DEPTH)
 
 #: Such events, given to late joiners as well.
 LATCHED_EVENT = _profile(EVENT_DEPTH, latched=True)
+
+#: For publishers: who subscribes with a profile that does not match is told by his own node. What handles
+#: such events takes half of the time for which a node wakes.
+SILENT_PUBLISHER = PublisherEventCallbacks(use_default_callbacks=False)
+#: For subscriptions to what nodes of ours alone publish.
+SILENT_SUBSCRIPTION = SubscriptionEventCallbacks(use_default_callbacks=False)

@@ -11,6 +11,7 @@ from typing import Any
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
@@ -25,7 +26,7 @@ from lidar_buildings.ros.hand_over import Inbox, RingOutlet, TileOutlet
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.polygons import Rings
-from lidar_buildings.ros.qos import BUILDING, CLOUD
+from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER
 from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
 from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import to_stamp
@@ -85,6 +86,10 @@ class StageNode(Node):
         self.tile_infos: TileInfos | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD), clock=steady)
+
+    def create_publisher(self, *args: Any, **kwargs: Any) -> Publisher:
+        """Create a publisher; of profiles that do not match the subscriber's node tells."""
+        return super().create_publisher(*args, **{"event_callbacks": SILENT_PUBLISHER, **kwargs})
 
     def create_subscription(
         self, kind: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any

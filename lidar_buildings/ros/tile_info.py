@@ -16,6 +16,7 @@ from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.json_text import read_json
+from lidar_buildings.ros.letterbox import Letterbox
 from lidar_buildings.ros.qos import LATCHED_TILE
 
 TOPIC, CLIPPED = "tile_info", "tile_clipped"
@@ -90,7 +91,7 @@ class TileInfos:
         self._node = node
         self._known: OrderedDict[int, dict[str, Any]] = OrderedDict()
         self._waiting: OrderedDict[int, list[Callable[[], None]]] = OrderedDict()
-        node.create_subscription(String, TOPIC, self.on_info, LATCHED_TILE)
+        self._box = Letterbox(node, String, TOPIC, self.on_info, LATCHED_TILE, lambda: bool(self._waiting))
 
     def on_info(self, message: String) -> None:
         """Remember what is said of a tile, and go on with the work that waits for it."""
@@ -154,6 +155,7 @@ class TileInfos:
 
     def is_over(self, stamp: int) -> bool:
         """Whether the last message of a tile says that it is done with."""
+        self._box.look()
         return bool(self._known.get(stamp, {}).get("is_over"))
 
     def is_whole(self, stamp: int) -> bool:

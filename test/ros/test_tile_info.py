@@ -1,5 +1,7 @@
 """What the source says of a tile as a whole, and the tiles that wait for it."""
 
+from unittest.mock import MagicMock, Mock
+
 import pytest
 from std_msgs.msg import String
 
@@ -16,8 +18,8 @@ class Listener:
     def __init__(self, n_publishers):
         self.n_publishers, self.errors, self.warnings, self.timers = n_publishers, [], [], []
 
-    def create_subscription(self, *_):
-        pass
+    def create_subscription(self, *_, **__):
+        return Mock(handle=MagicMock(**{"take_message.return_value": None}))
 
     def count_publishers(self, _):
         return self.n_publishers
