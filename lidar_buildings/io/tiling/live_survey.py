@@ -20,7 +20,7 @@ from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
 from lidar_buildings.io.tiling.spool import Cell
-from lidar_buildings.io.tiling.tile_grid import Buffer, TileGrid
+from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -39,8 +39,9 @@ class LiveSurvey:
     Takes placed scans, and gives out tiles.
 
     A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
-    comes again as a later revision, with all its points, when more have come. Every point goes to disk at
-    once; memory holds a batch. Nothing of what comes out depends on which tile was left first.
+    comes again as a later revision, with all its points and a buffer as wide as it needed, when more have
+    come. Every point goes to disk at once; memory holds a batch. Nothing of what comes out depends on which
+    tile was left first.
 
     Parameters
     ----------
@@ -177,7 +178,6 @@ class LiveSurvey:
             self._ready.remove(tile.place)
             tile.n_sent = self._store.count_in(tile.near)
             tile.revision += 1
-            tile.buffer = Buffer.of(self.config.buffer)
             return self._store.tile(self._plan(tile), tile.buffer)
 
     def grown(self, sent: PointTile, sides: Sides = ALL) -> PointTile | None:

@@ -224,7 +224,7 @@ def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     assert 2 in {one.stamp - tile.stamp for one in tiles_of(survey)}
 
 
-def test_a_tile_that_has_grown_comes_again_when_points_fall_into_the_wider_buffer(survey):
+def test_a_tile_that_has_grown_comes_again_as_wide_when_points_fall_into_the_wider_buffer(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.add(scan_at(51, 20, spread=0.8), 0.0)
     survey.tick(5.0)
@@ -237,7 +237,7 @@ def test_a_tile_that_has_grown_comes_again_when_points_fall_into_the_wider_buffe
     survey.tick(6.0)
     again = {one.stamp: one for one in tiles_of(survey)}
     assert again.keys() == {tile.stamp + 2, other.stamp + 1}
-    assert len(survey.grown(again[tile.stamp + 2])) == len(grown) + 300
+    assert len(again[tile.stamp + 2]) == len(grown) + 300, "as wide as it needed: it is not done twice again"
 
 
 def test_an_interrupted_feed_goes_on_with_what_was_not_done(survey, tmp_path):
