@@ -12,6 +12,8 @@ from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile
 
 #: A point counts as so far off its plane at most [m].
 MAX_MISFIT = 1.0
+#: What a roof may lie above the highest return and below the lowest [m], beside what the spacing explains.
+ABOVE, _BELOW = 0.3, 1.0
 #: Most squares of the raster in which points share what they stand for.
 _MAX_SQUARES = 40_000
 
@@ -75,13 +77,14 @@ def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-
 
 
 def plane_costs(
-    points: FloatArray, weight: FloatArray, cell: IntArray, n_cells: int, planes: FloatArray
+    points: FloatArray, weight: FloatArray, cell: IntArray, cells: Cells, planes: FloatArray, spacing: float
 ) -> FloatArray:
     """
-    Return the misfit of each plane to the points of each cell [m³], shape (n_cells, n_planes).
+    Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no
-    plane.
+    That is the misfit to its points, and how far the plane lies beyond what was seen: a roof runs on for one
+    spacing beyond its points. Distances are vertical and count no more than `MAX_MISFIT`, so that chimneys
+    and antennas pull on no plane.
 
     Parameters
     ----------
@@ -91,12 +94,19 @@ def plane_costs(
         Area that each stands for [m²].
     cell : ndarray of shape (n_points,), int64
         The cell of each point, -1 for none.
-    n_cells : int
+    cells : Cells
     planes : ndarray of shape (n_planes, 3)
         z = a·x + b·y + c.
+    spacing : float
+        Point spacing [m].
     """
-    costs = np.zeros((n_cells, len(planes)))
-    _add_costs(points, weight, cell, np.ascontiguousarray(planes.T), costs)
+    slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
+    low, high = points[:, 2].min() - _BELOW - slack, points[:, 2].max() + ABOVE + slack
+    costs = np.zeros((len(cells), len(planes)))
+    _add_costs(
+        points, weight, cell, np.ascontiguousarray(planes.T),
+        cells.vertices, cells.borders, cells.sides, cells.areas, low, high, costs,
+    )  # fmt: skip
     return costs
 
 
@@ -129,16 +139,35 @@ def point_weights(points: FloatArray, outline: Outline, spacing: float) -> Float
 
 
 @kernel
-def _add_costs(points, weight, cell, planes, costs):  # type: ignore[no-untyped-def]
+def _add_costs(  # type: ignore[no-untyped-def]
+    points, weight, cell, planes, vertices, borders, sides, areas, low, high, costs
+):  # fmt: skip
     """Add to the costs of all planes."""
-    # Rows of their own, so that the loop over planes becomes wide (SIMD).
+    n_planes = planes.shape[1]
+    beyond = np.zeros(costs.shape)
+    # Rows of their own, so that the loops over planes become wide (SIMD).
     a, b, d = planes[0], planes[1], planes[2]
+    for e in range(len(borders)):
+        for end in range(2):
+            x, y = vertices[borders[e, end], 0], vertices[borders[e, end], 1]
+            for side in range(2):
+                c = sides[e, side]
+                if c < 0 or sides[e, 0] == sides[e, 1]:
+                    continue
+                own = beyond[c]
+                for k in range(n_planes):
+                    z = a[k] * x + b[k] * y + d[k]
+                    excess = max(z - high[k], low[k] - z)
+                    own[k] = excess if excess > own[k] else own[k]
+    for c in range(len(costs)):
+        for k in range(n_planes):
+            costs[c, k] += beyond[c, k] * areas[c]
     for i in range(len(points)):
         c = cell[i]
         if c < 0:
             continue
         own = costs[c]
         x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weight[i]
-        for k in range(planes.shape[1]):
+        for k in range(n_planes):
             misfit = abs(z - (a[k] * x + b[k] * y + d[k]))
             own[k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT)

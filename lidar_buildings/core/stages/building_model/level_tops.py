@@ -8,10 +8,8 @@ import numpy as np
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.raising.level_cut import cut_at
+from lidar_buildings.core.stages.building_model.cell_costs import ABOVE
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
-
-#: What a roof may lie above the highest return [m], beside what the spacing explains.
-_ABOVE = 0.3
 
 
 def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
@@ -32,7 +30,7 @@ def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     sizes = np.array([len(ring) for ring in exteriors])
     xy, own = np.concatenate(exteriors), np.repeat(planes, sizes, axis=0)
     highest = np.maximum.reduceat(np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2], np.cumsum(sizes) - sizes)
-    tops = points[:, 2].max() + _ABOVE + spacing * np.hypot(planes[:, 0], planes[:, 1])
+    tops = points[:, 2].max() + ABOVE + spacing * np.hypot(planes[:, 0], planes[:, 1])
     return [
         piece
         for face, high, top in zip(faces, highest.tolist(), tops.tolist(), strict=True)

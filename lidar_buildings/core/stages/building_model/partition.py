@@ -65,7 +65,7 @@ def partition_outline(
         cuts = extend_segments(segments, walls_of(outline), len(lines[0]))
     cells = cut_into_cells(outline, cuts)
     cell = cells_of_points(cells, points)
-    costs = plane_costs(points, point_weights(points, outline, spacing), cell, len(cells), planes)
+    costs = plane_costs(points, point_weights(points, outline, spacing), cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
     return _faces(cells, labels, cell, planes, config.min_part_step)
