@@ -41,8 +41,9 @@ class Letterbox:
         qos: QoSProfile,
         is_urgent: Callable[[], bool] = lambda: False,
     ) -> None:
+        group = _WhileUrgent(is_urgent, node.default_callback_group)
         self._subscription = node.create_subscription(
-            kind, topic, read, qos, callback_group=_Only(is_urgent), event_callbacks=SILENT_SUBSCRIPTION
+            kind, topic, read, qos, callback_group=group, event_callbacks=SILENT_SUBSCRIPTION
         )
 
     def look(self) -> None:
@@ -53,18 +54,22 @@ class Letterbox:
                 one.callback(taken[0])
 
 
-class _Only(CallbackGroup):
-    """What the executor waits for only while it is urgent."""
+class _WhileUrgent(CallbackGroup):
+    """What the executor waits for only while it is urgent, and never beside the node's other callbacks."""
 
-    def __init__(self, is_urgent: Callable[[], bool]) -> None:
+    def __init__(self, is_urgent: Callable[[], bool], others: CallbackGroup) -> None:
         super().__init__()
-        self._is_urgent = is_urgent
+        self._is_urgent, self._others = is_urgent, others
+
+    def add_entity(self, entity: Any) -> None:
+        super().add_entity(entity)
+        self._others.add_entity(entity)
 
     def can_execute(self, entity: Any) -> bool:
-        return self._is_urgent()
+        return self._is_urgent() and bool(self._others.can_execute(entity))
 
     def beginning_execution(self, entity: Any) -> bool:
-        return True
+        return bool(self._others.beginning_execution(entity))
 
     def ending_execution(self, entity: Any) -> None:
-        pass
+        self._others.ending_execution(entity)

@@ -78,3 +78,13 @@ def test_a_box_made_later_holds_what_is_kept_for_late_listeners(node):
 
     wait_until(has_come)
     assert read == ["before"]
+
+
+def test_what_is_urgent_waits_while_another_callback_of_the_node_runs(node):
+    box, _, _ = box_of(node, EVENT, lambda: True)
+    timer = node.create_timer(3600.0, lambda: None)
+    group, others = box._subscription.callback_group, node.default_callback_group
+    assert others.beginning_execution(timer)
+    assert not group.can_execute(box._subscription)
+    others.ending_execution(timer)
+    assert group.can_execute(box._subscription)

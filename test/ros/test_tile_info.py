@@ -18,6 +18,8 @@ class Listener:
     def __init__(self, n_publishers):
         self.n_publishers, self.errors, self.warnings, self.timers = n_publishers, [], [], []
 
+    default_callback_group = None
+
     def create_subscription(self, *_, **__):
         return Mock(handle=MagicMock(**{"take_message.return_value": None}))
 

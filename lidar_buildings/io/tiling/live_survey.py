@@ -41,7 +41,7 @@ class LiveSurvey:
     A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
     comes again as a later revision, with all its points and a buffer as wide as it needed, when more have
     come. Every point goes to disk at once; memory holds a batch. Nothing of what comes out depends on which
-    tile was left first.
+    tile was left first, but for buffers: one that was needed once stays wide until the feed is taken up anew.
 
     Parameters
     ----------
