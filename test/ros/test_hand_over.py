@@ -21,15 +21,19 @@ pytestmark = pytest.mark.graph
 RINGS = {4: (np.arange(9.0).reshape(3, 3), np.arange(12.0).reshape(4, 3)), 7: (np.zeros((3, 3)),)}
 
 
+#: Of their own: whoever listens to points elsewhere in the domain would have them sent as messages.
+NAMESPACE = "hand_over"
+
+
 class Sender(StageNode):
     def __init__(self, **kwargs):
-        super().__init__("sender", {}, **kwargs)
+        super().__init__("sender", {}, namespace=NAMESPACE, **kwargs)
         self.tiles, self.rings = self.create_tile_outlet("points"), self.create_ring_outlet("rings")
 
 
 class Receiver(StageNode):
     def __init__(self, **kwargs):
-        super().__init__("receiver", {}, **kwargs)
+        super().__init__("receiver", {}, namespace=NAMESPACE, **kwargs)
         self.tiles, self.rings, self.threads = [], [], set()
         self.subscribe_rings("rings", lambda stamp, rings: self.rings.append((stamp, rings)))
         self.subscribe_tiles("points", self.on_tile)
@@ -66,7 +70,7 @@ def test_within_a_process_a_tile_and_rings_come_as_they_are_without_a_message(pa
 
 def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair, context):
     sender, receiver = pair
-    tool, clouds, polygons = StageNode("tool", {}, context=context), [], []
+    tool, clouds, polygons = StageNode("tool", {}, namespace=NAMESPACE, context=context), [], []
     tool.create_subscription(PointCloud2, "points", clouds.append, CLOUD)
     tool.create_subscription(PolygonInstanceStamped, "rings", polygons.append, BUILDING)
     with running(tool):
@@ -84,7 +88,7 @@ def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair
 
 
 def test_messages_of_others_come_in_where_nothing_was_handed_over(context):
-    receiver, other = Receiver(context=context), Node("other", context=context)
+    receiver, other = Receiver(context=context), Node("other", namespace=NAMESPACE, context=context)
     publishers = [
         other.create_publisher(PointCloud2, "points", CLOUD),
         other.create_publisher(PolygonInstanceStamped, "rings", BUILDING),
