@@ -118,7 +118,7 @@ setup(
     ],
     entry_points={
         "console_scripts": [
-            "lidar-buildings = lidar_buildings.cli:main",
+            "lidar-buildings = lidar_buildings.cli:console",
             *(f"{node} = {PACKAGE}.nodes.{node}:main" for node in NODES),
         ],
     },

@@ -114,6 +114,8 @@ class ModelWriter(StageNode):
         """Take points of one tile; if it is on disk in this or a later revision, it lacked that answer."""
         if self._map is not None:
             self._map.expect()
+        elif not self._written:
+            self._survey.load_writers()  # the tile has still to go through stages
         if tile.stamp > self._survey.revision_of(tile.stamp):
             self._store_if_complete(tile.stamp, self._tiles.add_points(topic, tile))
         elif topic == self._topics[0]:

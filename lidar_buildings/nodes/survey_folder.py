@@ -125,6 +125,12 @@ class SurveyFolder:
         self._opened().write_tile(products)
         self.on_disk[tile_of(products.stamp)] = products.stamp
 
+    def load_writers(self) -> None:
+        """Import what `make_files` needs, in a time when nothing else is to be done."""
+        import lidar_buildings.report.page_file  # noqa: F401
+
+        self._opened().load_writers()
+
     def make_files(
         self, run_info: Mapping[str, Any], share: Share = map, share_models: Share = map
     ) -> RunSummary:

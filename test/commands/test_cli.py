@@ -149,6 +149,29 @@ def test_it_runs_as_a_program_of_its_own(tmp_path, house):
     assert subprocess.run([*program, "--version"], capture_output=True).returncode == 0
 
 
+@pytest.mark.parametrize(
+    ("ending", "status"), [("return 3", 3), ("sys.exit(2)", 2), ("raise OSError", 1), ("return 0", 0)]
+)
+def test_a_process_with_ros_ends_with_its_status_all_it_said_and_what_is_due_at_the_end(ending, status):
+    code = f"""
+import atexit, os, sys
+from lidar_buildings import cli
+
+def main():
+    sys.modules["rclpy"] = os
+    atexit.register(print, "late")
+    print("said " * 50_000)
+    {ending}
+
+cli.main = main
+cli.console()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == f"{'said ' * 50_000}\nlate\n"
+    assert done.returncode == status
+    assert ("OSError" in done.stderr) == (status == 1)
+
+
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_reader_that_stops_listening_is_no_error(house, unbuffered):
     code = f"{sys.executable} -m lidar_buildings.cli score outlines {house} {house} | true"
