@@ -32,11 +32,11 @@ from lidar_buildings.io.results.run_summary import run_info
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.io.vectors.footprints import FootprintFile
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
-if TYPE_CHECKING:  # dask is there for those who ask for it
+if TYPE_CHECKING:  # what takes time to import, and dask, which is there for those who ask for it
+    from lidar_buildings.io.vectors.footprints import FootprintFile
     from lidar_buildings.pipeline.tile_cluster import TileCluster
 
 #: Footprints so far from all points may still be asked for [m]; wide margin over 5 m.

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.ids import tile_of
@@ -23,8 +23,10 @@ from lidar_buildings.io.results.run_folder import Share, check_folder
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.sole_use import sole_use
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.io.vectors.footprints import FootprintFile, FootprintSource, read_footprints
 from lidar_buildings.nodes.configs import ModelWriterConfig
+
+if TYPE_CHECKING:  # what reads them takes time to import
+    from lidar_buildings.io.vectors.footprints import FootprintFile
 
 #: Names of the files; number `source` by name has that source's points, row `index` by row.
 PLACED_CLOUDS = "points_*.laz"
@@ -196,6 +198,8 @@ def _settings(text: str) -> dict[str, Any]:
 def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
     if not config.footprints:
         return None
+    from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
+
     source = FootprintSource(Path(config.footprints), config.footprints_layer, config.footprint_id)
     return read_footprints(source, frame)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.tile_products import Shapes
-from lidar_buildings.io.vectors.footprints import FootprintFile
+
+if TYPE_CHECKING:  # what reads them takes time to import
+    from lidar_buildings.io.vectors.footprints import FootprintFile
 
 #: Attribute and column that carries a footprint's name.
 FOOTPRINT_ID = "footprint_id"

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -37,7 +37,9 @@ from lidar_buildings.io.results.run_folder import (
 from lidar_buildings.io.results.run_summary import RunSummary, run_record
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
-from lidar_buildings.io.vectors.footprints import FootprintFile
+
+if TYPE_CHECKING:  # what reads them takes time to import
+    from lidar_buildings.io.vectors.footprints import FootprintFile
 
 _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
