@@ -7,12 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from bench.chain.stages import DECODING, GROUND, MODELS, PLANES, ROOFS
+from bench.chain.stages import DECODING, EDGES, GROUND, MODELS, OUTLINES, PLANES, ROOFS, TRACING
 from bench.common.tables import table
 
 Records = dict[str, list[dict[str, Any]]]
 Rows = list[list[str]]
 
+#: Heads the tables of the last landing in a document; behind it stands which one that is.
+LAST = "\n### Last measured: "
+#: Columns of the table of all landings: seconds of whole runs, points a second, and stages [processor s].
+LANDING = (
+    *("landing", "Delft × 1: CPU s", "wall s", "wall s, ROS", "Delft × 16: M points/s", DECODING),
+    *(GROUND, ROOFS, EDGES, TRACING, OUTLINES, PLANES, MODELS),
+)
+#: The stages' input that counts for it.
+DELFT = "Delft"
 #: What is said of roofer; the source was not found, and neither the machine nor its cores are known.
 ROOFER_SAID = ("roofer, as stated by others", 160, 588, 2.33)
 
@@ -44,6 +53,35 @@ def tables_of(records: Records) -> list[Table]:
         "start": [*records.get("start", []), *records.get("latency", [])],
     }
     return [make(ordered[part]) for part, make in made.items() if ordered[part]]
+
+
+def landed(text: str, title: str, records: Records) -> str:
+    """
+    Return a document with a landing's line at the end of the table before `LAST`, and its tables behind.
+
+    A landing that lacks the whole run of Delft, or its stages, has no line.
+    """
+    before, mark, _ = text.partition(LAST)
+    if not mark:
+        raise ValueError(f"{title}: the document has no heading {LAST.strip()!r}")
+    line = landing_line(title, records)
+    before = f"{before.rstrip()}\n" + (f"| {' | '.join(line)} |\n" if line else "")
+    return "\n\n".join([f"{before}{LAST}{title}", *(one.markdown() for one in tables_of(records))]) + "\n"
+
+
+def landing_line(title: str, records: Records) -> list[str]:
+    """Return the cells of a landing, as `LANDING` names them; none where they were not measured."""
+    runs = {(one["name"], one["is_ros"]): one for one in records.get("runs", ()) if one.get("cores") == 2}
+    cpu = next((one["cpu"] for one in records.get("stages", ()) if one["name"] == DELFT), None)
+    plain, ros = (runs.get(("Delft × 1", is_ros)) for is_ros in (False, True))
+    many = runs.get(("Delft × 16", False))
+    if plain is None or cpu is None:
+        return []
+    return [
+        *(title, f"{plain['cpu']:.1f}", f"{plain['wall']:.1f}", "" if ros is None else f"{ros['wall']:.1f}"),
+        "" if many is None else f"{many['points'] / many['wall'] / 1e6:.3f}",
+        *(f"{cpu[stage]:.2f}" for stage in LANDING[5:]),
+    ]
 
 
 def runs_table(records: Sequence[dict[str, Any]]) -> Table:

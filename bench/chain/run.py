@@ -14,8 +14,8 @@ latency   one tile of 250,000 points through a graph that waits for it
 start     the demo with nothing compiled, and once more
 
 With --record, figures are kept in a file and joined by those of later calls, so that parts can be measured
-one at a time; `--only` without a part measures nothing anew. --landing appends the tables to
-doc/benchmarks.md.
+one at a time; `--only` without a part measures nothing anew. --landing puts the tables in the place of the
+last ones of doc/benchmarks.md, and a line into the table of all landings.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bench.chain.parts import PARTS, Job
-from bench.chain.report import Records, tables_of
+from bench.chain.report import Records, landed, tables_of
 from bench.common.arguments import data_parser
 from bench.common.clouds import ROOT, data_folder
 
@@ -56,8 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     tables = tables_of(records)
     print("\n\n".join(one.plain() for one in tables))
     if options.landing:
-        text = "\n\n".join([f"### {options.landing}", *(one.markdown() for one in tables)])
-        DOCUMENT.write_text(f"{DOCUMENT.read_text().rstrip()}\n\n{text}\n")
+        DOCUMENT.write_text(landed(DOCUMENT.read_text(), options.landing, records))
 
 
 def keep(records: Records, part: str, record: dict) -> None:
@@ -79,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="the least counts (3)")
     parser.add_argument("--folder", type=Path, metavar="DIR", help="keep inputs and results here")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep the figures in this file")
-    parser.add_argument("--landing", metavar="TITLE", help="append the tables to doc/benchmarks.md")
+    parser.add_argument("--landing", metavar="TITLE", help="put the tables into doc/benchmarks.md")
     return parser
 
 

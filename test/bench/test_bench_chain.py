@@ -21,6 +21,7 @@ from bench.chain.live import Sending, latencies, memory_thirds
 from bench.chain.parts import n_compiled
 from bench.chain.repeated import repeat_bags
 from bench.chain.stages import Clock
+from bench.pages import landings
 from lidar_buildings.commands import replay
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
@@ -179,16 +180,34 @@ def test_a_later_record_takes_the_place_of_the_earlier_and_what_is_missing_is_sa
     assert models.missing == ["Not measured: roofer: not there."]
 
 
-def test_a_landing_is_appended_from_what_was_kept(tmp_path, monkeypatch, capsys):
+def test_a_landing_takes_the_place_of_the_last_and_has_a_line_of_its_own(tmp_path, monkeypatch, capsys):
     document, record = tmp_path / "benchmarks.md", tmp_path / "figures.json"
-    document.write_text("# Benchmarks\n")
-    record.write_text(json.dumps({"runs": [_run(is_ros=False, wall=4.0)]}))
+    head = f"| {' | '.join(report.LANDING)} |\n|{'---|' * len(report.LANDING)}\n"
+    document.write_text(f"# Benchmarks\n\n{head}\n### Last measured: one before\n\nIts tables.\n")
+    cpu = dict.fromkeys(report.LANDING[5:], 0.25)
+    stages = {"name": "Delft", "points": 800_000, "cpu": cpu}
+    record.write_text(json.dumps({"runs": [_run(is_ros=False, wall=4.0)], "stages": [stages]}))
     monkeypatch.setattr(chain, "DOCUMENT", document)
     chain.main(["--only", "--record", str(record), "--landing", "A landing"])
-    text = document.read_text()
-    assert text.startswith("# Benchmarks\n\n### A landing\n\nWhole runs")
-    assert "| Delft × 1 | 2 | 4 | 800,000 |" in text
+    before, _, after = document.read_text().partition("\n\n### Last measured: A landing\n\n")
+    assert before.startswith(f"# Benchmarks\n\n{head}| A landing |")
+    (line,) = landings.table(before, landings.HEAD)
+    assert (line["wall s"], line["wall s, ROS"], line["roof selection"]) == ("4.0", "", "0.25")
+    assert after.startswith("Whole runs")
+    assert "| Delft × 1 | 2 | 4 | 800,000 |" in after
+    assert "Its tables" not in after
     assert "Delft × 1" in capsys.readouterr().out
+    chain.main(["--only", "--record", str(record), "--landing", "Another"])
+    assert [one["landing"] for one in landings.table(document.read_text(), landings.HEAD)] == [
+        "A landing",
+        "Another",
+    ]
+
+
+def test_no_line_is_made_of_a_landing_without_a_run_of_delft_nor_a_landing_of_another_document():
+    assert report.landing_line("A landing", {"runs": [_run(is_ros=False, wall=4.0)]}) == []
+    with pytest.raises(ValueError, match="no heading"):
+        report.landed("# Benchmarks\n", "A landing", {})
 
 
 def test_latencies_of_a_feed_count_from_a_tiles_last_point():
