@@ -91,12 +91,17 @@ def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
 def _share_walls(
     outlines: list[Outline], traced: list[Outline], members: list[int], config: RegularisationConfig
 ) -> None:
-    """Let the buildings of one block share their walls, in place."""
-    shared = share_walls(
-        [outlines[row] for row in members],
-        [traced[row] for row in members],
-        [config.max_wall_gap * working_spacing(traced[row], config) for row in members],
-    )
+    """Let the buildings of one block share their walls, in place; where that fails they keep their own."""
+    try:
+        shared = share_walls(
+            [outlines[row] for row in members],
+            [traced[row] for row in members],
+            [config.max_wall_gap * working_spacing(traced[row], config) for row in members],
+        )
+    except Exception:
+        x, y = outlines[members[0]].exterior[0]
+        _log.exception("block at (%.1f, %.1f): its %d buildings share no walls", x, y, len(members))
+        return
     for row, outline, reason in zip(members, shared.outlines, shared.reasons, strict=True):
         if reason:
             _log.info("building at (%.1f, %.1f): %s", *outlines[row].exterior[0], reason)

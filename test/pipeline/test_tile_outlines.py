@@ -98,3 +98,17 @@ def test_walls_that_would_lie_over_a_neighbour_leave_the_smaller_one_as_traced(m
     # The small one alone does not part them: the large one keeps its ring, too.
     assert result[0].intersection(result[1]).area == 0.0
     assert result[1].equals(shapely.box(20.5, 2, 26.5, 8))
+
+
+def test_a_block_whose_walls_cannot_be_shared_costs_no_other_building(monkeypatch, caplog):
+    def broken(outlines, *_):
+        raise shapely.GEOSException("TopologyException: made to fail")
+
+    boxes = [shapely.box(0, 0, 12, 8), shapely.box(12.5, 1, 24, 9), shapely.box(40, 0, 52, 8)]
+    traced = tuple(BuildingOutline(k + 1, ring_of(box)) for k, box in enumerate(boxes))
+    monkeypatch.setattr("lidar_buildings.pipeline.tile_outlines.share_walls", broken)
+    results = regularise_outlines(traced, RegularisationConfig())
+    found = polygons(one.outline for one in results)
+    assert shapely.is_valid(found).all()
+    assert (shapely.area(shapely.intersection(found, boxes)) > 0.9 * shapely.area(boxes)).all()
+    assert "its 2 buildings share no walls" in caplog.text

@@ -239,3 +239,12 @@ def test_wrong_arguments_are_named(traced, gap, message):
     one = outline(shapely.box(0, 0, 5, 8))
     with pytest.raises(ValueError, match=message):
         share_walls([one], [one] * traced, gap)
+
+
+def test_corners_that_cross_where_gaps_are_closed_are_no_error():
+    one = shapely.Polygon([(1.2, 6.7), (2.5, -0.5), (5.3, -5.1), (6.4, -1.7)])
+    other = shapely.Polygon([(14.1, 8.3), (-1, 7.8), (15, 2.2), (16.4, 4.4), (12.6, 7)])
+    grown = shapely.union_all([one, other]).buffer(2.0, join_style="mitre")
+    assert not grown.buffer(-2.0, join_style="mitre").is_valid  # GEOS's; else this tests nothing
+    result, _ = shared([one, other], gap=4.0)
+    assert len(result.outlines) == 2

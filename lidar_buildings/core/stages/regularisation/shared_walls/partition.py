@@ -60,6 +60,7 @@ def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[
         return np.zeros(0, dtype=object)
     filled = shapely.union_all(polygons)
     closed = shapely.buffer(shapely.buffer(filled, reach, join_style="mitre"), -reach, join_style="mitre")
+    closed = shapely.make_valid(closed)  # GEOS lets mitred corners cross
     places = shapely.get_parts(shapely.difference(closed, filled))
     places = places[shapely.area(places) > GRID * reach]
     place, building = shapely.STRtree(polygons).query(places, predicate="dwithin", distance=GRID)
