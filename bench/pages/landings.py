@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[2] / "doc" / "benchmarks.md"
 
 
 def main(picture: Path) -> None:
-    """Draw a bar for each landing that has both tables."""
+    """Draw bars for each landing."""
     # text as text, and the same bytes each time
     plt.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": "landings"}
     landings = table(PAGE.read_text(encoding="utf-8"), HEAD)
