@@ -237,10 +237,10 @@ class LiveFeed:
         if self._survey is None:
             n_points = sum(len(scan.points) for scan in self._early)
             given = self._search.settled(self._placer, now, n_points)
-            scale = scale_of(
-                self._early, self._tiling.buffer, is_end=self._search.is_over(now, n_points, _PATIENCE)
-            )
-            if given is None or scale is None:
+            if given is None:
+                return
+            is_end = self._search.is_over(now, n_points, _PATIENCE)
+            if (scale := scale_of(self._early, self._tiling.buffer, is_end=is_end)) is None:
                 return
             scale = scale._replace(side=self._tiling.tile_size or scale.side)
             first = given.placed(self._early[0]).points[0]

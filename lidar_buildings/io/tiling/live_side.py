@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 from lidar_buildings.core.neighbours.point_spacing import rounded_spacing
 from lidar_buildings.core.scans.placing import PlacedScan
 from lidar_buildings.io.tiling.point_log import records_of
@@ -73,9 +74,8 @@ def scale_of(scans: Sequence[PlacedScan], buffer: float, *, is_end: bool = False
 
 def _left_behind(xy: NDArray[np.float64], times: NDArray[np.int64]) -> tuple[NDArray[np.bool_], float]:
     """Tell which points lie in places left behind, and the area of these [m²]."""
-    places = np.floor(xy / _PLACE).astype(np.int64)
-    _, place, counts = np.unique(places, axis=0, return_inverse=True, return_counts=True)
-    last = np.full(len(counts), np.iinfo(np.int64).min)
-    np.maximum.at(last, place.ravel(), times)
+    places, place = np.unique(cell_numbers(xy, _PLACE), return_inverse=True)
+    last = np.full(len(places), np.iinfo(np.int64).min)
+    np.maximum.at(last, place, times)
     is_left = last < times.max() - round(_LEFT * _SECOND)
-    return is_left[place.ravel()], float(np.count_nonzero(is_left) * _PLACE**2)
+    return is_left[place], float(np.count_nonzero(is_left) * _PLACE**2)

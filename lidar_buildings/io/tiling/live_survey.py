@@ -17,9 +17,9 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
-from lidar_buildings.io.tiling.spool import Cell
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
 from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
@@ -176,7 +176,7 @@ class LiveSurvey:
             tile = min((self._tiles[place] for place in self._ready), key=self._order_of)
             self._note(tile, tile.revision + 1, -1)
             self._ready.remove(tile.place)
-            tile.n_sent = self._store.count_in(tile.near)
+            tile.n_sent = self._store.count_in(tile.near.cells)
             tile.revision += 1
             return self._store.tile(self._plan(tile), tile.buffer)
 
@@ -252,7 +252,7 @@ class LiveSurvey:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""
         for place in self._tiles.changed - self._under_way:
             tile = self._tiles[place]
-            if self._store.count_in(tile.near) == tile.n_sent or tile.revision >= MOST_REVISIONS:
+            if self._store.count_in(tile.near.cells) == tile.n_sent or tile.revision >= MOST_REVISIONS:
                 self._tiles.changed.discard(place)
                 self._to_flush.discard(place)
 

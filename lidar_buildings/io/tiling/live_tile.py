@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.ids import STEP, tile_of
-from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.cell_table import Cell, CellTable
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -32,13 +32,13 @@ class LiveTile:
     stamp: int  #: its key: the stamp of its first revision [ns]
     block: Block
     buffer: Buffer  #: with which it was sent last
-    near: tuple[Cell, ...]  #: its spool cells and those of its buffer, as wide as it has ever been
+    near: Block  #: its spool cells and those of its buffer, as wide as it has ever been
     n_sent: int = -1  #: points near it when it was sent last; −1 = never
     revision: int = -1  #: number of the last one that was sent; −1 = none was
 
     def share_new(self, count_in: Callable[[Iterable[Cell]], int]) -> float:
         """Return which share of the points near it were not sent."""
-        return 1.0 - max(self.n_sent, 0) / max(count_in(self.near), 1)
+        return 1.0 - max(self.n_sent, 0) / max(count_in(self.near.cells), 1)
 
 
 class LiveTiles:
@@ -63,7 +63,7 @@ class LiveTiles:
         self._config = config
         self._by_place: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
-        self._touched: dict[Cell, float] = {}
+        self._touched = CellTable(-math.inf)
         self._widest = max(Buffer.of(config.buffer))
         self.changed: set[Cell] = set()
 
@@ -94,10 +94,10 @@ class LiveTiles:
 
     def widen(self, tile: LiveTile, buffer: Buffer, count_in: Callable[[Iterable[Cell]], int]) -> None:
         """Have points count for a tile that fall into a wider buffer, as it was made with that."""
-        n_before = count_in(tile.near)
+        n_before = count_in(tile.near.cells)
         tile.buffer = buffer
-        tile.near = tuple(dict.fromkeys([*tile.near, *self._near(tile.block, buffer)]))
-        tile.n_sent += count_in(tile.near) - n_before
+        tile.near = Block.around([tile.near, self._near(tile.block, buffer)])
+        tile.n_sent += count_in(tile.near.cells) - n_before
         self._widest = max(self._widest, *buffer)
 
     def touch(self, cells: Iterable[Cell], now: float) -> None:
@@ -112,12 +112,14 @@ class LiveTiles:
 
     def last_touched(self, tile: LiveTile) -> float:
         """Return when a point has fallen into a tile or its buffer last."""
-        return max((self._touched.get(cell, -math.inf) for cell in tile.near), default=-math.inf)
+        return max(self._touched[cell] for cell in tile.near.cells)
 
     def has_gaps(self, tile: LiveTile) -> tuple[bool, bool]:
         """Whether cells have had no point in a tile, and in it or its buffer: later passes may fill them."""
-        seen = self._touched.keys()
-        return any(cell not in seen for cell in tile.block.cells), any(cell not in seen for cell in tile.near)
+        own, near = (
+            any(self._touched[cell] == -math.inf for cell in one.cells) for one in (tile.block, tile.near)
+        )
+        return own, near
 
     def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
         """
@@ -147,8 +149,8 @@ class LiveTiles:
             tile.stamp = self._free(tile.stamp)
             self._by_stamp[tile.stamp] = tile
 
-    def _near(self, block: Block, buffer: Buffer) -> tuple[Cell, ...]:
-        return tuple(self._grid.cells_in(self._grid.area_of(block).buffered(buffer)))
+    def _near(self, block: Block, buffer: Buffer) -> Block:
+        return self._grid.block_in(self._grid.area_of(block).buffered(buffer))
 
     def _free(self, stamp: int) -> int:
         """Return the next stamp that no tile has."""

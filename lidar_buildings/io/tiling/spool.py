@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.captured_stderr import one_line
-
-#: A cell's column and row in the grid.
-Cell = tuple[int, int]
+from lidar_buildings.io.tiling.cell_table import Cell, CellTable
 
 #: What is kept of a point: the columns of a tile, map coordinates first.
 RECORD = np.dtype(
@@ -82,8 +80,8 @@ class Spool:
             self.folder = Path(tempfile.mkdtemp(prefix="lidar_buildings_", dir=folder))
         except OSError as error:
             raise temporary_error(folder or tempfile.gettempdir(), error) from error
-        #: Where the records are.
-        self.pieces: Pieces = {}
+        #: How many records each cell has here, and where those are that were joined.
+        self._counts, self._joined = CellTable(0), dict[Cell, list[Piece]]()
 
     def append(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
         """
@@ -100,7 +98,7 @@ class Spool:
         order, starts = _grouped(cells)
         records = records.take(order)  # ten times as fast as by index: a record is copied in one piece
         touched: list[Cell] = [(column, row) for column, row in cells[order[starts]].tolist()]
-        before = {cell: self.count(cell) for cell in touched}
+        before = {cell: int(self._counts[cell]) for cell in touched}
         written = []
         try:
             for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
@@ -111,23 +109,23 @@ class Spool:
                 os.truncate(self._file(cell), before[cell] * RECORD.itemsize)
             raise temporary_error(self.folder, error) from error
         for cell, count in written:
-            self.pieces[cell] = [Piece(self._file(cell), count)]
+            self._counts[cell] = count
         return touched
 
     def join(self, pieces: Pieces) -> list[Cell]:
         """Take what another process's spool holds as being here, behind what is; return its cells."""
         for cell, more in pieces.items():
-            self.pieces.setdefault(cell, []).extend(more)
+            self._joined.setdefault(cell, []).extend(more)
         return list(pieces)
 
     def count(self, cell: Cell) -> int:
         """Return the number of a cell's records."""
-        return sum(piece.count for piece in self.pieces.get(cell, ()))
+        return int(self._counts[cell]) + sum(piece.count for piece in self._joined.get(cell, ()))
 
     def blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read a cell's records `first` to `last`, some at a time."""
         before = 0
-        for file, count, _ in self.pieces.get(cell, ()):
+        for file, count, _ in self._pieces(cell):
             start = max(first - before, 0)
             end = count if last is None else min(last - before, count)
             while start < end:
@@ -139,7 +137,7 @@ class Spool:
     def heads(self, cell: Cell, first: int, last: int, without: Collection[int]) -> Iterator[Head]:
         """Yield first points of what a cell holds from record `first` to `last`, some sources left out."""
         before = 0
-        for piece in self.pieces.get(cell, ()):
+        for piece in self._pieces(cell):
             start, end = max(first - before, 0), min(last - before, piece.count)
             if piece.head is None or (start, end) != (0, piece.count):
                 for block in self.blocks(cell, before + start, before + end):
@@ -151,14 +149,16 @@ class Spool:
     def with_heads(self) -> Pieces:
         """Return where the records are, in a spool of a single source: the first ones of cells are known."""
         return {
-            cell: [piece._replace(head=next(self.heads(cell, 0, 1, ()))) for piece in pieces]
-            for cell, pieces in self.pieces.items()
+            cell: [piece._replace(head=next(self.heads(cell, 0, 1, ()))) for piece in self._pieces(cell)]
+            for cell in self._counts
         }
 
     def near(self, cells: Iterable[Cell]) -> Spool:
         """Return the same spool as if it held some cells alone: little to send to another process."""
         part = copy(self)
-        part.pieces = {cell: list(self.pieces[cell]) for cell in cells if cell in self.pieces}
+        cells = list(cells)
+        part._counts = self._counts.part(cells)
+        part._joined = {cell: self._joined[cell] for cell in cells if cell in self._joined}
         return part
 
     def remove(self) -> None:
@@ -167,6 +167,11 @@ class Spool:
             shutil.rmtree(self.folder, ignore_errors=True)
             if not self.folder.exists():
                 break
+
+    def _pieces(self, cell: Cell) -> list[Piece]:
+        """Return where a cell's records are, in their order."""
+        count = int(self._counts[cell])
+        return [Piece(self._file(cell), count)] * bool(count) + self._joined.get(cell, [])
 
     def _file(self, cell: Cell) -> Path:
         return self.folder / f"{cell[0]}_{cell[1]}.points"

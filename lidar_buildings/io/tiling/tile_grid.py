@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.io.clouds.cloud import CloudExtent
-from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.tile_stamps import LATEST
 
 #: Smallest side of a spool cell [m].
@@ -142,6 +142,13 @@ class Block(NamedTuple):
     width: int
     height: int
 
+    @classmethod
+    def around(cls, blocks: Sequence[Block]) -> Block:
+        """Return the smallest block that holds others, of which there is at least one."""
+        column, row = min(one.column for one in blocks), min(one.row for one in blocks)
+        width = max(one.column + one.width for one in blocks) - column
+        return cls(column, row, width, max(one.row + one.height for one in blocks) - row)
+
     @property
     def cells(self) -> list[Cell]:
         """Its cells."""
@@ -199,13 +206,11 @@ class TileGrid:
             for y in range(y0, y1 + 1):
                 yield x, y
 
-    def cells_in(self, area: Rectangle) -> Iterator[Cell]:
-        """Name the spool cells that have a part within an area, not those that only share its border."""
+    def block_in(self, area: Rectangle) -> Block:
+        """Return the spool cells that have a part within an area, not those that only share its border."""
         x0, y0 = (math.floor(c + 1e-6) for c in self._in_cells(area.x_min, area.y_min))
         x1, y1 = (math.ceil(c - 1e-6) for c in self._in_cells(area.x_max, area.y_max))
-        for x in range(x0, x1):
-            for y in range(y0, y1):
-                yield x, y
+        return Block(x0, y0, x1 - x0, y1 - y0)
 
     def area_of(self, block: Block) -> Rectangle:
         """Return where a block's cells lie in source coordinates [m]."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.io.tiling.spool import Cell
+from lidar_buildings.io.tiling.cell_table import Cell
 
 #: Side of a voxel of a crowded tile, which takes one point [m]: no finer than a building's model needs.
 VOXEL = 0.1

@@ -20,8 +20,9 @@ from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
+from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
-from lidar_buildings.io.tiling.spool import RECORD, Cell, Head, Pieces, Spool, order_key
+from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool, order_key
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid

@@ -17,9 +17,10 @@ from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
+from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.file_parts import Submit, read_files
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
-from lidar_buildings.io.tiling.spool import Cell, Head
+from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, Rectangles, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
