@@ -8,8 +8,8 @@ A virtual scanner's feed through the live graph, in real time: does the graph ke
 So many seconds after the graph was started the scanner ends, and the graph finishes. Both share the machine:
 what the scanner takes, the graph lacks. Prints a line of JSON: points that were sent and kept, how long the
 graph still had to work, latencies of tiles from their last point (that of their buffer included) to their
-models on disk, and memory, which must not grow from third to third. `graph_cpu` is the time of all the
-graph's processes; `times_seen` how often a point was in a tile that was sent, as one's buffer, too.
+models on disk, and memory, which must not grow from third to third of the feed. `graph_cpu` is the time of
+all the graph's processes; `times_seen` how often a point was in a tile that was sent, as one's buffer, too.
 """
 
 from __future__ import annotations
@@ -118,7 +118,8 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         "times_seen": round(sum(one.n_points for one in sendings) / max(record["n_points"], 1), 2),
         "seconds_after": round(told["seconds_after"], 1),
         **latencies(sendings, told["end"]),
-        "memory_MB": memory_thirds(memory),
+        "memory_MB": memory_thirds([one for at, one in memory if at < told["end"]]),
+        "most_memory_MB": round(max(sum(one.values()) for _, one in memory) / 1e6),
         "shared_memory_entries": [shared, len(os.listdir(_SHARED_MEMORY))],
     }
 
@@ -190,13 +191,13 @@ def _line_with(process: subprocess.Popen[str], words: str) -> str:
 
 def _watch(
     scanner: subprocess.Popen[str] | None, graph: subprocess.Popen[bytes], seconds: float
-) -> list[dict[int, int]]:
-    """Note the graph's memory until the scanner ends or has had its time, or else until the graph ends."""
+) -> list[tuple[float, dict[int, int]]]:
+    """Note times and the graph's memory until the scanner ends or has had its time, or the graph ends."""
     end: float | None = None
-    memory: list[dict[int, int]] = []
+    memory: list[tuple[float, dict[int, int]]] = []
     while (scanner or graph).poll() is None:
-        memory.append(memory_by_process(graph.pid))
-        if end is None and memory[-1]:
+        memory.append((time.monotonic(), memory_by_process(graph.pid)))
+        if end is None and memory[-1][1]:
             end = time.monotonic() + seconds
         if scanner is not None and end is not None and time.monotonic() >= end:
             scanner.send_signal(signal.SIGINT)
