@@ -15,9 +15,8 @@ from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile
 
 #: A point counts as so far off its plane at most [m].
 MAX_MISFIT = 1.0
-#: What a roof may lie above the highest return around and below the lowest of all [m], beside what the
-#: spacing explains.
-ABOVE, _BELOW = 0.3, 1.0
+#: What a roof may lie above the highest return around [m], beside what the spacing explains.
+ABOVE = 0.3
 #: So many spacings around a corner of a cell tell how high the roof may be there, and for so much of the
 #: cell, in square, it speaks. Compared with 3 to 6 on roofs that people drew and AHN3's: doc/algorithms.
 _AROUND = 5
@@ -113,9 +112,8 @@ def plane_costs(
     """
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    That is the misfit to its points, and how far the plane lies beyond what was seen, at the corner of the
-    cell where that is most: above the returns around it, below all. A roof runs on for one spacing beyond its
-    points. Distances are vertical; those to points count no more than `MAX_MISFIT`, so that chimneys and
+    That is the misfit to its points, and how far the plane lies above the returns around a corner of the cell,
+    where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those to points count no more than `MAX_MISFIT`, so that chimneys and
     antennas pull on no plane.
 
     Parameters
@@ -133,13 +131,12 @@ def plane_costs(
         Point spacing [m].
     """
     slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
-    low, high = points[:, 2].min() - _BELOW - slack, ABOVE + slack
     seen = _highest_around(cells.vertices, points, spacing)
     costs = np.zeros((len(cells), len(planes)))
     _add_costs(
         points, weight, cell, np.ascontiguousarray(planes.T),
         cells.vertices, cells.borders, cells.sides, cells.areas,
-        low, high, seen, (_AROUND * spacing) ** 2, costs,
+        ABOVE + slack, seen, (_AROUND * spacing) ** 2, costs,
     )  # fmt: skip
     return costs
 
@@ -179,7 +176,7 @@ def _highest_around(places: FloatArray, points: FloatArray, spacing: float) -> F
 
 @kernel
 def _add_costs(  # type: ignore[no-untyped-def]
-    points, weight, cell, planes, vertices, borders, sides, areas, low, high, seen, spoken, costs
+    points, weight, cell, planes, vertices, borders, sides, areas, high, seen, spoken, costs
 ):  # fmt: skip
     """Add to the costs of all planes."""
     n_planes = planes.shape[1]
@@ -195,8 +192,7 @@ def _add_costs(  # type: ignore[no-untyped-def]
                     continue
                 own = beyond[c]
                 for k in range(n_planes):
-                    z = a[k] * x + b[k] * y + d[k]
-                    excess = max(z - seen[borders[e, end]] - high[k], low[k] - z)
+                    excess = a[k] * x + b[k] * y + d[k] - seen[borders[e, end]] - high[k]
                     own[k] = excess if excess > own[k] else own[k]
     for c in range(len(costs)):
         for k in range(n_planes):
