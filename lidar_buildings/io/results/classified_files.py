@@ -97,9 +97,9 @@ class PointResults:
         for name, enter in steps:
             for path in paths:
                 rows = load_rows(path, name, source)
-                mine = rows[rows["index"] < len(self._table)]
+                mine = rows.compress(rows["index"] < len(self._table))
                 if name == "roofs" and len(left_out):
-                    mine = mine[~np.isin(mine["building_id"], left_out)]
+                    mine = mine.compress(~np.isin(mine["building_id"], left_out))
                 if len(mine):
                     enter(mine)
 

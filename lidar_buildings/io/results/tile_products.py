@@ -109,7 +109,7 @@ class TileProducts:
         tables = {"core": self.core, "roofs": self.roofs, "edges": self.edges}
         sources = np.unique(np.concatenate([rows["source"] for rows in tables.values()]))
         by_source = {
-            _table_name(name, source): rows[rows["source"] == source]
+            _table_name(name, source): rows.compress(rows["source"] == source)
             for name, rows in tables.items()
             for source in sources.tolist()
         }

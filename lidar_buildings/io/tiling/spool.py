@@ -18,7 +18,8 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.captured_stderr import one_line
 from lidar_buildings.io.tiling.cell_table import Cell, CellTable
 
-#: What is kept of a point: the columns of a tile, map coordinates first.
+#: What is kept of a point: the columns of a tile, map coordinates first. `take` and `compress` copy records
+#: five times as fast as indices do.
 RECORD = np.dtype(
     [
         ("x", "<f4"),
@@ -96,7 +97,7 @@ class Spool:
         if len(records) == 0:
             return []
         order, starts = _grouped(cells)
-        records = records.take(order)  # ten times as fast as by index: a record is copied in one piece
+        records = records.take(order)
         touched: list[Cell] = [(column, row) for column, row in cells[order[starts]].tolist()]
         before = {cell: int(self._counts[cell]) for cell in touched}
         written = []
@@ -193,7 +194,7 @@ def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
 def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
     """Yield the first of some records, if there is one of other sources than some."""
     if without:
-        records = records[~np.isin(records["source"], list(without))]
+        records = records.compress(~np.isin(records["source"], list(without)))
     if len(records):
         first = records[np.argmin(order_key(records))]
         yield Head(int(first["source"]), int(first["index"]), float(first["gps_time"]))

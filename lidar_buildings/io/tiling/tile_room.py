@@ -63,7 +63,7 @@ class TileRoom:
         is_kept = ~is_full
         is_kept[crowd] = self._are_new(records[crowd])
         left_out = {TOO_MANY: np.count_nonzero(is_full), CROWDED: np.count_nonzero(~is_kept & ~is_full)}
-        return records[is_kept], Counter({why: int(n) for why, n in left_out.items() if n})
+        return records.compress(is_kept), Counter({why: int(n) for why, n in left_out.items() if n})
 
     def _are_new(self, records: NDArray[Any]) -> NDArray[np.bool_]:
         """Tell which records are the first of their voxels, as far as these are remembered."""

@@ -174,7 +174,9 @@ class TileStore:
             kept = [np.empty(0, RECORD)]  # in how many pieces a cell was read must not tell
             for block in self._blocks(cell):
                 inside = local.holds(block["x"], block["y"])
-                kept.append(block[inside if source is None else inside & (block["source"] == source)])
+                kept.append(
+                    block.compress(inside if source is None else inside & (block["source"] == source))
+                )
             yield np.concatenate(kept)
 
     def count(self, plan: TilePlan, buffer: Buffer) -> int:
@@ -259,11 +261,11 @@ class TileStore:
                 yield block, 0
             for start, end in ((0, first), (last, None)):
                 for block in self._blocks(cell, start, end):
-                    yield block[near.holds(block["x"], block["y"])], 1
+                    yield block.compress(near.holds(block["x"], block["y"])), 1
 
     def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read a cell's records without those of dropped files."""
         for block in self.spool.blocks(cell, first, last):
-            kept = block[~np.isin(block["source"], self._dropped)] if self._dropped else block
+            kept = block.compress(~np.isin(block["source"], self._dropped)) if self._dropped else block
             if len(kept):
                 yield kept

@@ -112,9 +112,9 @@ def plane_costs(
     """
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    That is the misfit to its points, and how far the plane lies above the returns around a corner of the cell,
-    where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those to points count no more than `MAX_MISFIT`, so that chimneys and
-    antennas pull on no plane.
+    That is the misfit to its points, and how far the plane lies above the returns around a corner of the
+    cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those
+    to points count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no plane.
 
     Parameters
     ----------
