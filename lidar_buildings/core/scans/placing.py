@@ -265,8 +265,8 @@ class ScanPlacer:
             if found is not None and found[0] > last:
                 last, sensor = found
         self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
-        columns = {name: values[is_known] for name, values in scan.columns.items()}
-        return PlacedScan(points[is_known], scan.times[is_known], columns, sensor)
+        columns = {name: values.compress(is_known) for name, values in scan.columns.items()}
+        return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns, sensor)
 
     def _no_way_from(self, frame: str) -> str:
         known = ", ".join(self.tree.frames) or "none"

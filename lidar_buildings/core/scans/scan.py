@@ -124,8 +124,8 @@ def stamp_of(header: Any) -> int:
 def _are_measured(xyz: NDArray[np.float64], left_out: Counter[str]) -> NDArray[np.bool_]:
     """Return which rows are measurements."""
     with np.errstate(invalid="ignore"):
-        is_finite = np.all(np.abs(xyz) <= MAX_COORDINATE, axis=1)
-        is_return = np.any(xyz, axis=1)
+        is_finite = np.logical_and.reduce([np.abs(one) <= MAX_COORDINATE for one in xyz.T])
+        is_return = np.logical_or.reduce([one != 0.0 for one in xyz.T])
     _leave_out(left_out, NOT_FINITE, ~is_finite)
     _leave_out(left_out, NO_RETURN, is_finite & ~is_return)
     return np.logical_and(is_finite, is_return)

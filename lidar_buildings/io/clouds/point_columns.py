@@ -69,4 +69,4 @@ def last_returns(
     if return_number is None or number_of_returns is None:
         return points
     is_last = return_number >= number_of_returns
-    return points[is_last] if is_last.any() else points
+    return points.compress(is_last, axis=0) if is_last.any() else points
