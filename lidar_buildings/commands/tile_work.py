@@ -83,7 +83,6 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
         with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
 
             def begin(classified: PointTile) -> None:
-                give_memory_back()
                 rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
             result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
