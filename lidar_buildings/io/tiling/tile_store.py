@@ -174,9 +174,9 @@ class TileStore:
             kept = [np.empty(0, RECORD)]  # in how many pieces a cell was read must not tell
             for block in self._blocks(cell):
                 inside = local.holds(block["x"], block["y"])
-                kept.append(
-                    block.compress(inside if source is None else inside & (block["source"] == source))
-                )
+                if source is not None:
+                    inside &= block["source"] == source
+                kept.append(block.compress(inside))
             yield np.concatenate(kept)
 
     def count(self, plan: TilePlan, buffer: Buffer) -> int:
