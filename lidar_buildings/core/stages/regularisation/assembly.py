@@ -34,11 +34,14 @@ class Fit(NamedTuple):
         Weight of these directions, in multiples of the wall's own samples.
     min_step : float
         Smallest step or wall that is kept [m].
+    line_cost : float
+        What a wall's own line has to save in squared offsets beside one that other walls lie on [m²].
     """
 
     angles: NDArray[np.float64]
     direction_weight: float
     min_step: float
+    line_cost: float
 
 
 class WalledRing(NamedTuple):
@@ -78,7 +81,9 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
             division.first,
             division.last,
             division.kind,
-            *fit,
+            fit.angles,
+            fit.direction_weight,
+            fit.min_step,
         )
     )
 

@@ -159,6 +159,10 @@ class RegularisationConfig(StageConfig):
             arc=_ARC_COST if self.curved_walls else float("inf"),
         )
 
+    def line_cost(self, spacing: float) -> float:
+        """Return what a wall's own line has to save in squared offsets [m²]: none is shared as published."""
+        return self.wall_cost * (self.noise * spacing) ** 2 if self.division == "optimal" else 0.0
+
 
 #: The method as published: two perpendicular directions of the long walls, and all points of the ring.
 AS_PUBLISHED = RegularisationConfig(

@@ -35,10 +35,11 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
 
 def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
     """
-    Count what the adjustment had to find: a direction each, and each wall's offset, own angle, or circle.
+    Count what the adjustment had to find: a direction each, and each line's offset, own angle, or circle.
     """
     kinds = np.concatenate([ring.kind for ring in rings])
-    return n_directions + int(np.select([kinds == FREE, kinds == ARC], [2, 3], 1).sum())
+    own = int(np.select([kinds == FREE, kinds == ARC], [2, 3], 0).sum())
+    return n_directions + own + sum(len(np.unique(ring.shape[ring.kind >= 0], axis=0)) for ring in rings)
 
 
 def outline_walls(ring: int, walled: WalledRing, centre: NDArray[np.float64]) -> list[OutlineWall]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, close_rows
+from lidar_buildings.core.stages.regularisation.collinear_walls import on_common_lines
 from lidar_buildings.core.stages.regularisation.joints import extent_of, find_joint, length_of
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import move_out, offset_of
@@ -24,13 +26,22 @@ def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> Wa
     all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
     """
     offsets = _mean_offsets(samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:4])
-    return WalledRing(*_moved(samples.points, *walled[:4], offsets, fit.min_step))
+    return _drawn_anew(samples, walled, fit, offsets)
 
 
 def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
     """Move all walls away from the building."""
     distances = np.full(len(walled.first), distance)
-    return WalledRing(*_moved(samples.points, *walled[:4], distances, fit.min_step))
+    return _drawn_anew(samples, walled, fit, distances)
+
+
+def _drawn_anew(
+    samples: RingSamples, walled: WalledRing, fit: Fit, distances: NDArray[np.float64]
+) -> WalledRing:
+    """Move each wall out by its distance [m], lay those in line on one line, and join them again."""
+    moved = walled._replace(shape=_moved(samples.points, *walled[:4], distances))
+    shape = on_common_lines(samples, moved, fit)
+    return WalledRing(*_joined(samples.points, *walled[:3], shape, fit.min_step))
 
 
 @kernel
@@ -56,15 +67,22 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape): 
 
 
 @kernel
-def _moved(points, first, last, kind, shape, distances, min_step):  # type: ignore[no-untyped-def]
-    """
-    Move each wall by its distance and join them anew; steps and walls that shrink by it too much are dropped.
-    """
-    m, n = len(first), len(points)
-    first, last, kind, shape = first.copy(), last.copy(), kind.copy(), shape.copy()
-    for i in range(m):
+def _moved(points, first, last, kind, shape, distances):  # type: ignore[no-untyped-def]
+    """Return the shapes of walls that were moved out, each by its distance."""
+    n, shape = len(points), shape.copy()
+    for i in range(len(first)):
         a, b = (first[i] - 1) % n, last[i] % n
         move_out(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], distances[i])
+    return shape
+
+
+@kernel
+def _joined(points, first, last, kind, shape, min_step):  # type: ignore[no-untyped-def]
+    """
+    Join walls that have moved; steps and walls that shrank by it too much are dropped.
+    """
+    m = len(first)
+    first, last, kind = first.copy(), last.copy(), kind.copy()
     joints = np.zeros((m, 2, 2))
     while m > 1:
         for i in range(m):

@@ -13,8 +13,8 @@ from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, step
 
 #: Ends move along their line to what they cross within so many spacings; others may end as far off.
 _END_REACH = 2.5
-#: A line moves by no more than so many spacings,
-_MOST_MOVE = 0.75
+#: A line moves no farther than so many spacings past the upper roof's points,
+_PAST_POINTS = 0.25
 #: to a wall or corner that is so near along it, in spacings, and that runs in nearly its direction [deg].
 _REACH, _PARALLEL_DEG = 4.0, 4.0
 
@@ -22,6 +22,8 @@ _REACH, _PARALLEL_DEG = 4.0, 4.0
 def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     """
     Move lines onto outline walls that they continue, else into corners that they end near.
+
+    Where in the gap between the points of both roofs a step lies is not known: what it continues tells.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     np.minimum.at(low, steps.line, steps.t[:, 0])
     np.maximum.at(high, steps.line, steps.t[:, 1])
     angle, offset = steps.angle.copy(), steps.offset.copy()
-    _onto_walls(angle, offset, low, high, walls, spacing)
+    _onto_walls(angle, offset, low, high, steps.gap, walls, spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
@@ -46,14 +48,14 @@ def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
 
 
 @kernel
-def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-untyped-def]
+def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[no-untyped-def]
     """Move lines in place."""
-    most, reach = _MOST_MOVE * spacing, _REACH * spacing
+    past, reach = _PAST_POINTS * spacing, _REACH * spacing
     for k in range(len(angle)):
         if not low[k] < high[k]:
             continue
         c, s = math.cos(angle[k]), math.sin(angle[k])
-        best, best_angle, best_offset, is_moved = most, 0.0, 0.0, False
+        best, best_angle, best_offset, is_moved = gap[k] + past, 0.0, 0.0, False
         for m in range(len(walls)):
             x, y = walls[m, 0, 0], walls[m, 0, 1]
             dx, dy = walls[m, 1, 0] - x, walls[m, 1, 1] - y
@@ -76,7 +78,7 @@ def _onto_walls(angle, offset, low, high, walls, spacing):  # type: ignore[no-un
             angle[k] = angle[k] + _difference(best_angle, angle[k])
             offset[k] = best_offset
             continue
-        best = most
+        best = gap[k] + past
         for m in range(len(walls)):
             x, y = walls[m, 0, 0], walls[m, 0, 1]
             t, r = x * c + y * s, y * c - x * s

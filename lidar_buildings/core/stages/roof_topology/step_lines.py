@@ -32,6 +32,8 @@ class StepLines(NamedTuple):
         Numbers of the upper and the lower plane.
     length : ndarray of shape (n_steps,)
         Length of the border along it [m].
+    gap : ndarray of shape (n_lines,)
+        How far the nearest points of the upper roof lie from the line in the mean, or usually [m].
     """
 
     angle: FloatArray
@@ -40,6 +42,7 @@ class StepLines(NamedTuple):
     t: FloatArray
     planes: NDArray[np.int32]
     length: FloatArray
+    gap: FloatArray
 
 
 def step_edges(

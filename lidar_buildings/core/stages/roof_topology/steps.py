@@ -58,9 +58,8 @@ def find_step_lines(
     """
     rows = np.flatnonzero(~on_line)
     if not len(rows):
-        nothing = np.zeros(0)
-        planes = np.zeros((0, 2), dtype=np.int32)
-        return StepLines(nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), planes, nothing)
+        none, line, planes = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 2), dtype=np.int32)
+        return StepLines(none, none, line, np.zeros((0, 2)), planes, none, none)
     xy = borders.xy[rows]
     first, second = borders.first[rows], borders.second[rows]
     tops, others = (_elevations(gradients[planes - 1], xy) for planes in (first, second))
@@ -77,7 +76,8 @@ def find_step_lines(
     shift = np.where(hidden, mean - np.copysign(_USUAL_GAP * spacing, mean), 0.0)
     planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
-    return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length)
+    gap = np.maximum(np.abs(mean - shift), _USUAL_GAP * spacing)
+    return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length, gap)
 
 
 def _elevations(gradients: FloatArray, xy: FloatArray) -> FloatArray:

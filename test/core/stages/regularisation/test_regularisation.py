@@ -159,6 +159,22 @@ def test_scan_stairs_disappear_and_real_steps_stay():
     assert np.rad2deg(regularise_outline(traced.outline).directions[0]) == pytest.approx(20.0, abs=1.5)
 
 
+@pytest.mark.parametrize("correct_bias", [False, True])
+@pytest.mark.parametrize("set_back", [0.0, 0.4])
+def test_walls_beside_an_annex_lie_on_one_line_unless_one_is_set_back(set_back, correct_bias):
+    left = 10.0 - set_back
+    corners = [(0, 0), (24, 0), (24, 10), (16, 10), (16, 14), (8, 14), (8, left), (0, left)]
+    ring = turned(noisy_ring(corners, seed=3), 17.0)
+    found = regularise_outline(
+        Outline(ring), RegularisationConfig(correct_bias=correct_bias)
+    ).outline.exterior
+    assert len(found) == 8
+    ends = turned(np.array([(24, 10), (16, 10), (8, left), (0, left)]), 17.0)
+    right, *inner, far = found[[np.hypot(*(found - end).T).argmin() for end in ends]]
+    offsets = shapely.distance(shapely.LineString([right, far]), shapely.points(inner))
+    assert offsets == pytest.approx([set_back / 3] * 2, abs=1e-9 if set_back == 0.0 else 0.05)
+
+
 def test_the_outline_turns_and_moves_with_the_ring():
     ring = trace_boundary(GALLERY["t_shape"]().roof_points()).outline.exterior
     expected = regularise_outline(Outline(ring)).outline.exterior

@@ -161,7 +161,7 @@ def test_walls_move_away_from_the_building_on_their_left():
 def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
     ring = jagged_box(5)
     samples = sample_ring(ring - (15.0, 10.0), 1.0, LIMITS)
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0)
+    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 0.0)
     bearing = assemble(samples, divide_ring(samples.points, fit.angles, Costs(0.3, 10, 15, 10)), fit)
     assert len(bearing.first) == 4
     walled = through_all_points(samples, bearing, fit)

@@ -127,15 +127,15 @@ def test_steps_lie_where_the_upper_roof_ends_even_if_it_hides_a_strip_of_the_low
     assert step.segment[:, 0] == pytest.approx([40.0, 40.0], abs=0.2)
 
 
-def test_a_step_that_continues_a_wall_lies_on_its_line():
+@pytest.mark.parametrize("gap", [0.0, 0.3, 0.6, 0.9])
+def test_a_step_that_continues_a_wall_lies_on_its_line_wherever_points_begin(gap):
     low, high = shapely.box(0, 0, 12, 6), shapely.box(0, 6, 7, 12)
-    random = np.random.default_rng(5)
-    xy = random.random((2000, 2)) * 12
+    xy = np.stack(np.meshgrid(*[np.arange(0.225, 12.0, 0.25)] * 2), axis=-1).reshape(-1, 2)
     upper = shapely.contains_xy(high, *xy.T) | shapely.contains_xy(shapely.box(0, 0, 7, 6), *xy.T)
     lower = shapely.contains_xy(low, *xy.T) & ~upper
     points = np.column_stack([xy, np.where(upper, 9.0, 4.0)])
     outline = Outline(np.array([(0, 0), (12, 0), (12, 6), (7, 6), (7, 12), (0, 12.0)]))
-    inside = upper | lower
+    inside = upper | (lower & (xy[:, 0] > 7.0 + gap))
     topology = find_topology(points[inside], (upper + 2 * lower)[inside], outline)
     (step,) = topology.steps
     assert sorted(step.segment.round(9).tolist()) == [[7.0, 0.0], [7.0, 6.0]]
