@@ -15,7 +15,7 @@ from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
 #: Planes whose slopes differ by less [m/m] have no line of intersection worth the name.
-LEAST_BEND = 0.03
+LEAST_BEND = 0.01
 #: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
 _TOLERANCE = 0.75
 #: at the ends of a piece no farther than so many spacings more than the gap,
