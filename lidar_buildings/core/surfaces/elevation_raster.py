@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
@@ -50,6 +51,12 @@ def lowest_elevations(
     lowest = np.full(shape, np.inf)
     _lower(np.ascontiguousarray(points), cell, first, lowest)
     return lowest
+
+
+def nearest_filled(elevation: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the raster with unknown cells filled from the nearest known one; at least one has to be."""
+    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return elevation[tuple(nearest)]
 
 
 def filled(

@@ -8,7 +8,12 @@ from scipy import ndimage
 
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.surfaces.elevation_raster import cell_bounds, filled, lowest_elevations
+from lidar_buildings.core.surfaces.elevation_raster import (
+    cell_bounds,
+    filled,
+    lowest_elevations,
+    nearest_filled,
+)
 
 #: Side of a cell: so many spacings, and at least so many metres.
 CELL_SPACINGS = 2.0
@@ -57,7 +62,7 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     n_rows, n_columns = (last - first).astype(np.int64) + 1
     lowest = lowest_elevations(points, cell, first, (n_rows, n_columns))
     known = np.isfinite(lowest)
-    surface = _without_pits(_nearest_filled(lowest, known))
+    surface = _without_pits(nearest_filled(lowest, known))
     # Levelled, because an opening cuts off the upper rim of a slope.
     is_ground = known & _is_ground(surface - _lower_plane(surface), cell)
     if not is_ground.any():
@@ -74,11 +79,6 @@ def _cell_size(points: NDArray[np.float64]) -> float:
     while np.prod(np.diff(extent_of(points[:, :2]), axis=0) / cell + 1.0) > MAX_CELLS:
         cell *= 2.0
     return cell
-
-
-def _nearest_filled(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return values[tuple(nearest)]
 
 
 def _without_pits(surface: NDArray[np.float64]) -> NDArray[np.float64]:

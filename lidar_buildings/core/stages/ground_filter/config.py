@@ -213,12 +213,3 @@ class GroundFilterConfig(StageConfig):
         maximum=10.0,
         advanced=True,
     )
-    opening_hall_radius: float = parameter(
-        50.0,
-        "Radius of the largest disc that still removes buildings, told from hills by the step in which they "
-        "end; none beyond opening_radius if smaller: raising it copes with larger halls, and is slower.",
-        unit="m",
-        minimum=0.0,
-        maximum=500.0,
-        advanced=True,
-    )

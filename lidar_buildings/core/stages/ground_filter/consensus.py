@@ -10,6 +10,7 @@ from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
 from lidar_buildings.core.stages.ground_filter.openings import morphological
+from lidar_buildings.core.stages.ground_filter.plates import on_raised_plates
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
 
 
@@ -17,11 +18,12 @@ def agreed_ground(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """
-    Return which candidates at least two of three views call ground; all if there is none.
+    Return which candidates at least two of three views call ground, but for wide roofs; all if there is none.
 
     A TIN that grows (Axelsson 2000) fails where its seeds do, profiles (Shan and Sampath 2005) where they
     meet no ground on their way, openings (Zhang et al. 2003) where the terrain is as narrow as an object.
     What one of them gets wrong, the two others seldom do; weights that are fitted to them come out equal.
+    Roofs wider than the first terrain's cells and the windows of the others are found by their walls.
 
     Parameters
     ----------
@@ -47,4 +49,6 @@ def agreed_ground(
 
     for_row_blocks(look, len(views), 1)
     ground = votes.sum(axis=0) >= 2
-    return ground if ground.any() else np.ones_like(ground)
+    if not ground.any():
+        return np.ones_like(ground)
+    return ground & ~on_raised_plates(candidates, ground, spacing)

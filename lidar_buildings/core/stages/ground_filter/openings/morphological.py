@@ -13,7 +13,6 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.openings.halls import find_halls, nearest_known
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
 
@@ -26,10 +25,8 @@ FILL_REACH = 32
 STEP = 0.2
 #: Cells are doubled until this share is occupied of those in occupied squares of `SQUARE` by `SQUARE` cells.
 MIN_OCCUPIED, SQUARE = 0.08, 8
-#: Beyond the opening radius what rises by so much may be a hall [m].
-HALL_HEIGHT = 3.0
-#: Up to the opening radius discs grow by so much, beyond it by this ratio [m].
-RADIUS_STEP, RADIUS_RATIO = 1.0, 1.2
+#: Discs grow by so much [m].
+RADIUS_STEP = 1.0
 
 
 class CellMinima(NamedTuple):
@@ -63,10 +60,9 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
 
     The raster of cell minima is opened with discs of growing radius (Zhang et al. 2003), in small steps as
     Pingel et al. (2013) do it; a cell that sinks by more than the terrain can rise over the radius is an
-    object. Cells without points take no part, so nothing is invented before the openings. Discs beyond
-    `opening_radius` reach the size of hills: there only what ends in a step nearly all round is an object
-    (after Chen et al. 2007). The terrain is spanned between the cells left, and points are ground within a
-    distance of it that grows with its slope (Pingel et al. 2013).
+    object. Cells without points take no part, so nothing is invented before the openings. The terrain is
+    spanned between the cells left, and points are ground within a distance of it that grows with its slope
+    (Pingel et al. 2013).
 
     Points come in any order, gross errors removed.
 
@@ -118,7 +114,7 @@ def _label_block(
     ground: NDArray[np.bool_],
 ) -> None:
     cell = minima.cell
-    radii = _radii(config.opening_radius, config.opening_hall_radius, cell)
+    radii = _radii(config.opening_radius, cell)
     halo = 2 * radii[-1] + FILL_REACH
     # The block's first cell, counted from the first occupied one.
     block = np.floor(points[rows[0], 1::-1] / (BLOCK * cell)) * BLOCK - minima.first
@@ -133,13 +129,9 @@ def _label_block(
     _label(points, rows, terrain, _slope(terrain, cell), window, cell, limits, ground)
 
 
-def _radii(largest: float, hall: float, cell: float) -> list[int]:
-    """
-    Return the discs' radii in cells, rising: by steps up to `largest` [m], by a ratio from there to `hall`.
-    """
-    radii = [RADIUS_STEP * k for k in range(1, math.ceil(largest / RADIUS_STEP))] + [largest]
-    while radii[-1] < hall:
-        radii.append(min(radii[-1] * RADIUS_RATIO, hall))
+def _radii(largest: float, cell: float) -> list[int]:
+    """Return the discs' radii in cells, rising: by steps up to the largest [m]."""
+    radii = [*np.arange(RADIUS_STEP, largest, RADIUS_STEP).tolist(), largest]
     return sorted({max(1, round(radius / cell)) for radius in radii})
 
 
@@ -149,15 +141,10 @@ def _ground_cells(
     """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
     objects = np.zeros(lowest.shape, dtype=np.bool_)
-    before, nearest = lowest, nearest_known(known)
+    before = lowest
     for radius in radii:
         after = opened(before, radius)
-        limit = config.opening_slope * radius * cell + STEP
-        if radius * cell <= config.opening_radius + 0.5 * cell:
-            objects |= _sunk(before, after, known, limit)
-        else:
-            raised = _sunk(lowest, after, known, min(limit, HALL_HEIGHT))
-            objects |= find_halls(lowest, known, raised, nearest)
+        objects |= _sunk(before, after, known, config.opening_slope * radius * cell + STEP)
         before = after
     ground = known & ~objects
     return ground if ground.any() else known
