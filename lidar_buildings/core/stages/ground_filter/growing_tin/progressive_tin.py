@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
-from lidar_buildings.core.stages.ground_filter.growing_tin.seeds import choose_seeds
 from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import (
     GrowthLimits,
     TerrainGrowth,
@@ -73,15 +73,25 @@ def label_candidates(
 def _grown(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> TerrainGrowth:
-    is_seed = np.zeros(len(candidates), dtype=np.bool_)
-    is_seed[choose_seeds(candidates, config.seed_cell)] = True
-    terrain = start_growth(candidates, is_seed, extent)
+    terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
     angle, squared_side = math.radians(config.iteration_angle), MIN_FACET_SIDE**2
     limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
     terrain.grow(limits)
     if config.landform_distance > config.iteration_distance:
         _add_landforms(terrain, candidates, limits, spacing, config)
     return terrain
+
+
+def _are_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
+    """
+    Tell which candidates start the TIN: the lowest ones of cells.
+
+    Of two grids, one shifted by half a cell, so that less depends on where a grid happens to lie.
+    """
+    is_seed = np.zeros(len(candidates), dtype=np.bool_)
+    for shift in (0.0, 0.5 * cell):
+        is_seed[lowest_per_cell(np.add(candidates, (shift, shift, 0.0)), cell)] = True
+    return is_seed
 
 
 def _add_landforms(
