@@ -61,13 +61,6 @@ class Columns:
         return self._shared["places"]
 
     @property
-    def corner(self) -> NDArray[np.int64]:
-        """Row and place in it, counted from (0, 0), of the south-western column; there has to be a point."""
-        return np.asarray(
-            np.floor(self.points[0, 1::-1] / self.size).astype(np.int64) - self.places[self.column[0]]
-        )
-
-    @property
     def _before(self) -> NDArray[np.int32]:
         """How many columns stand before each place and after the last; empty if places are too many."""
         if "before" not in self._shared:

@@ -9,13 +9,12 @@ from lidar_buildings.core.surfaces.surface_patches import connected_columns, pla
 CELL = 0.4
 
 
-def wide(points, config=None, ground=()):
+def wide(points, config=None):
     """Return which points are on wide levels, in their order."""
     columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
     part = connected_columns(columns, LEVEL_STEP)
     area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
-    ground = np.reshape(ground, (-1, 3))
-    found[columns.rows] = wide_levels(columns, ground, part, area, config or RoofSelectionConfig())
+    found[columns.rows] = wide_levels(columns, part, area, config or RoofSelectionConfig())
     return found
 
 
@@ -65,21 +64,6 @@ def test_what_stands_alone_goes_unless_it_is_as_wide_as_a_building_somewhere():
     points = np.vstack([lorry, shed, far])
     np.testing.assert_array_equal(wide(points), np.arange(len(points)) >= len(lorry))
     assert wide(points, RoofSelectionConfig(min_building_width=0.0)).all()
-
-
-@pytest.mark.parametrize("origin", [(0.0, 0.0), (-310.3, 52.7)])
-def test_buses_side_by_side_are_no_building_where_the_ground_between_them_was_seen(origin):
-    at = np.array([*origin, 0.0])
-    buses = np.vstack([box((x, x + 2.5), (0, 12), 3.2) for x in (0.0, 3.4, 6.8, 10.2)]) + at
-    ground = box((-20, 40), (-20, 40), 0.0) + at
-    x, y = (ground - at)[:, :2].T
-    hidden = (x > 0.0) & (x < 12.7) & (y > 0.0) & (y < 12.0)
-    alleys = hidden & (x % 3.4 > 2.5)
-    assert wide(buses, ground=ground[~hidden]).all()
-    assert not wide(buses, ground=ground[~hidden | alleys]).any()
-    # What lies far around costs no memory: columns are numbered, not laid out.
-    far = np.array([[1e7, 1e7, 0.0]])
-    assert not wide(np.vstack([buses, HOUSE + far]), ground=ground[alleys])[: len(buses)].any()
 
 
 def test_widths_below_two_cells_are_not_looked_at():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.columns import MAX_PLACES, Columns
+from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
@@ -31,11 +31,7 @@ CONTACT_REACH = 1.0
 
 
 def wide_levels(
-    columns: Columns,
-    ground: NDArray[np.float64],
-    part: NDArray[np.int64],
-    area: NDArray[np.float64],
-    config: RoofSelectionConfig,
+    columns: Columns, part: NDArray[np.int64], area: NDArray[np.float64], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
     """
     Tell which roof points are of parts that are wide enough by themselves, or with what they stand on.
@@ -44,8 +40,6 @@ def wide_levels(
     ----------
     columns : Columns
         Points of roofs [m].
-    ground : ndarray of shape (n_ground, 3)
-        What is low: columns that it was seen in are no gaps by chance [m].
     part : ndarray of int64, shape (n_points,)
         What steps of less than a level connect.
     area : ndarray of shape (n_parts,)
@@ -71,14 +65,12 @@ def wide_levels(
     shapes = np.maximum.reduceat(places, begins) - lows + (2 * reach + 5)
     tops = np.maximum.reduceat(columns.points[chosen, 2], begins)
     plan = (columns.points, columns.first, columns.numbers, columns.row_length)
-    # Coarser columns at the edge of a roof show the ground and hide that they hold roof, too.
-    seen = _seen(ground if min_width >= MIN_CELLS * size else ground[:0], columns)
     cut = np.append(begins, len(chosen))
     for start, end, low, shape, top in zip(cut[:-1], cut[1:], lows, shapes, tops, strict=True):
         rows, (y, x) = chosen[start:end], (places[start:end] - low).T
-        own, (below, others, free) = np.zeros(shape, np.int32), np.zeros((3, *shape), np.uint8)
-        _draw(*plan, seen, y, x, low, top, own, below, others, free)
-        depth = square_distances(closed(below) & ~free, 0, reach)
+        own, (below, others) = np.zeros(shape, np.int32), np.zeros((2, *shape), np.uint8)
+        _draw(*plan, y, x, low, top, own, below, others)
+        depth = square_distances(closed(below), 0, reach)
         if area[part[rows[0]]] < max_opened:
             kept[rows] = opened(depth, half)[y, x]
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
@@ -96,24 +88,9 @@ def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> 
     return float((square_distances(others, 1, math.ceil(reach))[1:-1, 1:-1][rim] <= reach**2).mean())
 
 
-def _seen(ground: NDArray[np.float64], columns: Columns) -> NDArray[np.int64]:
-    """Return the numbers of the columns in which ground was seen, rising; of those around roofs."""
-    south, west = columns.corner
-    line = np.floor(ground[:, 1] / columns.size).astype(np.int64) - south
-    place = np.floor(ground[:, 0] / columns.size).astype(np.int64) - west
-    last, row_length = int(columns.places[-1, 0]), columns.row_length
-    inside = (line >= 0) & (line <= last) & (place >= 0) & (place < row_length)
-    numbers = np.compress(inside, line * row_length + place)
-    if (last + 1) * row_length > MAX_PLACES * len(numbers):
-        return np.unique(numbers)
-    table = np.zeros((last + 1) * row_length, dtype=np.bool_)
-    table[numbers] = True
-    return np.flatnonzero(table)
-
-
 @kernel
-def _draw(points, first, numbers, row_length, seen, y, x, low, top, own, below, others, free):  # type: ignore[no-untyped-def]
-    """Count a part's points in a window; mark what is no higher than its top, other roofs, bare ground."""
+def _draw(points, first, numbers, row_length, y, x, low, top, own, below, others):  # type: ignore[no-untyped-def]
+    """Count a part's points in a window of places; mark what is no higher than its top, and other roofs."""
     for i in range(len(y)):
         own[y[i], x[i]] += 1
     west, east = max(low[1], 0), min(low[1] + own.shape[1], row_length)
@@ -125,9 +102,4 @@ def _draw(points, first, numbers, row_length, seen, y, x, low, top, own, below, 
             if first[k + 1] > first[k]:
                 below[line, place] = points[first[k], 2] <= top
                 others[line, place] = first[k + 1] - first[k] > own[line, place]
-            k += 1
-        k = first_from(seen, start + west)
-        while k < len(seen) and seen[k] < start + east:
-            place = seen[k] - start - low[1]
-            free[line, place] = not below[line, place]
             k += 1

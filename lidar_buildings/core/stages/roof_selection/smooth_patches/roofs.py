@@ -100,7 +100,7 @@ def _without_narrow(
     label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
     part, found = label[rows], np.zeros(len(roof), dtype=bool)
     area = plan_areas(part, n, plan.first, plan.size)
-    found[rows] = wide_levels(plan, candidates.ground, part, area, config)
+    found[rows] = wide_levels(plan, part, area, config)
     found = _ending(candidates, *candidates.buildings(found, config.min_building_area))
     found = _ending(candidates, np.where(found, label, -1), n)
     return candidates.of_buildings(found, config.min_building_area)
