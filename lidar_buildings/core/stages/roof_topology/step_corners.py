@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, line_ends
@@ -52,12 +54,15 @@ def onto_ridges(
     offset, is_free = steps.offset.copy(), ~is_bound
     for _, lines, place, normal in sorted(_corners(steps, normals, ridges, spacing), key=lambda one: one[:2]):
         pair = list(lines)
-        # a line that moves by 1 moves the corner by so much across the ridge
-        rates = np.linalg.solve(normals[pair].T, normal) * is_free[pair]
+        (ax, ay), (bx, by) = normals[pair].tolist()
+        sine = ax * by - ay * bx
+        # A line that moves by 1 moves the corner by so much across the ridge.
+        rates = np.array([by * normal[0] - bx * normal[1], ax * normal[1] - ay * normal[0]]) / sine
+        rates *= is_free[pair]
         if not rates.any():
             continue
-        corner = np.linalg.solve(normals[pair], offset[pair])
-        moves = rates * ((place - corner) @ normal / (rates @ rates))
+        x, y = _meeting(normals, offset, lines)
+        moves = rates * ((place - (x, y)) @ normal / (rates @ rates))
         if np.abs(moves).max() <= _MOST_MOVE * spacing:
             offset[pair] += moves
             is_free[pair] = False
@@ -66,22 +71,31 @@ def onto_ridges(
 
 def _corners(steps: StepLines, normals: FloatArray, ridges: FloatArray, spacing: float) -> list[_Corner]:
     """Return the corners that lie beside a ridge's line near its end."""
-    places = line_ends(steps)
+    along = ridges[:, 1] - ridges[:, 0]
+    length = np.hypot(*along.T)
+    ends = ridges[length > 0.0].reshape(-1, 2)
+    across = np.repeat(np.column_stack([-along[:, 1], along[:, 0]])[length > 0.0], 2, axis=0)
+    across /= np.repeat(length[length > 0.0], 2)[:, None]
+    n, places = len(steps.angle), line_ends(steps).reshape(-1, 2)
+    has_place = np.flatnonzero(np.isfinite(places[:, 0]))
+    near = cKDTree(places[has_place]).query_ball_point(ends, _REACH * spacing)
     found = []
-    for ridge in ridges:
-        along = ridge[1] - ridge[0]
-        length = np.hypot(*along)
-        if length == 0.0:
-            continue
-        normal = np.array([-along[1], along[0]]) / length
-        for end in ridge:
-            is_near = np.hypot(*(places - end).T).min(axis=1) <= _REACH * spacing
-            for pair in combinations(np.flatnonzero(is_near).tolist(), 2):
-                both = normals[list(pair)]
-                if abs(both[0, 0] * both[1, 1] - both[0, 1] * both[1, 0]) < _LEAST_SINE:
-                    continue
-                corner = np.linalg.solve(both, steps.offset[list(pair)])
-                distance = abs(float((corner - end) @ normal))
-                if distance <= _MOST_MOVE * spacing and np.hypot(*(corner - end)) <= _REACH * spacing:
-                    found.append(_Corner(distance, pair, end, normal))
+    for k, at in enumerate(near):
+        for pair in combinations(sorted(set((has_place[at] % n).tolist())), 2):
+            x, y = _meeting(normals, steps.offset, pair) - ends[k]
+            if math.hypot(x, y) > _REACH * spacing:
+                continue
+            distance = abs(float(x * across[k, 0] + y * across[k, 1]))
+            if distance <= _MOST_MOVE * spacing:
+                found.append(_Corner(distance, pair, ends[k], across[k]))
     return found
+
+
+def _meeting(normals: FloatArray, offset: FloatArray, lines: tuple[int, int]) -> FloatArray:
+    """Return where two lines meet, infinitely far off where they are nearly parallel."""
+    (ax, ay), (bx, by) = normals[list(lines)].tolist()
+    one, other = offset[list(lines)].tolist()
+    sine = ax * by - ay * bx
+    if abs(sine) < _LEAST_SINE:
+        return np.full(2, np.inf)
+    return np.array([one * by - other * ay, ax * other - bx * one]) / sine
