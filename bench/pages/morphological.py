@@ -11,7 +11,7 @@ from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classi
 
 #: Scene → what to see, and along which axis and where its profile is cut, as a share of its extent.
 FAILURES = {
-    "hall_in_hillside": ("hall in a hillside: no step at its back", 0, 0.5),
+    "large_hall": ("hall: wider than the largest disc", 0, 0.5),
     "steep_forest": ("undergrowth: the tolerance grows with the slope", 1, 0.5),
     "mountain_ridge": ("sharp ridge: cut off as an object would be", 1, 0.5),
 }

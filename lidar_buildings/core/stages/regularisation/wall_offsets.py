@@ -39,7 +39,7 @@ def _drawn_anew(
     samples: RingSamples, walled: WalledRing, fit: Fit, distances: NDArray[np.float64]
 ) -> WalledRing:
     """Move each wall out by its distance [m], lay those in line on one line, and join them again."""
-    moved = walled._replace(shape=_moved(samples.points, *walled[:4], distances))
+    moved = walled._replace(shape=_moved(samples.points, walled.first, walled.last, walled.shape, distances))
     shape = on_common_lines(samples, moved, fit)
     return WalledRing(*_joined(samples.points, *walled[:3], shape, fit.min_step))
 
@@ -67,7 +67,7 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape): 
 
 
 @kernel
-def _moved(points, first, last, kind, shape, distances):  # type: ignore[no-untyped-def]
+def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-def]
     """Return the shapes of walls that were moved out, each by its distance."""
     n, shape = len(points), shape.copy()
     for i in range(len(first)):
@@ -78,9 +78,7 @@ def _moved(points, first, last, kind, shape, distances):  # type: ignore[no-unty
 
 @kernel
 def _joined(points, first, last, kind, shape, min_step):  # type: ignore[no-untyped-def]
-    """
-    Join walls that have moved; steps and walls that shrank by it too much are dropped.
-    """
+    """Join walls that have moved; steps and walls that shrank by it too much are dropped."""
     m = len(first)
     first, last, kind = first.copy(), last.copy(), kind.copy()
     joints = np.zeros((m, 2, 2))

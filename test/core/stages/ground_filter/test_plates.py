@@ -107,6 +107,18 @@ def test_far_points_and_the_order_make_no_difference():
     np.testing.assert_array_equal(found[:-2], roof)
 
 
+@pytest.mark.parametrize("height", [4.0, 15.0])
+def test_a_hall_of_80_m_is_not_ground_low_or_high(height):
+    rng = np.random.default_rng(0)
+    points = lattice(200.0, 200.0)
+    points += rng.uniform(0.0, 0.8, points.shape) * (1.0, 1.0, 0.0) + rng.normal(
+        0.0, (0.0, 0.0, 0.02), points.shape
+    )
+    hall = (np.abs(points[:, :2] - [103.0, 97.0]) < [40.0, 40.0]).all(axis=1)
+    points[hall, 2] += height
+    np.testing.assert_array_equal(classify_ground(points, CONFIG).classification == 2, ~hall)
+
+
 def test_trees_along_a_wall_hide_no_step():
     points = lattice(200.0, 200.0)
     away = np.abs(points[:, :2] - 100.0).max(axis=1)
