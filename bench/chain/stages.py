@@ -85,7 +85,7 @@ def run_stages(
     What tiles of a run come with, and stages would measure anew, is measured once.
     """
     tile = clock(TILE, as_of_a_run, tile)
-    classified = clock(GROUND, filter_ground, tile, config.ground_filter)
+    classified = clock(GROUND, filter_ground, tile, config.ground_filter).tile
     classified = clock(ROOFS, select_roof_points, classified, config.roof_selection)
     roofs = roof_points(classified)
     roofs = clock(EDGES, label_roof_edges, roofs, config.edge_labelling).tile

@@ -76,7 +76,7 @@ def _parts_of_class_6(folder: Path) -> RoofArea:
 
 def _parts_of_own_selection(folder: Path) -> RoofArea:
     """Points that this package takes for roofs, by its defaults, each part that hangs together one roof."""
-    tile = filter_ground(read_tile(folder)[0], GroundFilterConfig())
+    tile = filter_ground(read_tile(folder)[0], GroundFilterConfig()).tile
     return _parts(_class_6(select_roof_points(tile, RoofSelectionConfig())))
 
 

@@ -86,14 +86,14 @@ def versions(data: Path, quick: bool, seed: int) -> Iterator[tuple[str, str, Lab
         points = cloud.tile.points.astype(np.float64)
         columns = {key: getattr(cloud.tile, key) for key in COLUMNS if key != "classification"}
         columns = {key: column for key, column in columns.items() if column is not None}
-        plain = filter_ground(replace(cloud.tile, classification=None), GroundFilterConfig())
+        plain = filter_ground(replace(cloud.tile, classification=None), GroundFilterConfig()).tile
         yield name, "plain", cloud._replace(tile=plain)
         for one in disturbances(points, columns, quick=quick, seed=zlib.crc32(name.encode()) + seed):
             is_building, is_judged = cloud.is_building[one.rows], cloud.is_judged[one.rows]
             extent = np.ptp(one.points[:, :2], axis=0)
             is_dense = len(one.points) >= MIN_DENSITY * np.prod(extent)
             if is_dense and np.mean(is_building & is_judged) >= MIN_BUILDING:
-                tile = filter_ground(PointTile(points=one.points, **one.columns), GroundFilterConfig())
+                tile = filter_ground(PointTile(points=one.points, **one.columns), GroundFilterConfig()).tile
                 yield f"{name} {one.name}", one.kind, Labelled(tile, is_building, is_judged)
 
 

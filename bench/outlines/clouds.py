@@ -38,6 +38,6 @@ def read_roofs(name: str, files: list[Path]) -> RoofCloud:
     if (tile.classification == PointClass.BUILDING).any():
         roofs, classes = tile.select(tile.is_roof), "provider"
     else:
-        selected = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())
+        selected = select_roof_points(filter_ground(tile, GroundFilterConfig()).tile, RoofSelectionConfig())
         roofs, classes = selected.select(selected.is_roof), "own"
     return RoofCloud(name, roofs, extent, np.array(frame.origin[:2]), classes)

@@ -36,7 +36,7 @@ FIELD, FIELD_BRIGHTNESS = (6.0, 6.0, 60.0, 56.0), 0.4
 def main(picture: Path) -> None:
     """Draw recorded and normalised intensities, their histogram, and the classes with one known failure."""
     tile = with_strips_and_field(village())
-    result = select_roof_points(filter_ground(tile, GroundFilterConfig()), RoofSelectionConfig())
+    result = select_roof_points(filter_ground(tile, GroundFilterConfig()).tile, RoofSelectionConfig())
     is_ground = np.isin(result.classification, (2, 11))
     is_only = result.number_of_returns <= 1
     scales = strip_scales(tile.intensity, tile.point_source_id, is_only)

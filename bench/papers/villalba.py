@@ -73,7 +73,7 @@ def classified(folder: Path) -> PointTile:
     """Classify a cloud as published, without what its provider made of it."""
     config = config_of("villalba")
     tile = read_tile(folder)[0].with_columns(classification=None)
-    return select_roof_points(filter_ground(tile, config.ground_filter), config.roof_selection)
+    return select_roof_points(filter_ground(tile, config.ground_filter).tile, config.roof_selection)
 
 
 def _share(tile: PointTile, one: PointClass) -> str:

@@ -68,7 +68,7 @@ def read_area(folder: Path) -> tuple[PointTile, Reference]:
             name="BGT cells", cells=cells_of_polygons(blocks, DEFAULT_CELL), area=area
         )
     tile = replace(tile, classification=np.full(len(classes), PointClass.UNCLASSIFIED, dtype=np.uint8))
-    return filter_ground(tile, GroundFilterConfig()), reference
+    return filter_ground(tile, GroundFilterConfig()).tile, reference
 
 
 def cells_of(tile: PointTile, mask: NDArray[np.bool_], reference: Reference) -> list[str]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from std_msgs.msg import String
-
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
@@ -14,12 +12,11 @@ from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
+from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
-from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.tile_info import CLIPPED, clipped_message
 from lidar_buildings.ros.tile_join import Parts, TileJoin
 
 _EDGES, _ALL = "edge_points", "classified_points"
@@ -33,7 +30,6 @@ class BuildingTracer(StageNode):
         self._pool = pool or BuildingPool(0)
         self._building_points = self.create_tile_outlet("building_points")
         self._traced = self.create_ring_outlet("traced_outlines")
-        self._clipped = self.create_publisher(String, CLIPPED, EVENT)
         self._map: FrameListener | None = None
         if self.parameters[FootprintNodeConfig].file:
             self._map = FrameListener(
@@ -43,6 +39,7 @@ class BuildingTracer(StageNode):
         self._join = TileJoin(topics, is_ready=lambda *_: self._knows_frame())
         for topic in topics:
             self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile))
+        self._clipped = ClippedTiles(self)
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
         """Take one tile's points, and trace its buildings when all is there."""
@@ -63,17 +60,7 @@ class BuildingTracer(StageNode):
 
     def _trace(self, stamp: int, parts: Parts) -> None:
         traced = self._traced_tile(parts)
-        if traced.clipped and self._clipped.get_subscription_count():
-            self._clipped.publish(clipped_message(stamp, traced.clipped))
-            self.tile_infos.when_told_more(stamp, lambda: self._go_on_if_whole(stamp, traced))
-        else:
-            self._hand_on(stamp, traced)
-
-    def _go_on_if_whole(self, stamp: int, traced: TracedTile) -> None:
-        """Hand a clipped tile on if there is nothing beyond it; else a larger revision comes."""
-        if self.tile_infos.is_whole(stamp):
-            with self.reporting(stamp):
-                self._hand_on(stamp, traced)
+        self._clipped.hand_on(stamp, traced.clipped, lambda: self._hand_on(stamp, traced))
 
     def _hand_on(self, stamp: int, traced: TracedTile) -> None:
         self._building_points.publish(traced.tile)

@@ -13,6 +13,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
+from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
@@ -21,7 +22,7 @@ from lidar_buildings.ros.turns import Turns
 
 
 class GroundFilter(StageNode):
-    """Classifies the ground of each tile."""
+    """Classifies the ground of each tile; holds one back that cuts off what may be a wide roof."""
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
         super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
@@ -31,12 +32,16 @@ class GroundFilter(StageNode):
         if self.parameters[GroundFilterNodeConfig].publish_dtm:
             self._dtm = self.create_publisher(PointCloud2, "dtm", CLOUD)
         self.subscribe_tiles("points", self.on_tile)
+        self._clipped = ClippedTiles(self)
 
     def on_tile(self, tile: PointTile) -> Turns:
         """Classify one tile, and let others come meanwhile."""
         call = self._pool.begin(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
         yield call.when_done
-        classified = call.result()
+        filtered = call.result()
+        self._clipped.hand_on(tile.stamp, filtered.clipped, lambda: self._hand_on(filtered.tile))
+
+    def _hand_on(self, classified: PointTile) -> None:
         self._ground_points.publish(classified)
         if self._dtm is not None:
             self._publish_dtm(classified)

@@ -183,7 +183,7 @@ class TileSender(StageNode):
                 self._info.publish(over_message(tile.stamp))
                 self._publish(grown)
             else:
-                grown = replace(tile, bounds=None)
+                grown = replace(tile, bounds=sides.opened(tile.bounds))
                 self._info.publish(info_message(grown))
             self._flow.sent(grown)
 

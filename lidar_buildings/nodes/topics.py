@@ -146,14 +146,16 @@ TILE_INFO = Topic(
     "tile_info",
     "std_msgs/String",
     "LATCHED_TILE",
-    "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; null where nothing "
-    "lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, if it has two)",
+    "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; each or all "
+    "null where nothing lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, "
+    "if it has two)",
 )
 TILE_CLIPPED = Topic(
     "tile_clipped",
     "std_msgs/String",
     "EVENT",
-    "JSON: `stamp` of a tile, whether a building reaches beyond its `west`, `south`, `east`, `north` side",
+    "JSON: `stamp` of a tile, whether a building, or what may be one, reaches beyond its `west`, "
+    "`south`, `east`, `north` side",
 )
 TILE_DONE = Topic(
     "tile_done", _HEADER, "LATCHED_HISTORY", "this revision of a tile is done, or safely on disk"

@@ -100,7 +100,8 @@ class TileResult:
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
     models: tuple[TileModel, ...] = ()  #: one per outline
-    #: On which sides a building of this tile reaches beyond it; the chain then ends after tracing.
+    #: On which sides a building of this tile, or what may be one, reaches beyond it; the chain then ends with
+    #: the stage that found it.
     clipped: Sides = NONE
     seconds: dict[str, float] = field(default_factory=dict)  #: stage name → seconds it took
 
@@ -133,8 +134,8 @@ def reconstruct_tile(
     on_classified : callable, optional
         Called with the tile when its points have their classes and it is sure to be large enough.
     is_all : callable
-        Asked when a building reaches beyond some sides of the tile: whether nothing lies there, so that the
-        chain goes on.
+        Asked when a building, or what may be one, reaches beyond some sides of the tile: whether nothing
+        lies there, so that the chain goes on.
 
     Returns
     -------
@@ -154,10 +155,15 @@ def reconstruct_tile(
     is_last = _StageClock(until)
     tell = on_classified or (lambda _: None)
 
-    classified = filter_ground(tile, config.ground_filter)
-    if is_last("ground_filter"):
+    def with_more(sides: Sides) -> Sides:
+        return NONE if sides and is_all(sides) else sides
+
+    filtered = filter_ground(tile, config.ground_filter)
+    classified, clipped = filtered.tile, with_more(filtered.clipped)
+    if not clipped and until == "ground_filter":
         tell(classified)
-        return TileResult(classified, seconds=is_last.seconds)
+    if is_last("ground_filter") or clipped:
+        return TileResult(classified, clipped=clipped, seconds=is_last.seconds)
 
     classified = select_roof_points(classified, config.roof_selection)
     roofs = roof_points(classified)
@@ -175,7 +181,7 @@ def reconstruct_tile(
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
-    clipped = NONE if found.clipped and is_all(found.clipped) else found.clipped
+    clipped = with_more(found.clipped)
     if not clipped:
         tell(classified)
     if is_last("boundary_tracing") or clipped:

@@ -40,6 +40,15 @@ _MARKER_SIZE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
+class FilteredTile:
+    """A tile after the ground filter."""
+
+    tile: PointTile  #: every point, with its class and height above ground
+    #: Beyond which sides what was taken for ground has to be seen to tell whether it is a wide roof.
+    clipped: Sides
+
+
+@dataclass(frozen=True, eq=False)
 class LabelledTile:
     """A tile's roof points after edge labelling."""
 
@@ -59,8 +68,13 @@ class TracedTile:
     clipped: Sides
 
 
-def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
-    """Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`."""
+def filter_ground(tile: PointTile, config: GroundFilterConfig) -> FilteredTile:
+    """
+    Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`.
+
+    What the tile shows too little of to tell whether it is a wide roof counts if the tile's core has part in
+    it.
+    """
     before, kept = used_classes(tile.points, tile.classification, tile.point_spacing), config.kept_classes
     result = classify_ground(
         tile.points,
@@ -74,7 +88,17 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> PointTile:
     classes = result.classification
     if before is not None:
         classes = np.where(is_of_groups(before, kept), before, classes)
-    return tile.with_columns(classification=classes, height_above_ground=result.height_above_ground)
+    filtered = tile.with_columns(classification=classes, height_above_ground=result.height_above_ground)
+    return FilteredTile(filtered, _sides_of(result.cut_off, tile))
+
+
+def _sides_of(extents: NDArray[np.float64], tile: PointTile) -> Sides:
+    """Return on which sides something passes a tile's limits, if anything of it lies in the core's extent."""
+    if not len(extents) or not tile.is_core.any():
+        return NONE
+    low, high = extent_of(tile.points[tile.is_core, :2])
+    near = (extents[:, 0] < high).all(axis=1) & (extents[:, 1] > low).all(axis=1)
+    return reduce(or_, (Sides.passed(*one, tile.bounds, 0.0) for one in extents[near]), NONE)
 
 
 def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:

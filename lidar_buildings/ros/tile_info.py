@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +13,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.model.sides import Sides
+from lidar_buildings.core.model.sides import Bounds, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.json_text import read_json
@@ -31,8 +32,11 @@ _PATIENCE = 20.0
 
 
 def info_message(tile: PointTile) -> String:
-    """Return a tile's stamp, bounds, point spacing and dark limit as a line of JSON; null = not known."""
-    return String(data=json.dumps({"stamp": tile.stamp, **{name: getattr(tile, name) for name in _MEMBERS}}))
+    """Return a tile's stamp, bounds, spacing and dark limit as a line of JSON; null: not known, or none."""
+    said = {name: getattr(tile, name) for name in _MEMBERS}
+    if tile.bounds is not None:
+        said["bounds"] = [limit if math.isfinite(limit) else None for limit in tile.bounds]
+    return String(data=json.dumps({"stamp": tile.stamp, **said}))
 
 
 def over_message(stamp: int) -> String:
@@ -53,13 +57,13 @@ def info_of(message: String) -> tuple[int, dict[str, Any]]:
 
 
 def clipped_message(stamp: int, sides: Sides) -> String:
-    """Return the message that a building reaches beyond some sides of a tile."""
+    """Return the message that a building, or what may be one, reaches beyond some sides of a tile."""
     return String(data=json.dumps({"stamp": stamp, **sides._asdict()}))
 
 
 def clipped_of(message: String) -> tuple[int, Sides]:
     """
-    Return a tile's stamp [ns] and beyond which sides of it a building reaches.
+    Return a tile's stamp [ns] and beyond which sides of it a building, or what may be one, reaches.
 
     Raises
     ------
@@ -158,9 +162,13 @@ class TileInfos:
         self._box.look()
         return bool(self._known.get(stamp, {}).get("is_over"))
 
-    def is_whole(self, stamp: int) -> bool:
-        """Whether the last message of a tile says that there is nothing beyond it."""
-        return self._known.get(stamp, {}).get("bounds", ()) is None
+    def is_all(self, stamp: int, sides: Sides) -> bool:
+        """Whether the last message of a tile says that there is nothing beyond some sides of it."""
+        try:
+            bounds = _bounds_of(self._known.get(stamp, {}).get("bounds", (0.0,) * 4))
+        except ValueError:
+            return False
+        return sides.opened(bounds) == bounds
 
     def complete(self, tile: PointTile) -> PointTile:
         """
@@ -173,9 +181,32 @@ class TileInfos:
         """
         info = self._known.get(tile.stamp, {})
         try:
-            return replace(tile, **{name: info[name] for name in _MEMBERS if name in info})
+            said = {name: info[name] for name in _MEMBERS if name in info}
+            if "bounds" in said:
+                said["bounds"] = _bounds_of(said["bounds"])
+            return replace(tile, **said)
         except (TypeError, ValueError) as error:
             raise MessageError(f"{TOPIC} of tile {tile.stamp}: {error}") from None
+
+
+def _bounds_of(said: Any) -> Bounds | None:
+    """
+    Return a tile's limits as they are said: null where there is none.
+
+    Raises
+    ------
+    ValueError
+        If they are not four numbers or null.
+    """
+    if said is None:
+        return None
+    try:
+        west, south, east, north = (0.0 if limit is None else float(limit) for limit in said)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"bounds = {said!r}: must be four numbers, or null where there is no limit"
+        ) from None
+    return Sides(*(limit is None for limit in said)).opened((west, south, east, north))
 
 
 def _keep_last(tiles: OrderedDict[int, Any]) -> None:

@@ -1,7 +1,9 @@
-"""A cloud in tiles with buffers gives the outlines that it gives as a whole."""
+"""A cloud in tiles with buffers gives the ground and the outlines that it gives as a whole."""
 
+import laspy
 import numpy as np
 import pytest
+from support.cloud_files import saved
 
 from lidar_buildings.commands.tile_work import whole_result
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -35,3 +37,21 @@ def test_montpellier_in_six_tiles_has_the_outlines_of_montpellier_as_one(data_fo
     as_one = outlines_of(paths, 1000.0)
     assert len(as_one) >= 8
     assert_same_outlines(outlines_of(paths, 50.0), as_one)
+
+
+def test_a_hall_wider_than_a_tile_and_its_buffer_is_no_ground(tmp_path):
+    x, y = np.meshgrid(np.arange(0.75, 500.0, 1.5), np.arange(0.75, 400.0, 1.5))
+    hall = (np.abs(x - 250.0) < 150.0) & (np.abs(y - 200.0) < 100.0)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, x.shape)
+    cloud = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
+    cloud.xyz = np.stack([x, y, 9.0 * hall + noise], axis=-1).reshape(-1, 3)
+    cloud.return_number[:] = cloud.number_of_returns[:] = 1
+    taken = n_core = 0
+    with TileSource([saved(cloud, tmp_path / "hall.laz")], TilingConfig(tile_size=100.0)) as source:
+        for tile in source.ready():
+            done = whole_result(tile, PipelineConfig(), "ground_filter").classified
+            is_roof = done.points[:, 2] > 5.0 + done.points[:, 2].min()
+            taken += int(np.count_nonzero(done.is_core & is_roof & (done.classification == 2)))
+            n_core += int(done.is_core.sum())
+    assert n_core == x.size
+    assert taken < 0.05 * np.count_nonzero(hall)

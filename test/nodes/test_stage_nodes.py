@@ -32,14 +32,14 @@ from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.nodes import building_tracer
+from lidar_buildings.nodes import building_tracer, ground_filter
 from lidar_buildings.nodes.building_tracer import BuildingTracer
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.reconstruct import STAGES
-from lidar_buildings.pipeline.tile_stages import TracedTile
+from lidar_buildings.pipeline.tile_stages import FilteredTile, TracedTile
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
@@ -50,6 +50,13 @@ from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import clipped_of, info_message
 
 pytestmark = pytest.mark.graph
+
+
+EAST = Sides(east=True)
+
+
+def info_of_tile(bounds):
+    return info_message(replace(roof(HOUSE), stamp=STAMP, bounds=bounds))
 
 
 # the ground filter
@@ -83,20 +90,42 @@ def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
     assert other.count_publishers("dtm") == 0
 
 
+@pytest.fixture
+def filtering(monkeypatch):
+    """A ground filter that asks for more of every tile, east of it."""
+    monkeypatch.setattr(ground_filter, "filter_ground", lambda tile, _: FilteredTile(tile, EAST))
+
+
+def test_a_tile_that_cuts_a_wide_roof_off_waits_for_the_word_that_this_is_all(context, bench, filtering):
+    sends = {"points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
+    hears = {"ground_points": (PointCloud2, CLOUD), "tile_clipped": (String, EVENT)}
+    other = bench(made(GroundFilter, context), sends, hears)
+    other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
+    other.send("points", to_message(roof(HOUSE)))
+    wait_until(lambda: other.heard["tile_clipped"])
+    assert clipped_of(other.heard["tile_clipped"][0]) == (STAMP, EAST)
+    assert not other.heard["ground_points"]
+    other.send("tile_info", info_of_tile((0.0, 0.0, np.inf, 9.0)))
+    wait_until(lambda: other.heard["ground_points"])
+
+
+def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filtering):
+    other = bench(
+        made(GroundFilter, context), {"points": (PointCloud2, CLOUD)}, {"ground_points": (PointCloud2, CLOUD)}
+    )
+    other.send("points", to_message(roof(HOUSE)))
+    wait_until(lambda: other.heard["ground_points"])
+
+
 # the tracer
 
 
-EAST = Sides(east=True)
 TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
 TRACER_HEARS = {
     "building_points": (PointCloud2, CLOUD),
     "traced_outlines": (PolygonInstanceStamped, BUILDING),
     "tile_clipped": (String, EVENT),
 }
-
-
-def info_of_tile(bounds):
-    return info_message(replace(roof(HOUSE), stamp=STAMP, bounds=bounds))
 
 
 @pytest.fixture

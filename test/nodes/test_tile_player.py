@@ -17,7 +17,7 @@ from support.cloud_files import random_cloud
 from support.node_bench import call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.sides import ALL
+from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.node_summary import ERROR
 from lidar_buildings.ros.point_cloud import from_message
@@ -33,9 +33,10 @@ pytestmark = pytest.mark.graph
 class GraphEnd(StageNode):
     """Stands for a whole graph: takes tiles and says when they are done."""
 
-    def __init__(self, *, delay=0.0, forgets=(), clips=(), **kwargs):
+    def __init__(self, *, delay=0.0, forgets=(), clips=(), sides=ALL, **kwargs):
         super().__init__("graph_end", {}, **kwargs)
         self.delay, self.forgets, self.clips, self.is_silent = delay, Counter(forgets), Counter(clips), False
+        self._sides = sides
         self.received, self.done, self.failed, self.bounds, self.survey_done = [], [], [], {}, []
         self._numbers, self._held, self.over = {}, set(), []
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
@@ -55,7 +56,7 @@ class GraphEnd(StageNode):
         elif self.clips[number] > 0:
             self.clips[number] -= 1
             self._held.add(tile.stamp)
-            self._clipped.publish(clipped_message(tile.stamp, ALL))
+            self._clipped.publish(clipped_message(tile.stamp, self._sides))
         else:
             self._finish(tile.stamp)
 
@@ -69,7 +70,8 @@ class GraphEnd(StageNode):
             self.over.append(info["stamp"])
             return
         self.bounds.setdefault(tile_of(info["stamp"]), []).append(info["bounds"])
-        if info["bounds"] is None and info["stamp"] in self._held:
+        said = info["bounds"] or [None] * 4
+        if info["stamp"] in self._held and all(said[k] is None for k in np.flatnonzero(self._sides)):
             self._finish(info["stamp"])
 
     def on_failed(self, message):
@@ -261,6 +263,16 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     widths = [east - west for west, _, east, _ in bounds]
     assert widths == pytest.approx([20.0 + 4.0 / 3.0 * buffer for buffer in (2.0, 4.0, 8.0)], abs=1e-4)
     assert last is None
+    assert sorted(Counter(end.done).values()) == [1] * 5
+
+
+def test_of_a_side_without_more_alone_it_is_said(play):
+    _, end = play({"clips": {1: 1}, "sides": Sides(west=True)})
+    wait_until(lambda: end.survey_done)
+    stamp = end.received[0].stamp
+    (_, south, east, north), after = end.bounds[stamp]
+    assert after == [None, south, east, north]
+    assert end.received[1].stamp != stamp + 1, "no larger one came"
     assert sorted(Counter(end.done).values()) == [1] * 5
 
 

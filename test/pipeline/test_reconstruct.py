@@ -1,9 +1,11 @@
 """The chain of one tile: what cuts a building off ends it, unless there is no more of the tile."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.sides import Sides
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.pipeline import reconstruct
 
@@ -38,3 +40,30 @@ def test_where_there_is_no_more_the_chain_goes_on_with_what_is_done(tile, n_filt
     assert not result.clipped
     assert len(result.models) == 1
     assert n_filtered() == 1
+
+
+@pytest.fixture
+def part_of_a_hall():
+    """The east of a hall 320 m long, west of which the tile ends."""
+    x, y = np.meshgrid(np.arange(0.0, 180.0, 1.5), np.arange(0.0, 400.0, 1.5))
+    z = np.where((x <= 90.0) & (y >= 40.0) & (y <= 360.0), 9.0, 0.0)
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    points += np.random.default_rng(0).normal(0.0, 0.02, points.shape)
+    return PointTile(points, point_spacing=1.5, bounds=(-1.0, -9.0, 190.0, 409.0))
+
+
+@pytest.mark.parametrize("until", ["ground_filter", "building_model"])
+def test_a_tile_that_cuts_a_wide_roof_off_ends_after_the_ground_filter(part_of_a_hall, until):
+    result = reconstruct.reconstruct_tile(part_of_a_hall, until=until)
+    assert result.clipped == Sides(west=True)
+    assert result.roofs is None
+    rest = reconstruct.reconstruct_tile(part_of_a_hall, until=until, is_all=lambda sides: sides.west)
+    assert rest.clipped == NONE
+    assert (rest.roofs is None) == (until == "ground_filter")
+
+
+def test_what_is_cut_off_outside_the_core_is_its_neighbours(part_of_a_hall):
+    for core, clipped in (((60.0, 120.0), Sides(west=True)), ((100.0, 179.0), NONE)):
+        x = part_of_a_hall.points[:, 0]
+        tile = replace(part_of_a_hall, buffer=(x < core[0]) | (x > core[1]))
+        assert reconstruct.reconstruct_tile(tile, until="ground_filter").clipped == clipped

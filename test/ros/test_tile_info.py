@@ -2,10 +2,12 @@
 
 from unittest.mock import MagicMock, Mock
 
+import numpy as np
 import pytest
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.tile_info import TileInfos, info_message
 
@@ -49,7 +51,11 @@ def tile(**members):
 
 @pytest.mark.parametrize(
     "members",
-    [{}, {"bounds": (-5.0, 1.0, 20.0, 30.1), "point_spacing": 0.1, "dark_limit": 91.7}],
+    [
+        {},
+        {"bounds": (-5.0, 1.0, 20.0, 30.1), "point_spacing": 0.1, "dark_limit": 91.7},
+        {"bounds": (-np.inf, 1.0, 20.0, np.inf)},
+    ],
 )
 def test_a_tile_has_what_was_sent_of_it(members):
     infos = TileInfos(Listener(1))
@@ -58,6 +64,20 @@ def test_a_tile_has_what_was_sent_of_it(members):
     found = infos.complete(tile())
     for name in ("bounds", "point_spacing", "dark_limit"):
         assert getattr(found, name) == getattr(sent, name)
+
+
+def test_what_lies_beyond_a_tile_is_known_side_by_side():
+    infos, west_and_east = TileInfos(Listener(1)), Sides(west=True, east=True)
+    assert not infos.is_all(STAMP, west_and_east), "nothing was said"
+    for bounds, of_west, of_both in (
+        ((-5.0, 1.0, 20.0, 30.1), False, False),
+        ((-np.inf, 1.0, 20.0, 30.1), True, False),
+        ((-np.inf, 1.0, np.inf, 30.1), True, True),
+        (None, True, True),
+    ):
+        infos.on_info(info_message(tile(bounds=bounds)))
+        assert infos.is_all(STAMP, Sides(west=True)) == of_west
+        assert infos.is_all(STAMP, west_and_east) == of_both
 
 
 def test_work_waits_for_its_tile_alone():
@@ -104,8 +124,18 @@ def test_a_message_that_is_not_understood_is_reported_and_holds_nothing(text):
     assert len(node.errors) == 1
 
 
-def test_a_value_that_no_tile_can_have_is_named():
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ('"point_spacing": -1.0', r"point_spacing = -1\.0"),
+        ('"bounds": [1.0, 2.0, 3.0]', "must be four"),
+        ('"bounds": 7', "must be four"),
+        ('"bounds": [1, 2, "x", 4]', "must be four"),
+    ],
+)
+def test_a_value_that_no_tile_can_have_is_named(said, why):
     infos = TileInfos(Listener(1))
-    infos.on_info(String(data=f'{{"stamp": {STAMP}, "point_spacing": -1.0}}'))
-    with pytest.raises(MessageError, match=r"point_spacing = -1\.0"):
+    infos.on_info(String(data=f'{{"stamp": {STAMP}, {said}}}'))
+    with pytest.raises(MessageError, match=why):
         infos.complete(tile())
+    assert not infos.is_all(STAMP, Sides(west=True)) or "bounds" not in said

@@ -10,6 +10,7 @@ from lidar_buildings.core.model.array_types import FloatArray
 
 #: West, south, east and north limit [m].
 Bounds = tuple[float, float, float, float]
+_OUTMOST: Bounds = (-np.inf, -np.inf, np.inf, np.inf)
 
 
 class Sides(NamedTuple):
@@ -30,7 +31,8 @@ class Sides(NamedTuple):
         low, high : ndarray of shape (2,)
             Least and greatest x and y of it [m].
         bounds : tuple of four float or None
-            Of the tile: west, south, east, north [m]; None where nothing lies beyond.
+            Of the tile: west, south, east, north [m], infinite where nothing lies beyond; None if so all
+            round.
         margin : float
             [m]
         """
@@ -38,6 +40,14 @@ class Sides(NamedTuple):
             return NONE
         west_south, east_north = np.array(bounds).reshape(2, 2)
         return cls(*(low - west_south < margin).tolist(), *(east_north - high < margin).tolist())
+
+    def opened(self, bounds: Bounds | None) -> Bounds | None:
+        """Return a tile's outer limits without those of these sides; None if there is no limit left."""
+        if bounds is None:
+            return None
+        west, south, east, north = np.where(self, _OUTMOST, bounds).tolist()
+        left = west, south, east, north
+        return None if left == _OUTMOST else left
 
     def __bool__(self) -> bool:
         """Whether it holds on any side."""

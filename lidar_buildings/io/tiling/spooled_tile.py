@@ -28,7 +28,7 @@ class SpooledTile:
     @property
     def reach(self) -> Rectangle:
         """Where the tile's points may lie in the map frame, however wide its buffer becomes [m]."""
-        return self.store.local_area(self.plan, Buffer.of(self.max_buffer))
+        return self.store.local_area(self.plan, Buffer.largest(self.max_buffer))
 
     @property
     def core(self) -> Rectangle:
@@ -37,7 +37,7 @@ class SpooledTile:
 
     def alone(self) -> SpooledTile:
         """Return the tile without what lies beyond its reach: little to send to another process."""
-        return replace(self, store=self.store.near(self.plan, Buffer.of(self.max_buffer)))
+        return replace(self, store=self.store.near(self.plan, Buffer.largest(self.max_buffer)))
 
     def read(self) -> PointTile:
         """Return the tile."""

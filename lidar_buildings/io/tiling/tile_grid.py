@@ -41,6 +41,11 @@ class Buffer(NamedTuple):
         """Return a buffer of a width, see `BUFFER_SHARES` [m]."""
         return cls(*(share * width for share in BUFFER_SHARES))
 
+    @classmethod
+    def largest(cls, width: float) -> Buffer:
+        """Return the largest buffer of a tile that grows [m]: what it grows for may lie on any side."""
+        return cls(width, width, width, width)
+
     def doubled(self, sides: Sides, least: float, most: float) -> Buffer:
         """
         Return it twice as wide on some sides.
@@ -52,7 +57,7 @@ class Buffer(NamedTuple):
         least, most : float
             Width of the buffer that takes the place of none, and of the largest [m].
         """
-        limits = zip(self, Buffer.of(least), Buffer.of(most), sides, strict=True)
+        limits = zip(self, Buffer.of(least), Buffer.largest(most), sides, strict=True)
         return Buffer(*(min(2.0 * own or low, high) if wider else own for own, low, high, wider in limits))
 
 

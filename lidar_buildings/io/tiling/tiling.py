@@ -249,7 +249,7 @@ class TileSource:
         near = self._grid.tiles_touching([read.grown(most)]) or self._waiting
         for tile in sorted((self._waiting & near) - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
-            surroundings = square.buffered(Buffer.of(most))
+            surroundings = square.buffered(Buffer.largest(most))
             if not surroundings.touches(read) or self._bounds.near(surroundings) & self._unread:
                 continue
             if self._bounds.near(square):

@@ -62,7 +62,8 @@ class TilingConfig(StageConfig):
     )
     max_buffer: float = parameter(
         200.0,
-        "How far the buffer may grow for a building that reaches across it; a larger one keeps halls whole.",
+        "How far the buffer may grow on each side for a building that reaches across it; a larger one keeps "
+        "halls whole.",
         unit="m",
         minimum=0.0,
         maximum=2_000.0,

@@ -27,7 +27,7 @@ def field_with_a_pond(pond_class=9, **others):
 
 
 def classified(tile, **settings):
-    return select_roof_points(filter_ground(tile, GroundFilterConfig(**settings)), RoofSelectionConfig())
+    return select_roof_points(filter_ground(tile, GroundFilterConfig(**settings)).tile, RoofSelectionConfig())
 
 
 def test_every_class_is_either_decided_here_or_of_one_group():
@@ -71,7 +71,7 @@ def test_a_bridge_stays_a_bridge_has_a_height_and_is_no_ground_nor_roof():
 
 def test_noise_of_the_source_has_no_part_in_the_terrain():
     tile = field_with_a_pond()
-    clean = filter_ground(tile, GroundFilterConfig())
+    clean = filter_ground(tile, GroundFilterConfig()).tile
     # A slab of false points that is far too large for the search for gross errors.
     x, y = (each.ravel() for each in np.meshgrid(np.arange(5.0, 20.0, 0.5), np.arange(5.0, 20.0, 0.5)))
     slab = np.column_stack([x, y, np.full(len(x), 6.0)])
@@ -79,7 +79,7 @@ def test_noise_of_the_source_has_no_part_in_the_terrain():
         np.vstack([tile.points, slab]),
         classification=np.concatenate([tile.classification, np.full(len(x), 7)]),
     )
-    result = filter_ground(noisy, GroundFilterConfig())
+    result = filter_ground(noisy, GroundFilterConfig()).tile
     assert (result.classification[len(tile) :] == 7).all()
     same = result.classification[: len(tile)] == clean.classification
     assert same.mean() > 0.999

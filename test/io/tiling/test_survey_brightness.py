@@ -74,7 +74,7 @@ def test_tiles_too_small_to_show_two_modes_still_find_their_roads(tmp_path):
     save_strip_files(tmp_path)
     for tile in tiles_of(tmp_path, 60.0):
         result = select_roof_points(
-            filter_ground(tile, GroundFilterConfig(kept_classes=())), RoofSelectionConfig()
+            filter_ground(tile, GroundFilterConfig(kept_classes=())).tile, RoofSelectionConfig()
         )
         truth = tile.classification == 30
         found = result.classification == 11

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_no
 from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
 from lidar_buildings.core.stages.ground_filter.openings import morphological
+from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope, slope_pairs
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
@@ -45,10 +46,14 @@ class GroundResult:
         2 = ground, 7 = low noise, 18 = high noise, 1 = everything else.
     height_above_ground : ndarray of shape (n_points,), float64
         Height above the terrain [m]; finite for every point, negative below the terrain.
+    cut_off : ndarray of shape (n, 2, 2), float64
+        Least and greatest x and y of what was taken for ground and may be wide roofs, too little of which
+        lies within the points to tell [m]; only ``consensus`` looks for them.
     """
 
     classification: NDArray[np.uint8]
     height_above_ground: NDArray[np.float64]
+    cut_off: NDArray[np.float64] = field(default_factory=NO_EXTENTS.copy)
 
 
 def classify_ground(
@@ -134,13 +139,13 @@ def classify_ground(
         return GroundResult(in_rows_order(cloud, classes), height)
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = _labelled_ground(points, cloud, free, config, scan)
-    terrain = _terrain(cloud, free if labels is None else labels, config)
+    terrain, cut_off = _terrain(cloud, free if labels is None else labels, config)
     elevation, slope = terrain.elevation_and_slope_along(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
     ground = near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
-    return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height))
+    return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height), cut_off)
 
 
 def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
@@ -177,16 +182,20 @@ def _labelled_ground(
     return in_order[cloud.rows]
 
 
-def _terrain(cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterConfig) -> Tin:
+def _terrain(
+    cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterConfig
+) -> tuple[Tin, NDArray[np.float64]]:
     """
-    Return the terrain over the extent of all points: densified, or the TIN of what a method found ground.
+    Return the terrain over the extent of all points, and the extents of wide roofs that it may hold.
 
-    Only the lowest point a cell takes part. Where a method found no ground at all, it is the lowest surface.
+    It is densified, or the TIN of what a method found ground. Only the lowest point a cell takes part. Where
+    a method found no ground at all, it is the lowest surface.
     """
     extent = extent_of(cloud.points[:, :2])
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method in DENSIFIED:
-        return DENSIFIED[config.method](candidates, extent, config)
-    if config.method == "consensus":
-        candidates = candidates[agreed_ground(candidates, extent, config)]
-    return build_tin(candidates, extent)
+        return DENSIFIED[config.method](candidates, extent, config), NO_EXTENTS
+    if config.method != "consensus":
+        return build_tin(candidates, extent), NO_EXTENTS
+    agreed, cut_off = agreed_ground(candidates, extent, config)
+    return build_tin(candidates[agreed], extent), cut_off

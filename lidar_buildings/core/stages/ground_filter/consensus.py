@@ -10,15 +10,17 @@ from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
 from lidar_buildings.core.stages.ground_filter.openings import morphological
-from lidar_buildings.core.stages.ground_filter.plates import on_raised_plates
+from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS, find_plates
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
 
 
 def agreed_ground(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
-) -> NDArray[np.bool_]:
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """
     Return which candidates at least two of three views call ground, but for wide roofs; all if there is none.
+
+    Beside them the extents of what may be a wide roof as well, see `Plates.cut_off`.
 
     A TIN that grows (Axelsson 2000) fails where its seeds do, profiles (Shan and Sampath 2005) where they
     meet no ground on their way, openings (Zhang et al. 2003) where the terrain is as narrow as an object.
@@ -50,5 +52,6 @@ def agreed_ground(
     for_row_blocks(look, len(views), 1)
     ground = votes.sum(axis=0) >= 2
     if not ground.any():
-        return np.ones_like(ground)
-    return ground & ~on_raised_plates(candidates, ground, spacing)
+        return np.ones_like(ground), NO_EXTENTS
+    plates = find_plates(candidates, ground, spacing)
+    return ground & ~plates.on_roof, plates.cut_off

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -14,15 +16,34 @@ STEP = 3.0
 #: Share of a plate's sides that have to fall by a step; and what those at the edge of the data, which show
 #: no step nor its absence, weigh in it.
 MIN_FALLS, UNSEEN_WEIGHT = 0.8, 0.5
+#: Share of a plate's sides that has to be seen before those beyond the edge of the data are worth a look.
+MIN_SEEN = 0.25
 #: Side of a cell: so many spacings, and at least so many metres.
 CELL_SPACINGS, MIN_CELL = 2.0, 2.0
+#: The extents of no plate.
+NO_EXTENTS = np.empty((0, 2, 2))
 #: Longer gaps without any point are shortened to so many cells, and cells are doubled beyond so many.
 LONGEST_GAP, MAX_CELLS = 8, 4_000_000
 
 
-def on_raised_plates(
-    points: NDArray[np.float64], ground: NDArray[np.bool_], spacing: float
-) -> NDArray[np.bool_]:
+class Plates(NamedTuple):
+    """
+    Wide roofs among what was taken for ground.
+
+    Attributes
+    ----------
+    on_roof : ndarray of shape (n_points,), bool
+        Points, taken for ground, that lie on roofs.
+    cut_off : ndarray of shape (n_plates, 2, 2)
+        Least and greatest x and y of plates that more points beyond the edge of the data might show to be
+        roofs [m].
+    """
+
+    on_roof: NDArray[np.bool_]
+    cut_off: NDArray[np.float64]
+
+
+def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing: float) -> Plates:
     """
     Tell which points, taken for ground, lie on roofs: on plates whose sides fall by a step nearly all round.
 
@@ -40,18 +61,19 @@ def on_raised_plates(
     spacing : float
         Of the points [m].
     """
-    place, shape = _places(points, max(CELL_SPACINGS * spacing, MIN_CELL))
+    cell = max(CELL_SPACINGS * spacing, MIN_CELL)
+    place, shape = _places(points, cell)
     lowest = np.full(shape, np.inf)
     np.minimum.at(lowest.ravel(), place[ground], points[ground, 2])
     surface = nearest_filled(lowest, np.isfinite(lowest))
-    is_raised = _is_raised(surface)
-    if not is_raised.any():
-        return np.zeros(len(points), dtype=bool)
+    plate, is_raised, is_cut_off = _judged(surface)
     # A roof's rim shares cells with the ground below it.
-    roofs = ndimage.minimum_filter(np.where(is_raised, surface, np.inf), 3, mode="nearest").ravel()[place]
+    on_roof = is_raised[plate]
+    roofs = ndimage.minimum_filter(np.where(on_roof, surface, np.inf), 3, mode="nearest").ravel()[place]
     above = points[:, 2] - surface.ravel()[place]
     is_rim = (above > STEP) & (points[:, 2] >= roofs - STEP)
-    return np.asarray(ground & (is_raised.ravel()[place] | is_rim))
+    extents = _extents(points[:, :2], plate.ravel()[place], is_cut_off) + np.array([[-cell], [cell]])
+    return Plates(ground & (on_roof.ravel()[place] | is_rim), extents)
 
 
 def _places(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], tuple[int, int]]:
@@ -70,8 +92,10 @@ def _squeezed(coordinate: NDArray[np.float64], cell: float) -> tuple[NDArray[np.
     return row[at], int(row[-1]) + 1
 
 
-def _is_raised(surface: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which cells of a raster are of plates that stand out."""
+def _judged(
+    surface: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the plate of each cell of a raster, which plates stand out, and which might, were they whole."""
     number = np.arange(surface.size).reshape(surface.shape)
     one = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])
     other = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel()])
@@ -83,12 +107,26 @@ def _is_raised(surface: NDArray[np.float64]) -> NDArray[np.bool_]:
     parted = high != low
     high, low, n = high[parted], low[parted], int(plate.max()) + 1
     edge = np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
-    unseen = UNSEEN_WEIGHT * np.bincount(plate[edge], minlength=n)
+    unseen = np.bincount(plate[edge], minlength=n)
     raised = np.zeros(n, dtype=bool)
     while True:
         falls = np.bincount(high[~raised[low]], minlength=n)
         rises = np.bincount(low[~raised[high]], minlength=n)
-        found = ~raised & (falls > 0) & (falls >= MIN_FALLS * (falls + rises + unseen))
+        seen = falls + rises
+        found = ~raised & (falls > 0) & (falls >= MIN_FALLS * (seen + UNSEEN_WEIGHT * unseen))
         if not found.any():
-            return np.asarray(raised[plate].reshape(surface.shape))
+            cut_off = ~raised & (falls >= MIN_FALLS * seen) & (falls >= MIN_SEEN * (seen + unseen))
+            return plate.reshape(surface.shape), raised, cut_off & (falls > 0)
         raised |= found
+
+
+def _extents(
+    xy: NDArray[np.float64], label: NDArray[np.int64], chosen: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return the least and greatest x and y of the points of some labels."""
+    rows = np.flatnonzero(chosen[label])
+    of_rows = (np.cumsum(chosen) - 1)[label[rows]]
+    extents = np.full((2, int(chosen.sum()), 2), [[[np.inf]], [[-np.inf]]])
+    np.minimum.at(extents[0], of_rows, xy[rows])
+    np.maximum.at(extents[1], of_rows, xy[rows])
+    return extents.transpose(1, 0, 2)

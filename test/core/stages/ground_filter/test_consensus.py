@@ -168,10 +168,10 @@ def test_two_of_three_views_decide(monkeypatch):
     monkeypatch.setattr(consensus, "label_candidates", lambda *_: views[0])
     monkeypatch.setattr(consensus.bidirectional_slope, "label_candidates", lambda *_: views[1])
     monkeypatch.setattr(consensus.morphological, "label_ground", lambda *_: views[2])
-    found = consensus.agreed_ground(np.zeros((5, 3)), np.zeros((2, 2)), CONFIG)
+    found, _ = consensus.agreed_ground(np.zeros((5, 3)), np.zeros((2, 2)), CONFIG)
     assert found.tolist() == [True, True, False, False, False]
     views[:] = False
-    assert consensus.agreed_ground(np.zeros((5, 3)), np.zeros((2, 2)), CONFIG).all()
+    assert consensus.agreed_ground(np.zeros((5, 3)), np.zeros((2, 2)), CONFIG)[0].all()
 
 
 @pytest.mark.real_data

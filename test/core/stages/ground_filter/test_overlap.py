@@ -32,7 +32,9 @@ def test_overlap_is_used_where_nothing_else_covers_the_place(strips):
 
 def test_the_stage_finds_ground_there_and_keeps_the_class_elsewhere(strips):
     points, classes = strips
-    tile = filter_ground(PointTile(points, classification=classes, point_spacing=1.0), GroundFilterConfig())
+    tile = filter_ground(
+        PointTile(points, classification=classes, point_spacing=1.0), GroundFilterConfig()
+    ).tile
     is_overlap, x = classes == 12, points[:, 0]
     assert (tile.classification[is_overlap & (x > 31.0)] == 2).all()
     assert (tile.classification[is_overlap & (x < 29.0)] == 12).all()
@@ -40,6 +42,6 @@ def test_the_stage_finds_ground_there_and_keeps_the_class_elsewhere(strips):
 
 def test_without_ground_every_point_stands_a_storey_high(strips):
     points, _ = strips
-    tile = filter_ground(PointTile(points, point_spacing=1.0), GroundFilterConfig(method="none"))
+    tile = filter_ground(PointTile(points, point_spacing=1.0), GroundFilterConfig(method="none")).tile
     assert set(tile.classification.tolist()) == {1}
     assert (tile.height_above_ground == 3.0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
-from lidar_buildings.core.stages.ground_filter.plates import on_raised_plates
+from lidar_buildings.core.stages.ground_filter.plates import find_plates
 
 CONFIG = GroundFilterConfig()
 #: East and north of the area, and of the hall on it, 200 m x 120 m [m].
@@ -99,11 +99,11 @@ def test_far_points_and_the_order_make_no_difference():
     roof = (np.abs(points[:, :2] - 100.0) < 60.0).all(axis=1)
     points[roof, 2] = 7.0
     ground = np.ones(len(points), dtype=bool)
-    np.testing.assert_array_equal(on_raised_plates(points, ground, 1.0), roof)
+    np.testing.assert_array_equal(find_plates(points, ground, 1.0).on_roof, roof)
     rows = np.random.default_rng(0).permutation(len(points))
-    np.testing.assert_array_equal(on_raised_plates(points[rows], ground, 1.0), roof[rows])
+    np.testing.assert_array_equal(find_plates(points[rows], ground, 1.0).on_roof, roof[rows])
     strays = np.array([[1e8, -1e8, 0.0], [-3e7, 2e8, 50.0]])
-    found = on_raised_plates(np.vstack([points, strays]), np.append(ground, [True, True]), 1.0)
+    found = find_plates(np.vstack([points, strays]), np.append(ground, [True, True]), 1.0).on_roof
     np.testing.assert_array_equal(found[:-2], roof)
 
 
@@ -125,9 +125,43 @@ def test_trees_along_a_wall_hide_no_step():
     points[away < 60.0, 2] = 7.0
     trees = (away >= 60.0) & (away < 68.0) & (points[:, 1] < 100.0)
     points[trees, 2] = np.random.default_rng(1).uniform(1.0, 7.0, trees.sum())
-    np.testing.assert_array_equal(on_raised_plates(points, ~trees, 1.0), away < 60.0)
+    np.testing.assert_array_equal(find_plates(points, ~trees, 1.0).on_roof, away < 60.0)
+
+
+def shown(points, west, east, south, north):
+    return points[inside(points[:, 0], points[:, 1], (west, east, south, north))]
+
+
+def test_a_hall_that_too_little_is_seen_of_asks_for_more():
+    points = lattice(300.0, 300.0)
+    points[inside(points[:, 0], points[:, 1], (50.5, 250.5, 50.5, 250.5)), 2] = 9.0
+    corner = shown(points, -1.0, 150.5, -1.0, 150.5)
+    plates = find_plates(corner, np.ones(len(corner), dtype=bool), 1.0)
+    assert not plates.on_roof.any()
+    np.testing.assert_array_equal(plates.cut_off, [[[50.0, 50.0], [152.0, 152.0]]])
+    most = shown(points, -1.0, 301.0, -1.0, 220.5)
+    plates = find_plates(most, np.ones(len(most), dtype=bool), 1.0)
+    np.testing.assert_array_equal(plates.on_roof, most[:, 2] > 5.0)
+    assert not len(plates.cut_off)
+
+
+@pytest.mark.parametrize(
+    ("surface", "n_asking"),
+    [
+        (lambda x, _: 0.3 * x, 0),
+        (lambda x, y: -6.0 * inside(x, y, (60.0, 90.0, 100.0, 130.0)), 0),
+        (lambda x, _: 6.0 * np.floor(x / 50.0), 1),
+    ],
+    ids=["slope", "around a pit", "the highest of three terraces"],
+)
+def test_of_terrain_only_what_falls_on_all_sides_that_are_seen_asks(surface, n_asking):
+    points = lattice(150.0, 250.0)
+    points[:, 2] = surface(points[:, 0], points[:, 1])
+    assert len(find_plates(points, np.ones(len(points), dtype=bool), 1.0).cut_off) == n_asking
 
 
 @pytest.mark.parametrize("points", [lattice(1.0, 1.0), lattice(30.0, 30.0, 9.0), lattice(50.0, 1.0)])
 def test_the_lowest_surface_is_never_raised(points):
-    assert not on_raised_plates(points, np.ones(len(points), dtype=bool), 1.0).any()
+    plates = find_plates(points, np.ones(len(points), dtype=bool), 1.0)
+    assert not plates.on_roof.any()
+    assert not len(plates.cut_off)
