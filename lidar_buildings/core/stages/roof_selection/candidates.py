@@ -17,8 +17,8 @@ RADIUS_SPACINGS = 2.25
 MIN_RADIUS = 0.75
 #: Columns of points across a radius: what their neighbours are found by.
 COLUMNS_A_RADIUS = 2.0
-#: Steepest roof: between mansards and walls [deg].
-MAX_SLOPE_DEG = 75.0
+#: Steepest roof: between spires and walls [deg].
+MAX_SLOPE_DEG = 80.0
 #: Largest angle between the normals of neighbours on one roof: smooth at `max_roughness`, and no ridge [deg].
 MAX_ANGLE_DEG = 15.0
 

@@ -47,6 +47,25 @@ def test_points_alone_are_enough(name):
     assert precision > 0.97
 
 
+@pytest.mark.parametrize("density", [2.0, 8.0, 20.0])
+@pytest.mark.parametrize("slope_deg", [60.0, 75.0, 78.0])
+def test_a_spire_is_roof_and_the_walls_below_are_none(slope_deg, density):
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-30.0, 30.0, (2, int(3600 * density)))
+    inwards = 5.0 - np.maximum(abs(x), abs(y))
+    top = np.where(inwards > 0.0, 25.0 + inwards * np.tan(np.deg2rad(slope_deg)), 0.0)
+    walls = np.column_stack([np.full(400, 5.05), rng.uniform(-5.0, 5.0, 400), rng.uniform(2.0, 24.0, 400)])
+    points = np.vstack([np.column_stack([x, y, top]), walls])
+    points[:, 2] += rng.normal(0.0, 0.03, len(points))
+    is_ground = points[:, 2] < 1.0
+    heights = {"height_above_ground": points[:, 2], "classification": np.where(is_ground, 2, 1)}
+    found = select_roofs(points, **heights)
+    is_tower = np.append(inwards > 0.0, np.zeros(len(walls), dtype=bool))
+    assert (found.classification[is_tower] == BUILDING).mean() > 0.9
+    assert not (found.classification[is_ground] == BUILDING).any()
+    assert not ((found.classification == BUILDING) & ~found.is_facade)[len(x) :].any()
+
+
 def tree_scene(density=12.0):
     scene = scenes.tree_over_eave(density=density)
     is_tree = ~scene.is_ground & ~scene.is_roof
