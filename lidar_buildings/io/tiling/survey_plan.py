@@ -59,7 +59,7 @@ def plan_survey(
     if within is not None:
         limits = np.array(within).reshape(2, 2) * system.crs.horizontal_unit
         (files, sizes), (places, counts) = _cut(files, sizes, limits), _cut(places, counts, limits)
-    size, start = tiles_for(config, places, counts)
+    size, start, buffer = tiles_for(config, places, counts)
     extents = np.prod(files[:, 1] - files[:, 0], axis=1)
     covered = float(shapely.union_all(shapely.box(*files[:, 0].T, *files[:, 1].T)).area)
     west, south = files[:, 0].min(axis=0, initial=np.inf) if len(files) else np.zeros(2)
@@ -72,8 +72,8 @@ def plan_survey(
         (float(west), float(south), float(east), float(north)),
         covered,
         size,
-        expected_points(places - start, counts, config.buffer, size),
-        expected_points(files - start, extents, config.buffer, size) * covered / max(extents.sum(), 1e-9),
+        expected_points(places - start, counts, buffer, size),
+        expected_points(files - start, extents, buffer, size) * covered / max(extents.sum(), 1e-9),
     )
 
 

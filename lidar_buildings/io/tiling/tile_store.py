@@ -80,10 +80,10 @@ class TileStore:
         self.spacing = spacing
         self.brightness = SurveyBrightness()
 
-    def known(self) -> KnownSurvey:
-        """Return what has been learnt of the survey."""
+    def known(self, buffer: float) -> KnownSurvey:
+        """Return what has been learnt of the survey, the width of its buffers given [m]."""
         grid, limit, scales = self.grid, self.brightness.dark_limit, self.brightness.scales
-        return KnownSurvey(grid.tile_size, grid.start, self.spacing, limit, scales)
+        return KnownSurvey(grid.tile_size, grid.start, buffer, self.spacing, limit, scales)
 
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
         """

@@ -96,7 +96,8 @@ class TileSource:
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = Rectangles(self._areas)
         known = known or KnownSurvey(*tiles_for(self.config, *spread_of(self._clouds)))
-        self._grid = TileGrid.fitting(known.tile_size, self.config.buffer, known.start)
+        self._buffer = known.buffer
+        self._grid = TileGrid.fitting(known.tile_size, self._buffer, known.start)
         self._unread = set(range(len(self._clouds)))
         self._read: deque[int] = deque()
         self._expected = self._grid.tiles_touching(filter(None, self._areas))
@@ -142,7 +143,7 @@ class TileSource:
                 tile = self._tiles[number]
                 number += 1
             if tile.stamp not in self._skip:
-                yield replace(tile, buffer=Buffer.of(self.config.buffer))
+                yield replace(tile, buffer=Buffer.of(self._buffer))
 
     @property
     def tile_count(self) -> int:
@@ -156,7 +157,7 @@ class TileSource:
     def known(self) -> KnownSurvey:
         """What has been learnt of the survey."""
         with self._lock:
-            return self._store.known()
+            return self._store.known(self._buffer)
 
     @property
     def stamps(self) -> list[int]:
@@ -279,7 +280,7 @@ class TileSource:
         if first_point is None:
             return
         plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.brightness.dark_limit)
-        tile = SpooledTile(plan, self._store, Buffer.of(self.config.buffer), self.config.max_buffer)
+        tile = SpooledTile(plan, self._store, Buffer.of(self._buffer), self.config.max_buffer)
         self._tiles.append(tile)
         self._by_stamp[tile.stamp] = tile
 

@@ -45,7 +45,7 @@ class TilingConfig(StageConfig):
         75.0,
         "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
         "west a third. A larger one lets larger buildings cross its edge, and the ground filter see more of "
-        "the terrain.",
+        "the terrain. Half of it where tile_size is 0 and points are dense.",
         unit="m",
         minimum=0.0,
         maximum=1_000.0,

@@ -14,7 +14,7 @@ from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.agenda import WorkerLostError
 
-CONFIG = TilingConfig(tile_size=40.0, buffer=20.0)
+CONFIG = TilingConfig(tile_size=40.0, buffer=20.0, max_buffer=120.0)
 
 
 @pytest.fixture(scope="module")

@@ -24,9 +24,12 @@ def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
     paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
         tile = max(source, key=len)
-        east = tile.bounds[2]
         grown = grown_fully(source, tile)
-        assert [larger.bounds[2] - east for larger in grown] == pytest.approx([10.0, 20.0])
+        moved = np.abs([np.subtract(larger.bounds, tile.bounds) for larger in grown])
+        west, north, east = 10.0 / 3.0, 20.0 / 3.0, 10.0
+        assert moved[:, 0] == pytest.approx([west, 3.0 * west, 7.0 * west, 30.0 - west], abs=1e-4)
+        assert moved[:, 3] == pytest.approx([north, 3.0 * north, 30.0 - north, 30.0 - north], abs=1e-4)
+        assert moved[:, 2] == pytest.approx([east, 20.0, 20.0, 20.0])
         assert {larger.stamp for larger in grown} == {tile.stamp}
         assert all(names(larger, larger.is_core) == names(tile, tile.is_core) for larger in grown)
         assert source.grown(tile.stamp) is None
@@ -39,7 +42,7 @@ def test_a_tile_grows_on_the_sides_that_are_asked_for(tmp_path):
         north = source.grown(tile.stamp, Sides(north=True))
         both = source.grown(tile.stamp, Sides(east=True, north=True))
         assert np.subtract(north.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 0.0, 8.0])
-        assert np.subtract(both.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 12.0, 12.0])
+        assert np.subtract(both.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 12.0, 22.0])
         assert set(names(tile)) < set(names(north)) < set(names(both))
         assert source.grown(tile.stamp, Sides(north=True)) is None
 

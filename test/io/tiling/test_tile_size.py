@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
-from lidar_buildings.io.tiling.tile_size import bounds_of, fitting_tiles
+from lidar_buildings.io.tiling.tile_size import bounds_of, expected_points, fitting_tiles, tiles_for
+from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 #: Points per m².
 DENSITY = 10.0
@@ -52,7 +53,7 @@ def test_no_tiles_that_fit_let_points_be_seen_less_often(areas, most):
         for size in range(200, 1001, 25)
         for start in (0.0, 0.5 * size)
     }
-    tiles = chosen(areas, most)
+    tiles = chosen(areas, most)[:2]
     assert max(seen[tiles]) <= 1.02 * most  # grid against area
     assert sum(seen[tiles]) <= 1.02 * min(
         sum(points) for points in seen.values() if max(points) <= 0.98 * most
@@ -63,14 +64,30 @@ def test_bounds_that_cannot_be_true_do_not_count():
     survey = files(4, 4)
     broken = Rectangle(-1e12, -1e12, 1e12, 1e12)
     assert chosen([*survey, broken], 2_500_000) == chosen(survey, 2_500_000)
-    assert chosen([broken], 2_500_000) == (1000.0, 0.0)
+    assert chosen([broken], 2_500_000) == (1000.0, 0.0, BUFFER)
 
 
 def test_a_survey_of_one_point_is_one_tile():
-    assert chosen([Rectangle(5.0, 5.0, 5.0, 5.0)], 2_500_000) == (1000.0, 0.0)
-    assert chosen([], 2_500_000) == (1000.0, 0.0)
+    assert chosen([Rectangle(5.0, 5.0, 5.0, 5.0)], 2_500_000) == (1000.0, 0.0, BUFFER)
+    assert chosen([], 2_500_000) == (1000.0, 0.0, BUFFER)
 
 
 def test_what_lies_around_the_origin_is_one_tile():
-    assert chosen([Rectangle(-70.0, -80.0, 65.0, 80.0)], 2_500_000) == (1000.0, 500.0)
-    assert chosen([Rectangle(0.0, 0.0, 999.0, 999.0)], 12_500_000) == (1000.0, 0.0)
+    assert chosen([Rectangle(-70.0, -80.0, 65.0, 80.0)], 2_500_000) == (1000.0, 500.0, BUFFER)
+    assert chosen([Rectangle(0.0, 0.0, 999.0, 999.0)], 12_500_000) == (1000.0, 0.0, BUFFER)
+
+
+@pytest.mark.parametrize(("density", "buffer"), [(1.0, 75.0), (15.0, 75.0), (60.0, 37.5), (400.0, 37.5)])
+def test_where_points_are_dense_the_buffer_is_narrow(density, buffer):
+    areas = files(4, 4)
+    counts = np.full(len(areas), density * 250.0**2)
+    cut = tiles_for(TilingConfig(), bounds_of(areas), counts)
+    assert cut.buffer == buffer
+    seen = expected_points(bounds_of(areas) - cut.start, counts, cut.buffer, cut.size)
+    assert seen.max() < 2_500_000 or cut.size == 50.0
+
+
+@pytest.mark.parametrize("buffer", [40.0, 75.0])
+def test_tiles_of_a_size_that_is_asked_for_have_the_buffer_that_is_asked_for(buffer):
+    config = TilingConfig(tile_size=60.0, buffer=buffer)
+    assert tiles_for(config, bounds_of(files(2, 2)), np.full(4, 1e8)) == (60.0, 0.0, buffer)
