@@ -1,4 +1,4 @@
-"""Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends."""
+"""Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends, or go on."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
@@ -21,6 +22,11 @@ MIN_SHARE = 0.6
 #: How many times as many cells the sides beside an end have where it is the end of a length: no house on a
 #: slope is six times as long up the slope as it is wide.
 MIN_LENGTH_TO_WIDTH = 6
+#: Length from which on a narrow surface that leaves the data at both ends is a viaduct [m]: few rows of
+#: houses are as long without a gap.
+MIN_THROUGH = 300.0
+#: Directions among which that of a surface's length is looked for.
+DIRECTIONS = np.array([[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 1.0], [-0.6, 0.8], [-0.8, 0.6]]).T
 
 
 def is_deck(
@@ -34,7 +40,7 @@ def is_deck(
     Tell which surfaces go on as ground at their own level, at two ends that face away from each other.
 
     A house on a slope meets ground at the level of its roof on one side at most. Of a long and narrow surface
-    one end is enough, since the other may be hidden or beyond the data.
+    one end is enough, since the other may be hidden or beyond the data; if it is very long, both may be.
 
     Parameters
     ----------
@@ -55,6 +61,7 @@ def is_deck(
         The order of the points does not matter.
     """
     cell = max(CELL, cell)
+    through = _goes_through(points, label, n_surfaces, ground, cell)
     lowest = np.full(n_surfaces, np.inf)
     np.minimum.at(lowest, label, points[:, 2])
     # Most roofs are higher than all the ground, and most ground is lower than the others.
@@ -73,7 +80,32 @@ def is_deck(
     opposite, beside = N_SECTORS // 2, N_SECTORS // 4
     sides = np.minimum(np.roll(ends, beside, axis=1), np.roll(ends, -beside, axis=1))
     is_lengthwise = MIN_LENGTH_TO_WIDTH * ends <= sides
-    return np.asarray((is_end & (np.roll(is_end, opposite, axis=1) | is_lengthwise)).any(axis=1))
+    return np.asarray(through | (is_end & (np.roll(is_end, opposite, axis=1) | is_lengthwise)).any(axis=1))
+
+
+def _goes_through(
+    points: NDArray[np.float64],
+    label: NDArray[np.int64],
+    n_surfaces: int,
+    ground: NDArray[np.float64],
+    cell: float,
+) -> NDArray[np.bool_]:
+    """Tell which surfaces are long and narrow and leave the ground's extent at both ends of their length."""
+    found = np.zeros(n_surfaces, dtype=bool)
+    if not len(ground) or np.ptp(ground[:, :2], axis=0).max() < MIN_THROUGH:
+        return found
+    low, high = extent_of(ground[:, :2])
+    # a surface has a point a cell or more, and one that is long enough as many cells as are long
+    for k in np.flatnonzero(np.bincount(label, minlength=n_surfaces) * cell >= MIN_THROUGH):
+        plan = points[label == k, :2]
+        along = plan @ DIRECTIONS
+        t = along[:, np.argmax(np.ptp(along, axis=0))]
+        length, ends = np.ptp(t), (t <= t.min() + REACH, t >= t.max() - REACH)
+        area = len(np.unique(plan // cell, axis=0)) * cell**2
+        is_long = length >= MIN_THROUGH and length**2 >= MIN_LENGTH_TO_WIDTH * area
+        leaves = [((plan[end] < low + REACH) | (plan[end] > high - REACH)).any() for end in ends]
+        found[k] = is_long and all(leaves)
+    return found
 
 
 @kernel
