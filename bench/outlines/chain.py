@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
@@ -20,7 +21,6 @@ from lidar_buildings.core.stages.boundary_tracing import trace_boundary
 from lidar_buildings.core.stages.regularisation import regularise_outline
 from lidar_buildings.core.stages.segmentation import segment_buildings
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
-from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 #: Columns of a tile that segmentation can be told.
 SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")

@@ -101,8 +101,8 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     ),
     NodeCard(
         "ground_filter",
-        "Tells the ground from what stands on it, and low and high noise from both. "
-        "It gives every point its height above the ground. "
+        "Tells the ground from what stands on it, and low and high noise from both; gives every point its "
+        "height above the ground. "
         "A tile that cuts off what may be a wide roof is held back and asked for with a larger buffer.",
         (TILE_INFO, POINTS),
         (GROUND_POINTS, TILE_CLIPPED, DTM),

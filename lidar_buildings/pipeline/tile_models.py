@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.ids import anchor_near, anchor_row
+from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
@@ -22,7 +22,6 @@ from lidar_buildings.core.stages.building_model import (
 )
 from lidar_buildings.core.stages.footprints import remark_on_points
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
-from lidar_buildings.pipeline.tile_stages import rows_by_building
 
 _log = logging.getLogger(__name__)
 

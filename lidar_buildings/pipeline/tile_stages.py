@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
-from lidar_buildings.core.model.ids import anchor_row
+from lidar_buildings.core.model.ids import anchor_row, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
@@ -254,14 +254,6 @@ def _fitted_planes(job: _PlaneJob) -> NDArray[np.uint16]:
 def _no_planes(job: _PlaneJob) -> NDArray[np.uint16]:
     _log.error("building %d: no planes were fitted, two processes ended at it", job.building_id)
     return np.zeros(len(job.points), dtype=np.uint16)
-
-
-def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
-    """Return (id, rows) of every building by rising id, rows rising; id 0 is left out."""
-    order = np.argsort(building_id, kind="stable")
-    numbers, first = np.unique(building_id[order], return_index=True)
-    groups = np.split(order, first[1:]) if len(numbers) else []
-    return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
 
 
 def _with_others(

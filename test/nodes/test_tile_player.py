@@ -249,19 +249,20 @@ def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
 
 
 def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
-    _, end = play({"clips": {2: 3}}, max_attempts=1)
+    _, end = play({"clips": {2: 5}}, max_attempts=1)
     wait_until(lambda: end.survey_done)
     stamp = end.received[1].stamp
     copies = [tile for tile in end.received if tile_of(tile.stamp) == stamp]
-    assert [tile.stamp - stamp for tile in copies] == [0, 1, 2], "each is a revision of its own"
-    assert [one for one in end.over if tile_of(one) == stamp] == [stamp, stamp + 1], "the smaller are over"
+    assert [tile.stamp - stamp for tile in copies] == [0, 1, 2, 3, 4], "each is a revision of its own"
+    assert [one for one in end.over if tile_of(one) == stamp] == list(range(stamp, stamp + 4))
     sizes = [len(tile) for tile in copies]
-    assert sizes[0] < sizes[1] < sizes[2]
-    assert len(sizes) == 3, "that there is no more of it needs no points"
+    assert sizes == sorted(set(sizes))
+    assert len(sizes) == 5, "that there is no more of it needs no points"
     assert len({n_core([tile]) for tile in copies}) == 1
     *bounds, last = end.bounds[stamp]
     widths = [east - west for west, _, east, _ in bounds]
-    assert widths == pytest.approx([20.0 + 4.0 / 3.0 * buffer for buffer in (2.0, 4.0, 8.0)], abs=1e-4)
+    west = (2.0 / 3.0, 4.0 / 3.0, 8.0 / 3.0, 16.0 / 3.0, 8.0)
+    assert widths == pytest.approx(20.0 + np.add(west, (2.0, 4.0, 8.0, 8.0, 8.0)), abs=1e-4)
     assert last is None
     assert sorted(Counter(end.done).values()) == [1] * 5
 

@@ -36,6 +36,14 @@ def building_id(anchor: NDArray[np.float64]) -> int:
     return (column << 16 | row) or 0xFFFFFFFF
 
 
+def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray[np.intp]]]:
+    """Return (id, rows) of every building by rising id, rows rising; id 0 is left out."""
+    order = np.argsort(building_id, kind="stable")
+    numbers, first = np.unique(building_id[order], return_index=True)
+    groups = np.split(order, first[1:]) if len(numbers) else []
+    return [(int(number), rows) for number, rows in zip(numbers, groups, strict=True) if number]
+
+
 def anchor_near(number: int, place: NDArray[np.float64]) -> tuple[float, float]:
     """
     Return the position that a building's id was made from, as far as the id tells.
