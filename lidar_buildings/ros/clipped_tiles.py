@@ -19,8 +19,7 @@ class ClippedTiles:
     Parameters
     ----------
     node : StageNode
-        Whose results they are.
-        It has subscribed tiles, see `StageNode.subscribe_tiles`.
+        Whose results they are; it has called `subscribe_tiles` before.
     """
 
     def __init__(self, node: StageNode) -> None:

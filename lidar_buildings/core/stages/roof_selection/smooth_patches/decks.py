@@ -26,7 +26,7 @@ MIN_LENGTH_TO_WIDTH = 6
 #: houses are as long without a gap.
 MIN_THROUGH = 300.0
 #: Directions among which that of a surface's length is looked for.
-DIRECTIONS = np.array([[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 1.0], [-0.6, 0.8], [-0.8, 0.6]]).T
+DIRECTIONS = np.array([[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 1.0], [-0.6, 0.8], [-0.8, 0.6]])
 
 
 def is_deck(
@@ -92,19 +92,21 @@ def _goes_through(
 ) -> NDArray[np.bool_]:
     """Tell which surfaces are long and narrow and leave the ground's extent at both ends of their length."""
     found = np.zeros(n_surfaces, dtype=bool)
-    if not len(ground) or np.ptp(ground[:, :2], axis=0).max() < MIN_THROUGH:
+    if not len(ground):
         return found
     low, high = extent_of(ground[:, :2])
-    # a surface has a point a cell or more, and one that is long enough as many cells as are long
+    if (high - low).max() < MIN_THROUGH:
+        return found
+    # a surface that is long enough has at least as many points as there are cells along its length
     for k in np.flatnonzero(np.bincount(label, minlength=n_surfaces) * cell >= MIN_THROUGH):
         plan = points[label == k, :2]
-        along = plan @ DIRECTIONS
-        t = along[:, np.argmax(np.ptp(along, axis=0))]
-        length, ends = np.ptp(t), (t <= t.min() + REACH, t >= t.max() - REACH)
+        t = max((plan @ direction for direction in DIRECTIONS), key=np.ptp)
+        if (length := np.ptp(t)) < MIN_THROUGH:
+            continue
         area = len(np.unique(plan // cell, axis=0)) * cell**2
-        is_long = length >= MIN_THROUGH and length**2 >= MIN_LENGTH_TO_WIDTH * area
-        leaves = [((plan[end] < low + REACH) | (plan[end] > high - REACH)).any() for end in ends]
-        found[k] = is_long and all(leaves)
+        ends = (plan[t <= t.min() + REACH], plan[t >= t.max() - REACH])
+        leaves = [((end < low + REACH) | (end > high - REACH)).any() for end in ends]
+        found[k] = all(leaves) and length**2 >= MIN_LENGTH_TO_WIDTH * area
     return found
 
 
