@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from lidar_buildings.io.tiling.tiling_config import TilingConfig
-
 
 @dataclass(frozen=True)
 class KnownSurvey:
@@ -15,7 +13,7 @@ class KnownSurvey:
     #: Side of the tiles, and where they begin [m].
     tile_size: float
     start: float
-    buffer: float = TilingConfig.buffer  #: width of their buffer in the east [m]
+    buffer: float | None = None  #: width of their buffer in the east [m], if it was noted
     spacing: float | None = None  #: the point spacing that they are expected to have [m]
     dark_limit: float | None = None  #: normalised intensity up to which ground is dark
     #: Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.

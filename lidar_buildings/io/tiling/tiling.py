@@ -96,7 +96,7 @@ class TileSource:
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = Rectangles(self._areas)
         known = known or KnownSurvey(*tiles_for(self.config, *spread_of(self._clouds)))
-        self._buffer = known.buffer
+        self._buffer = self.config.buffer if known.buffer is None else known.buffer
         self._grid = TileGrid.fitting(known.tile_size, self._buffer, known.start)
         self._unread = set(range(len(self._clouds)))
         self._read: deque[int] = deque()

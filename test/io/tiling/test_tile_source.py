@@ -3,6 +3,7 @@
 import gc
 import threading
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 
 import laspy
@@ -188,6 +189,16 @@ def test_the_temporary_folder_goes_with_the_source(tmp_path):
     del source
     gc.collect()
     assert list((tmp_path / "spool").iterdir()) == []
+
+
+def test_a_known_survey_has_the_buffer_that_it_had(tmp_path):
+    dense = survey(tmp_path, [square(3000, WEST, SOUTH, 400.0)])
+    with TileSource(dense, TilingConfig(max_tile_points=1000)) as source:
+        known = source.known
+    assert known.buffer == 37.5, "of tiles that hold so few points most would be buffer"
+    for noted, buffer in ((known, 37.5), (replace(known, buffer=None), 60.0)):
+        with TileSource(dense, TilingConfig(buffer=60.0), known=noted) as source:
+            assert source.known.buffer == buffer
 
 
 def test_memory_holds_a_chunk_and_a_tile_whatever_the_size():

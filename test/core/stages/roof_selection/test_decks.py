@@ -57,34 +57,6 @@ def test_without_ground_or_surfaces_there_are_no_decks():
     assert len(is_deck(none, np.zeros(0, dtype=int), 0, ground, 0.7)) == 0
 
 
-def bent(points, radius):
-    """Points whose x runs along a circle to the north instead."""
-    along = points[:, 0] / radius
-    off = radius - points[:, 1]
-    return np.column_stack([off * np.sin(along), radius - off * np.cos(along), points[:, 2]])
-
-
-@pytest.mark.parametrize(
-    ("surface", "is_through"),
-    [
-        ((-170, 170, -6, 6), True),
-        ((-170, 140, -6, 6), False),  # ends within the data
-        ((-170, 170, -40, 40), False),  # as wide as a hall
-    ],
-)
-@pytest.mark.parametrize("radius", [np.inf, 500.0])
-def test_a_long_and_narrow_surface_that_leaves_the_data_at_both_ends_is_a_deck(surface, is_through, radius):
-    west, east, south, north = surface
-    deck = sheet((west, east), (south, north), lambda x, y: 9.0 + 0.01 * x)
-    deck = deck if radius == np.inf else bent(deck, radius)
-    ground = sheet((-170, 170), (-100, 100), lambda x, y: 0.01 * x, step=2.0)
-    inside = deck[np.abs(deck[:, 0]) <= 170.0]
-    label = np.zeros(len(inside), dtype=int)
-    assert is_deck(inside, label, 1, ground, 0.7).tolist() == [is_through]
-    half = (np.abs(inside[:, 0]) < 85.0), (np.abs(ground[:, 0]) < 85.0)
-    assert not is_deck(inside[half[0]], label[half[0]], 1, ground[half[1]], 0.7).any(), "too short to tell"
-
-
 @pytest.mark.parametrize("rotation_deg", [0.0, 30.0])
 def test_the_bridge_is_no_roof_and_the_houses_beside_it_are(rotation_deg):
     scene = ROOF_SCENES["bridges"](density=6.0, rotation_deg=rotation_deg)

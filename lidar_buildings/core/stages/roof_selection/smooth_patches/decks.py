@@ -1,4 +1,4 @@
-"""Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends, or go on."""
+"""Decks: bridges and viaducts, which meet the ground at their own level at two opposite ends."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
@@ -22,11 +21,6 @@ MIN_SHARE = 0.6
 #: How many times as many cells the sides beside an end have where it is the end of a length: no house on a
 #: slope is six times as long up the slope as it is wide.
 MIN_LENGTH_TO_WIDTH = 6
-#: Length from which on a narrow surface that leaves the data at both ends is a viaduct [m]: few rows of
-#: houses are as long without a gap.
-MIN_THROUGH = 300.0
-#: Directions among which that of a surface's length is looked for.
-DIRECTIONS = np.array([[1.0, 0.0], [0.8, 0.6], [0.6, 0.8], [0.0, 1.0], [-0.6, 0.8], [-0.8, 0.6]])
 
 
 def is_deck(
@@ -40,7 +34,7 @@ def is_deck(
     Tell which surfaces go on as ground at their own level, at two ends that face away from each other.
 
     A house on a slope meets ground at the level of its roof on one side at most. Of a long and narrow surface
-    one end is enough, since the other may be hidden or beyond the data; if it is very long, both may be.
+    one end is enough, since the other may be hidden or beyond the data.
 
     Parameters
     ----------
@@ -61,7 +55,6 @@ def is_deck(
         The order of the points does not matter.
     """
     cell = max(CELL, cell)
-    through = _goes_through(points, label, n_surfaces, ground, cell)
     lowest = np.full(n_surfaces, np.inf)
     np.minimum.at(lowest, label, points[:, 2])
     # Most roofs are higher than all the ground, and most ground is lower than the others.
@@ -80,34 +73,7 @@ def is_deck(
     opposite, beside = N_SECTORS // 2, N_SECTORS // 4
     sides = np.minimum(np.roll(ends, beside, axis=1), np.roll(ends, -beside, axis=1))
     is_lengthwise = MIN_LENGTH_TO_WIDTH * ends <= sides
-    return np.asarray(through | (is_end & (np.roll(is_end, opposite, axis=1) | is_lengthwise)).any(axis=1))
-
-
-def _goes_through(
-    points: NDArray[np.float64],
-    label: NDArray[np.int64],
-    n_surfaces: int,
-    ground: NDArray[np.float64],
-    cell: float,
-) -> NDArray[np.bool_]:
-    """Tell which surfaces are long and narrow and leave the ground's extent at both ends of their length."""
-    found = np.zeros(n_surfaces, dtype=bool)
-    if not len(ground):
-        return found
-    low, high = extent_of(ground[:, :2])
-    if (high - low).max() < MIN_THROUGH:
-        return found
-    # a surface that is long enough has at least as many points as there are cells along its length
-    for k in np.flatnonzero(np.bincount(label, minlength=n_surfaces) * cell >= MIN_THROUGH):
-        plan = points[label == k, :2]
-        t = max((plan @ direction for direction in DIRECTIONS), key=np.ptp)
-        if (length := np.ptp(t)) < MIN_THROUGH:
-            continue
-        area = len(np.unique(plan // cell, axis=0)) * cell**2
-        ends = (plan[t <= t.min() + REACH], plan[t >= t.max() - REACH])
-        leaves = [((end < low + REACH) | (end > high - REACH)).any() for end in ends]
-        found[k] = all(leaves) and length**2 >= MIN_LENGTH_TO_WIDTH * area
-    return found
+    return np.asarray((is_end & (np.roll(is_end, opposite, axis=1) | is_lengthwise)).any(axis=1))
 
 
 @kernel
