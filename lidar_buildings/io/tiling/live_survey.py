@@ -93,7 +93,7 @@ class LiveSurvey:
         self._batch: list[PlacedScan] = []
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
-        self._arrived = self._now = -math.inf
+        self._arrived = -math.inf
         self._sensor: NDArray[np.float64] | None = None
 
     @property
@@ -151,11 +151,11 @@ class LiveSurvey:
     def tick(self, now: float) -> bool:
         """Make the tiles ready that were left; return whether any is. Errors as of `add`."""
         with self._lock:
-            self._now = now
             self._keep_batch()
             self._drop_unchanged()
+            sight = now, self._sensor, self._store.count_in
             for place in sorted(self._tiles.changed - self._under_way):
-                if place in self._to_flush or self._is_due(place):
+                if place in self._to_flush or self._tiles.is_due(place, *sight):
                     self._in_flush |= self._to_flush & {place}
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
@@ -168,24 +168,29 @@ class LiveSurvey:
         Return the ready tile into which no point has fallen for longest, None if none is ready.
 
         Those without gaps go first, then those with gaps in their buffer: the others most often come again.
-        Raises an OutputError if the disk is full; the tile stays ready.
+        One near which points fell, but none into it or its buffer, has nothing new and is done. Raises an
+        OutputError if the disk is full; the tile stays ready.
         """
         with self._lock:
-            if not self._ready:
-                return None
-            tile = min((self._tiles[place] for place in self._ready), key=self._order_of)
-            self._note(tile, tile.revision + 1, -1)
-            self._ready.remove(tile.place)
-            tile.n_sent = self._store.count_in(tile.near.cells)
-            tile.revision += 1
-            return self._store.tile(self._plan(tile), tile.buffer)
+            while self._ready:
+                tile = self._tiles.next_of(self._ready)
+                made = self._store.tile(self._plan(tile, tile.revision + 1), tile.buffer)
+                if is_new := len(made) != tile.n_points:
+                    self._note(tile, tile.revision + 1, -1)
+                self._ready.remove(tile.place)
+                tile.revision += is_new
+                tile.n_sent, tile.n_points = self._store.count_in(tile.near.cells), len(made)
+                if is_new:
+                    return made
+                self.finish(tile.stamp + tile.revision)
+            return None
 
     def grown(self, sent: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return the tile once more, its buffer doubled on some sides; None if there is no more."""
         with self._lock:
             if (tile := self._tiles.of_stamp(sent.stamp)) is None:
                 return None
-            plan = self._plan(tile)
+            plan = self._plan(tile, tile.revision)
             most = self.config.max_buffer
             buffer = self._store.wider(plan, tile.buffer, sides, most)
             # what comes there later counts, too, where there is nothing now
@@ -194,7 +199,9 @@ class LiveSurvey:
                 return None
             tile.revision += 1
             self._note(tile, tile.revision, -1)
-            return self._store.tile(plan, buffer)
+            made = self._store.tile(plan, buffer)
+            tile.n_points = len(made)
+            return made
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """
@@ -215,6 +222,8 @@ class LiveSurvey:
                 return
             self._under_way.discard(tile.place)
             self._in_flush.discard(tile.place)
+            if not is_done:
+                tile.n_points = -1
             self._note(tile, tile.revision, tile.n_sent if is_done else -1)
 
     def records(self, number: int) -> Iterable[NDArray[Any]]:
@@ -239,14 +248,6 @@ class LiveSurvey:
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
         self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
-
-    def _is_due(self, place: Cell) -> bool:
-        """Whether a tile has waited long enough, or the sensor is far away."""
-        has_waited = self._tiles.has_waited(place, self._now, self._store.count_in)
-        return has_waited or self._tiles.is_left(place, self._sensor)
-
-    def _order_of(self, tile: LiveTile) -> tuple[tuple[bool, bool], float]:
-        return self._tiles.has_gaps(tile), self._tiles.last_touched(tile)
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""
@@ -293,7 +294,7 @@ class LiveSurvey:
         x, y = (records[axis].astype(np.float64) + self.frame.origin[k] for k, axis in enumerate("xy"))
         return self._grid.cells_at(np.column_stack([x, y]))
 
-    def _plan(self, tile: LiveTile) -> TilePlan:
-        """Return what a tile is made of now."""
+    def _plan(self, tile: LiveTile, revision: int) -> TilePlan:
+        """Return what a revision of a tile is made of now."""
         core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
-        return TilePlan(tile.stamp + max(tile.revision, 0), tile.block, core)
+        return TilePlan(tile.stamp + revision, tile.block, core)

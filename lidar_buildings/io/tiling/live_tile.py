@@ -34,6 +34,7 @@ class LiveTile:
     buffer: Buffer  #: with which it was sent last
     near: Block  #: its spool cells and those of its buffer, as wide as it has ever been
     n_sent: int = -1  #: points near it when it was sent last; −1 = never
+    n_points: int = -1  #: points that it was sent with last, its buffer's too; −1 = none of use
     revision: int = -1  #: number of the last one that was sent; −1 = none was
 
     def share_new(self, count_in: Callable[[Iterable[Cell]], int]) -> float:
@@ -121,19 +122,28 @@ class LiveTiles:
         )
         return own, near
 
-    def has_waited(self, place: Cell, now: float, count_in: Callable[[Iterable[Cell]], int]) -> bool:
-        """
-        Whether no point has fallen into a tile or its buffer for long enough.
+    def next_of(self, ready: Iterable[Cell]) -> LiveTile:
+        """Return the tile that goes first: without gaps, then with gaps in its buffer, then longest left."""
+        tiles = (self._by_place[place] for place in ready)
+        return min(tiles, key=lambda tile: (self.has_gaps(tile), self.last_touched(tile)))
 
-        With half of `_FEW` new points it waits twice as long, and so on.
+    def is_due(
+        self,
+        place: Cell,
+        now: float,
+        sensor: NDArray[np.float64] | None,
+        count_in: Callable[[Iterable[Cell]], int],
+    ) -> bool:
         """
-        tile = self._by_place[place]
-        weight = min(tile.share_new(count_in) / _FEW, 1.0)
-        return (now - self.last_touched(tile)) * weight >= self._config.leave_after
+        Whether no point has fallen into a tile or its buffer for long enough, or the sensor is far away.
 
-    def is_left(self, place: Cell, sensor: NDArray[np.float64] | None) -> bool:
-        """Whether the sensor, at a source's position [m] if it is known, is far from a tile not yet sent."""
+        With half of `_FEW` new points it waits twice as long, and so on. The sensor, at a source's position
+        [m] if it is known, ends the waiting once.
+        """
         config, tile = self._config, self._by_place[place]
+        weight = min(tile.share_new(count_in) / _FEW, 1.0)
+        if (now - self.last_touched(tile)) * weight >= config.leave_after:
+            return True
         if tile.revision >= 0 or sensor is None or not config.leave_distance:
             return False
         area = self._grid.area_of(tile.block).buffered(Buffer.of(config.buffer)).grown(config.leave_distance)

@@ -158,6 +158,24 @@ def test_it_comes_again_when_only_its_buffer_has_changed(survey):
     assert {tile.stamp - first.stamp for tile in tiles_of(survey)} >= {1}
 
 
+@pytest.mark.parametrize("is_done", [True, False])
+def test_a_tile_that_is_done_is_not_made_again_for_points_near_its_buffer_alone(survey, is_done):
+    first = first_tile(survey)
+    survey.finish(first.stamp, is_done=is_done)
+    survey.add(scan_at(-4, 20, spread=0.5), 6.0)  # within a spool cell of the western buffer, 2 m wide
+    survey.flush()
+    assert survey.tick(6.0)
+    beside, *again = sorted(tiles_of(survey), key=lambda tile: tile.stamp == first.stamp + 1)
+    assert [len(tile) for tile in again] == ([] if is_done else [300])
+    for tile in (beside, *again):
+        survey.finish(tile.stamp)
+    assert survey.is_flushed
+    assert survey.n_waiting == 0
+    survey.add(scan_at(-1, 20, spread=0.5, seed=1), 7.0)
+    survey.tick(100.0)
+    assert first.stamp + 1 + len(again) in {tile.stamp for tile in tiles_of(survey)}
+
+
 def test_a_far_sensor_ends_the_waiting_once(tmp_path):
     config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, leave_after=100.0, leave_distance=50.0)
     survey = LiveSurvey(config, FRAME, tmp_path)
