@@ -8,21 +8,23 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.model.point_array import extent_of
-
 #: Windows of fewer cells may be as empty as they are: some 1 GB.
 _SMALL = 25_000_000
 #: A window of which less than one in so many squares holds a point is nearly empty.
 _SPARSITY = 16
 
 
-def main_area(points: NDArray[np.float64], square: float, resolution: float) -> NDArray[np.intp] | slice:
-    """
-    Return the rows of the points round which a window of cells is worth its memory: mostly all.
+def is_wide(extent: NDArray[np.float64], resolution: float) -> bool:
+    """Whether a window of cells round an extent, shape (2, 2) [m], is too large to be nearly empty."""
+    return bool(np.prod(np.diff(extent, axis=0) / resolution) > _SMALL)
 
-    A single point 10 km from a tile would make a window of gigabytes. Where a window is large and nearly
-    empty the group of adjoining squares with the most points is kept; of equal ones the westernmost, then
-    southernmost.
+
+def main_area(points: NDArray[np.float64], square: float) -> NDArray[np.bool_]:
+    """
+    Tell which points a window of cells is worth its memory for: mostly all.
+
+    A single point 10 km from a tile would make a window of gigabytes. Where it would be nearly empty the
+    group of adjoining squares with the most points is kept; of equal ones the westernmost, then southernmost.
 
     Parameters
     ----------
@@ -30,18 +32,14 @@ def main_area(points: NDArray[np.float64], square: float, resolution: float) -> 
         [m]
     square : float
         Side of a square [m].
-    resolution : float
-        Side of a cell [m].
     """
-    if not len(points) or np.prod(np.diff(extent_of(points[:, :2]), axis=0) / resolution) <= _SMALL:
-        return slice(None)
     squares, at, count = np.unique(
         np.floor(points[:, :2] / square).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
     wide, high = (squares.max(axis=0) - squares.min(axis=0) + 1).tolist()
     if wide * high <= _SPARSITY * len(squares):
-        return slice(None)
+        return np.ones(len(points), dtype=bool)
     pairs = cKDTree(squares).query_pairs(1.5, output_type="ndarray")
     graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(squares),) * 2)
     group = connected_components(graph, directed=False)[1]
-    return np.flatnonzero(group[at.ravel()] == np.argmax(np.bincount(group, weights=count)))
+    return np.asarray(group[at.ravel()] == np.argmax(np.bincount(group, weights=count)))

@@ -4,7 +4,9 @@ The cells of a window, filled from points: by the highest or the mean of their o
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow
 _STEPS_PER_METRE = 65536.0
 #: Cells so near an empty one are corners of the triangles that close it.
 _RIM = 3
+#: What a point is: of no account, or seen, or ground.
+LEFT_OUT, SEEN, GROUND = range(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,30 @@ class CellPoints:
         return CellPoints(rows, columns, np.vstack((self.points, others.points)))
 
 
+class CellContents(NamedTuple):
+    """
+    What the cells of a window hold.
+
+    Attributes
+    ----------
+    own, others : ndarray of bool, shape (height, width)
+        The cells with a core point, and with one of a neighbouring tile.
+    ground : CellPoints
+        Means of ground points. The mean of points on a plane lies on it, with the noise of one point over the
+        root of their number.
+    first, later, lowest : CellPoints
+        Each cell's highest first return, its highest later one and its lowest point of all; of several as
+        high the westernmost, then southernmost.
+    """
+
+    own: NDArray[np.bool_]
+    others: NDArray[np.bool_]
+    ground: CellPoints
+    first: CellPoints
+    later: CellPoints
+    lowest: CellPoints
+
+
 @dataclass(frozen=True)
 class Cells:
     """
@@ -75,48 +103,40 @@ class Cells:
     window: RasterWindow
     origin: tuple[float, float]
 
-    def at(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the number of each point's cell, counted row by row."""
-        rows, columns = self.window.cells_of(points, self.origin)
-        rows *= self.window.width
-        rows += columns
-        return rows
-
-    def holding(self, at: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Tell which cells hold a point, given the points' cells."""
-        mask = np.zeros(self.window.shape, dtype=bool)
-        mask.reshape(-1)[at] = True
-        return mask
-
-    def means(self, points: NDArray[np.float64], at: NDArray[np.int64]) -> CellPoints:
+    def contents(
+        self,
+        points: NDArray[np.float64],
+        kind: NDArray[np.uint8],
+        is_core: NDArray[np.bool_],
+        is_first: NDArray[np.bool_],
+    ) -> CellContents:
         """
-        Return the mean of the points of each cell that has any.
+        Return what the cells hold, whatever the order of the points.
 
-        The mean of points on a plane lies on it, with the noise of one point over the root of their number.
+        Parameters
+        ----------
+        points : ndarray of shape (n_points, 3)
+            All within the window that are not left out [m].
+        kind : ndarray of uint8, shape (n_points,)
+            `LEFT_OUT`, `SEEN` or `GROUND`.
+        is_core, is_first : ndarray of bool, shape (n_points,)
+            False for points of neighbouring tiles, and for later returns.
         """
-        n_cells = self.window.height * self.window.width
-        n = np.bincount(at, minlength=n_cells)
+        window = self.window
+        holds, n, sums, best = _contents(
+            points, kind, is_core, is_first, self.origin, window.resolution, window.column, window.row,
+            window.width, window.height * window.width,
+        )  # fmt: skip
+        own, others = holds.view(bool).reshape(2, *window.shape)
         filled = np.flatnonzero(n)
         # Sums of whole numbers below 2⁵³ are exact in any order.
-        whole = (np.bincount(at, np.rint(points[:, axis] * _STEPS_PER_METRE), n_cells) for axis in range(3))
-        sums = np.column_stack([one[filled] for one in whole])
-        return self._cell_points(filled, sums / (n[filled, None] * _STEPS_PER_METRE))
-
-    def extremes(
-        self, points: NDArray[np.float64], at: NDArray[np.int64], is_first: NDArray[np.bool_]
-    ) -> tuple[CellPoints, CellPoints, CellPoints]:
-        """
-        Return each cell's highest first return, its highest later one and its lowest point of all.
-
-        Of several as high the westernmost, then southernmost.
-        """
-        found = _extremes(points, at, is_first, self.window.height * self.window.width)
-        filled = [np.flatnonzero(rows >= 0) for rows in found]
-        first, later, lowest = (
+        ground = self._cell_points(filled, sums[filled] / (n[filled, None] * _STEPS_PER_METRE))
+        some = [np.flatnonzero(rows >= 0) for rows in best]
+        ends = (
             self._cell_points(one, points.take(rows[one], axis=0))
-            for one, rows in zip(filled, found, strict=True)
+            for one, rows in zip(some, best, strict=True)
         )
-        return first, later, lowest
+        return CellContents(own, others, ground, *ends)
 
     def _cell_points(self, numbers: NDArray[np.int64], points: NDArray[np.float64]) -> CellPoints:
         return CellPoints(*np.divmod(numbers, self.window.width), points)
@@ -151,20 +171,36 @@ class Cells:
 
 
 @kernel
-def _extremes(points, at, is_first, n_cells):  # type: ignore[no-untyped-def]
-    """Return the rows of each cell's highest first and later return and of its lowest point, −1 for none."""
-    found = np.full((3, n_cells), np.int32(-1))
+def _contents(points, kind, is_core, is_first, origin, size, column, row, width, n_cells):  # type: ignore[no-untyped-def]
+    """
+    Return 1 for cells with points of the core and with others, numbers and sums of ground points, and rows.
+
+    These are those of each cell's highest first and later return and of its lowest point, −1 for none.
+    """
+    holds = np.zeros((2, n_cells), dtype=np.uint8)
+    n, sums = np.zeros(n_cells, dtype=np.int64), np.zeros((n_cells, 3))
+    best = np.full((3, n_cells), np.int32(-1))
     for i in range(len(points)):
-        for kind in (0 if is_first[i] else 1, 2):
-            best = found[kind, at[i]]
-            if best >= 0:
-                up = points[i, 2] - points[best, 2] if kind < 2 else points[best, 2] - points[i, 2]
+        if kind[i] == LEFT_OUT:
+            continue
+        east = np.int64(math.floor((points[i, 0] + origin[0]) / size)) - column
+        south = -1 - np.int64(math.floor((points[i, 1] + origin[1]) / size)) - row
+        at = south * width + east
+        holds[0 if is_core[i] else 1, at] = 1
+        if kind[i] == GROUND:
+            n[at] += 1
+            for axis in range(3):
+                sums[at, axis] += np.rint(points[i, axis] * _STEPS_PER_METRE)
+        for end in (0 if is_first[i] else 1, 2):
+            k = best[end, at]
+            if k >= 0:
+                up = points[i, 2] - points[k, 2] if end < 2 else points[k, 2] - points[i, 2]
                 if up < 0.0:
                     continue
-                if up == 0.0 and (points[i, 0], points[i, 1]) >= (points[best, 0], points[best, 1]):
+                if up == 0.0 and (points[i, 0], points[i, 1]) >= (points[k, 0], points[k, 1]):
                     continue
-            found[kind, at[i]] = i
-    return found
+            best[end, at] = i
+    return holds, n, sums, best
 
 
 @kernel

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
-from lidar_buildings.core.stages.terrain.areas import main_area
-from lidar_buildings.core.stages.terrain.cells import Cells
+from lidar_buildings.core.stages.terrain.areas import is_wide, main_area
+from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.known_cells import closed, regions_touching, squared_distance
 from lidar_buildings.core.stages.terrain.surface import surface_elevations, widest_gap
@@ -23,7 +24,13 @@ GROUND_CLASSES = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointCla
 NOISE_CLASSES = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: Side of the squares by which areas are told apart, beside three times the reach [m].
 _LEAST_SQUARE = 10.0
-_IS_GROUND, _IS_NOISE = (np.isin(np.arange(256), classes) for classes in (GROUND_CLASSES, NOISE_CLASSES))
+#: What points of each class are.
+_KINDS = np.full(256, SEEN, dtype=np.uint8)
+_KINDS[[*GROUND_CLASSES]], _KINDS[[*NOISE_CLASSES]] = GROUND, LEFT_OUT
+#: Cells that are not cut off beyond twice the reach;
+#: wide margin: distances count from cells' middles.
+_MARGIN_CELLS = 4.0
+_EVERYWHERE = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,33 +131,34 @@ def make_rasters(
     first = _checked_or(np.zeros, "return_number", return_number, len(points), np.uint8) <= 1
     if config.raster_resolution <= 0.0:
         raise ValueError("raster_resolution = 0: must be above 0 to make rasters")
-    columns = [points, classes, core, first]
-    if (is_noise := _IS_NOISE[classes]).any():
-        seen = np.flatnonzero(~is_noise)
-        columns = [one.take(seen, axis=0) for one in columns]
-    square = 3.0 * config.raster_reach + _LEAST_SQUARE
-    near = main_area(columns[0], square, config.raster_resolution)
-    points, classes, core, first = (one[near] for one in columns)
-    reach = reach_in_cells(config.raster_reach, config.raster_resolution)
-    window = window_of(points, origin, config.raster_resolution).grown(reach + 1)
-    cells = Cells(window, origin)
-    at = cells.at(points)
-    own, others = (cells.holding(at[rows]) for rows in (core, ~core))
+    kind, resolution = _KINDS[classes], config.raster_resolution
+    own_extent, _ = _extents(points, kind, core, _EVERYWHERE)
+    if own_extent[0, 0] > own_extent[1, 0]:
+        nothing = np.zeros((0, 0), dtype=np.float32)
+        return TerrainRasters(RasterWindow(resolution), nothing, nothing, nothing.astype(np.int32))
+    margin = 2.0 * config.raster_reach + _MARGIN_CELLS * resolution
+    _, extent = _extents(points, kind, core, own_extent + np.array([[-margin], [margin]]))
+    if is_wide(extent, resolution):
+        rows = np.flatnonzero(kind)
+        kind[rows[~main_area(points[rows], 3.0 * config.raster_reach + _LEAST_SQUARE)]] = LEFT_OUT
+        _, extent = _extents(points, kind, core, _EVERYWHERE)
+    reach = reach_in_cells(config.raster_reach, resolution)
+    cells = Cells(window_of(extent, origin, resolution).grown(reach + 1), origin)
+    contents = cells.contents(points, kind, core, first)
+    own, others, ground = contents.own, contents.others, contents.ground
     known = closed(own | others, reach)
-    is_ground = np.flatnonzero(_IS_GROUND[classes])
-    ground = cells.means(points.take(is_ground, axis=0), at[is_ground])
-    dtm = np.full(window.shape, np.nan, dtype=np.float32)
+    dtm = np.full(known.shape, np.nan, dtype=np.float32)
     dtm[ground.rows, ground.columns] = cells.levelled(ground)
     distance = squared_distance(own, reach)
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     gaps = regions_touching(known & np.isnan(dtm), mine)
     dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, config.dtm_interpolation)
-    spacing = given_or_measured(points, point_spacing)
-    gap = min(widest_gap(spacing, config.raster_resolution), reach)
-    dsm = surface_elevations(cells, points, at, first, dtm, known, mine, gap)
+    spacing = point_spacing or given_or_measured(points[kind != LEFT_OUT], None)
+    gap = min(widest_gap(spacing, resolution), reach)
+    dsm = surface_elevations(cells, contents, dtm, known, mine, gap)
     for raster in (dtm, dsm):
         raster[~mine] = np.nan
-    return _cropped(TerrainRasters(window, dtm, dsm, distance), mine)
+    return _cropped(TerrainRasters(cells.window, dtm, dsm, distance), mine)
 
 
 def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> NDArray:  # type: ignore[no-untyped-def]
@@ -171,3 +179,29 @@ def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRaster
 def _span(marked: Any) -> slice:
     at = np.flatnonzero(marked)
     return slice(int(at[0]), int(at[-1]) + 1) if len(at) else slice(0, 0)
+
+
+@kernel
+def _extents(points, kind, is_core, limits):  # type: ignore[no-untyped-def]
+    """
+    Leave out what lies beyond limits, and return the extents of the core's points and of all that are left.
+
+    Arrays of shape (2, 2): least and greatest x and y [m]; infinite where there is no point.
+    """
+    own, every = np.empty((2, 2)), np.empty((2, 2))
+    for extent in (own, every):
+        extent[0], extent[1] = np.inf, -np.inf
+    for i in range(len(points)):
+        if kind[i] == LEFT_OUT:
+            continue
+        for axis in range(2):
+            if not limits[0, axis] <= points[i, axis] <= limits[1, axis]:
+                kind[i] = LEFT_OUT
+        if kind[i] == LEFT_OUT:
+            continue
+        for axis in range(2):
+            place = points[i, axis]
+            every[0, axis], every[1, axis] = min(every[0, axis], place), max(every[1, axis], place)
+            if is_core[i]:
+                own[0, axis], own[1, axis] = min(own[0, axis], place), max(own[1, axis], place)
+    return own, every

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.stages.terrain.cells import CellPoints, Cells
+from lidar_buildings.core.stages.terrain.cells import CellContents, CellPoints, Cells
 from lidar_buildings.core.stages.terrain.known_cells import ADJACENT, closed, regions_touching
 from lidar_buildings.core.stages.terrain.window import reach_in_cells
 
@@ -31,9 +31,7 @@ def widest_gap(point_spacing: float, resolution: float) -> int:
 
 def surface_elevations(
     cells: Cells,
-    points: NDArray[np.float64],
-    at: NDArray[np.int64],
-    is_first: NDArray[np.bool_],
+    contents: CellContents,
     ground: NDArray[np.float32],
     known: NDArray[np.bool_],
     wanted: NDArray[np.bool_],
@@ -51,12 +49,8 @@ def surface_elevations(
     ----------
     cells : Cells
         With at least as many empty cells on each side as a gap is wide.
-    points : ndarray of shape (n_points, 3)
-        All but noise, in any order [m].
-    at : ndarray of shape (n_points,), int64
-        Their cells, as `Cells.at` numbers them.
-    is_first : ndarray of bool, shape (n_points,)
-        Which are first returns.
+    contents : CellContents
+        What they hold.
     ground : ndarray of shape (height, width)
         Elevation of the ground [m]; NaN where it is not known.
     known, wanted : ndarray of bool, shape (height, width)
@@ -64,10 +58,9 @@ def surface_elevations(
     gap : int
         See `widest_gap`.
     """
-    first, later, lowest = cells.extremes(points, at, is_first)
-    highest = _with_later_returns(cells, first, later, gap)
+    highest = _with_later_returns(cells, contents.first, contents.later, gap)
     measured = highest.mask(cells.window.shape)
-    on_ground = _holes_on_ground(lowest, ground, known & ~closed(measured, gap))
+    on_ground = _holes_on_ground(contents.lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
     gaps = regions_touching(known & ~measured & ~on_ground, wanted)
     elevation[gaps] = np.fmax(cells.elevations_at(highest.near(gaps), gaps), ground[gaps])

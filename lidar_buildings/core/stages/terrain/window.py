@@ -9,8 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.point_array import extent_of
-
 #: A tile of more cells than this is taken for a mistake: some 30 GB; wide margin: 15 km at 0.5 m.
 MOST_CELLS = 1_000_000_000
 
@@ -74,22 +72,6 @@ class RasterWindow:
         columns = slice(max(left, 0), max(min(left + other.width, self.width), 0))
         return rows, columns
 
-    def cells_of(
-        self, points: NDArray[np.float64], origin: tuple[float, float]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """
-        Return row and column within the window of each point's cell.
-
-        Parameters
-        ----------
-        points : ndarray of shape (n_points, 2 or more)
-            In the map frame [m].
-        origin : tuple of two float
-            What to add to map coordinates [m].
-        """
-        columns, rows = _grid_cells(points, origin, self.resolution)
-        return rows - self.row, columns - self.column
-
     def centres(
         self, rows: NDArray[np.int64], columns: NDArray[np.int64], origin: tuple[float, float]
     ) -> NDArray[np.float64]:
@@ -99,14 +81,14 @@ class RasterWindow:
         return np.stack((x, y), axis=-1)
 
 
-def window_of(points: NDArray[np.float64], origin: tuple[float, float], resolution: float) -> RasterWindow:
+def window_of(extent: NDArray[np.float64], origin: tuple[float, float], resolution: float) -> RasterWindow:
     """
-    Return the smallest window that holds all points.
+    Return the smallest window that holds all points of an extent.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 2 or more)
-        In the map frame [m].
+    extent : ndarray of shape (2, 2)
+        Least and greatest x and y in the map frame [m].
     origin : tuple of two float
         What to add to map coordinates [m].
     resolution : float
@@ -117,16 +99,15 @@ def window_of(points: NDArray[np.float64], origin: tuple[float, float], resoluti
     ValueError
         If it has too many cells to be meant.
     """
-    if len(points) == 0:
-        return RasterWindow(resolution)
-    columns, rows = _grid_cells(extent_of(points[:, :2]), origin, resolution)
-    width, height = int(columns[1] - columns[0]) + 1, int(rows[0] - rows[1]) + 1
+    # A cell holds its western and its southern edge.
+    (west, south), (east, north) = np.floor((extent + origin) / resolution).astype(np.int64).tolist()
+    width, height = east - west + 1, north - south + 1
     if width * height > MOST_CELLS:
         raise ValueError(
             f"resolution = {resolution:g}: {width} × {height} cells between these points are more than "
             f"{MOST_CELLS:,}: a larger resolution or smaller tiles are needed"
         )
-    return RasterWindow(resolution, int(columns[0]), int(rows[1]), width, height)
+    return RasterWindow(resolution, west, -1 - north, width, height)
 
 
 def enclosing(windows: Iterable[RasterWindow]) -> RasterWindow | None:
@@ -143,16 +124,3 @@ def enclosing(windows: Iterable[RasterWindow]) -> RasterWindow | None:
 def reach_in_cells(distance: float, resolution: float) -> int:
     """Return how many whole cells a distance spans; rounding must not cost one."""
     return math.floor(distance / resolution + 1e-9)
-
-
-def _grid_cells(
-    points: NDArray[np.float64], origin: tuple[float, float], resolution: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return column and row in the endless grid of each point's cell.
-
-    A cell holds its western and its southern edge.
-    """
-    columns = np.floor((points[:, 0] + origin[0]) / resolution).astype(np.int64)
-    rows = -1 - np.floor((points[:, 1] + origin[1]) / resolution).astype(np.int64)
-    return columns, rows

@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
 from lidar_buildings.core.stages.terrain import RasterWindow
-from lidar_buildings.core.stages.terrain.cells import Cells
+from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells
 from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
@@ -77,13 +77,13 @@ def test_each_cell_has_the_mean_and_the_ends_of_its_points():
     random = np.random.default_rng(6)
     points = random.uniform(0.0, 6.0, (400, 3))
     cells = Cells(RasterWindow(1.0, 0, -7, 8, 7), (0.0, 0.0))
-    rows, columns = cells.window.cells_of(points, cells.origin)
-    at = cells.at(points)
-    highest, _, lowest = cells.extremes(points, at, np.ones(len(points), dtype=bool))
+    rows, columns = 6 - np.floor(points[:, 1]), np.floor(points[:, 0])
+    kind, all_of = np.full(400, GROUND, dtype=np.uint8), np.ones(400, dtype=bool)
+    contents = cells.contents(points, kind, all_of, all_of)
     for found, choose in (
-        (cells.means(points, at), lambda p: p.mean(axis=0)),
-        (highest, lambda p: p[p[:, 2].argmax()]),
-        (lowest, lambda p: p[p[:, 2].argmin()]),
+        (contents.ground, lambda p: p.mean(axis=0)),
+        (contents.first, lambda p: p[p[:, 2].argmax()]),
+        (contents.lowest, lambda p: p[p[:, 2].argmin()]),
     ):
         assert found.mask((7, 8)).sum() == len(found.points) == 36
         for row, column, point in zip(found.rows, found.columns, found.points, strict=True):
@@ -96,9 +96,20 @@ def test_of_points_as_high_the_same_one_is_taken_in_any_order():
     cell = Cells(RasterWindow(1.0, 0, -1, 1, 1), (0.0, 0.0))
     for order in (slice(None), slice(None, None, -1)):
         is_first = np.arange(20)[order] < 12
-        for found, of in zip(
-            cell.extremes(points[order], cell.at(points[order]), is_first),
-            (points[:12], points[12:], points),
-            strict=True,
-        ):
+        kind = np.full(20, SEEN, dtype=np.uint8)
+        contents = cell.contents(points[order], kind, np.ones(20, dtype=bool), is_first)
+        for found, of in zip(contents[3:], (points[:12], points[12:], points), strict=True):
             assert found.points[0, 0] == of[:, 0].min()
+
+
+def test_cells_tell_of_core_and_of_others_and_nothing_of_what_is_left_out():
+    points = np.array([[0.5, 0.5, 1.0], [1.5, 0.5, 2.0], [1.6, 0.6, 9.0], [2.5, 0.5, 3.0], [9e9, 0.5, 0.0]])
+    kind = np.array([GROUND, SEEN, LEFT_OUT, GROUND, LEFT_OUT], dtype=np.uint8)
+    is_core = np.array([True, True, True, False, True])
+    cells = Cells(RasterWindow(1.0, 0, -1, 3, 1), (0.0, 0.0))
+    contents = cells.contents(points, kind, is_core, np.array([True, False, True, True, True]))
+    assert contents.own.tolist() == [[True, True, False]]
+    assert contents.others.tolist() == [[False, False, True]]
+    assert contents.ground.columns.tolist() == contents.first.columns.tolist() == [0, 2]
+    assert contents.later.points.tolist() == [points[1].tolist()]
+    np.testing.assert_array_equal(contents.lowest.points, points[[0, 1, 3]])
