@@ -155,11 +155,33 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
     return _lowest_of_runs(rows, first, np.ascontiguousarray(points))
 
 
+@kernel
+def mark_cells(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
+    """
+    Mark which cells of a window hold points, whatever else it marks.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 2 or more)
+        Only x and y are looked at [m].
+    cell : float
+        Side of a cell [m].
+    low_x, low_y : int
+        The window's first column and row; cells count from (0, 0).
+    plan : ndarray of bool, shape (n_columns, n_rows)
+        The window.
+    """
+    for i in range(len(points)):
+        x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y
+        if 0 <= x < plan.shape[0] and 0 <= y < plan.shape[1]:
+            plan[int(x), int(y)] = True
+
+
 def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int, float]:
     """Return the cells' numbers, the number of columns and the cells' side."""
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64), 1, cell
-    low, high = extent_of(points[:, :2]).tolist()
+    low, high = extent_of(points)[:, :2].tolist()
     while _n_across(low[0], high[0], cell) * _n_across(low[1], high[1], cell) > MAX_CELLS:
         cell *= 2.0
     # Differences before the cast: a coordinate far from the origin would not fit an integer.

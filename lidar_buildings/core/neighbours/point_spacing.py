@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 from lidar_buildings.core.neighbours.nearest_neighbours import nth_distances
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
@@ -30,6 +31,8 @@ POINTS_A_STRIP, LARGE_STRIP = 8, 64
 
 #: A spacing within this factor of the expected one is taken for it: two strips on one another are √2 denser.
 MAX_DEVIATION = 1.6
+#: One within this factor by the points in cells of so many spacings is surely within that one when measured.
+PLAIN_DEVIATION, CELL_TO_COUNT = 1.48, 4.0
 
 
 def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
@@ -171,10 +174,24 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     float
         Spacing [m].
     """
+    if expected is not None and _has_plainly(checked_points(points), expected):
+        return expected
     measured = measure_spacing(points)
     if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
         return expected
     return rounded_spacing(measured)
+
+
+def _has_plainly(points: NDArray[np.float64], spacing: float) -> bool:
+    """Whether cells, counted in a tenth of the time of measuring, hold about as many points as expected."""
+    if not len(points):
+        return False
+    numbers = cell_numbers(points, CELL_TO_COUNT * spacing)
+    if int(numbers.max()) > len(points):  # few and far between
+        return False
+    count = np.bincount(numbers)
+    density = float(np.median(count[count > 0])) / CELL_TO_COUNT**2
+    return 1.0 / PLAIN_DEVIATION <= math.sqrt(1.0 / density) <= PLAIN_DEVIATION
 
 
 def quantised_spacing(points: ArrayLike) -> float:

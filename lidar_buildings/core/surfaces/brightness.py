@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.neighbours.cell_grid import mark_cells
 from lidar_buildings.core.surfaces.intensity import BRIGHTEST
 
 #: Side of a cell: so many spacings (four pulses a cell), and at least so many metres.
@@ -101,34 +104,40 @@ def brightness_raster(
         Leaves above the ground [m].
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
-    x, y = ground[:, :2].T.copy()  # numpy is ten times as slow along rows of two
-    while (np.ptp(x) / cell + 2.0) * (np.ptp(y) / cell + 2.0) > MAX_CELLS:
+    low, high = extent_of(ground)[:, :2]
+    while np.prod((high - low) / cell + 2.0) > MAX_CELLS:
         cell *= 2.0
-    place = np.floor(np.array([x, y]) / cell).astype(np.int64)
-    first = place.min(axis=1)
-    place -= first[:, None]
-    shape = tuple(place.max(axis=1) + 1)
-    row_of = place[0] * shape[1] + place[1]
-    size = shape[0] * shape[1]
-    count = np.bincount(row_of[is_single], minlength=size)
-    steps = np.rint(normalised[is_single].astype(float) * STEPS)  # whole numbers: their sum knows no order
-    total = np.bincount(row_of[is_single], steps, minlength=size) / STEPS
-    mean = np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(shape)
-    is_ground = np.bincount(row_of, minlength=size).reshape(shape) > 0
-    is_covered = _occupied(cover, cell, first, shape)
+    first, last = (np.floor(end / cell).astype(np.int64) for end in (low, high))
+    shape = tuple(last - first + 1)
+    row_of, count, total, is_ground = _gathered(
+        ground, normalised, is_single, cell, first[0], first[1], shape[0], shape[1]
+    )
+    mean = np.divide(total, count * STEPS, out=np.full(shape, np.nan), where=count > 0)
+    is_covered = np.zeros(shape, dtype=bool)
+    if cover is not None:
+        mark_cells(cover, cell, first[0], first[1], is_covered)
     return BrightnessRaster(cell, row_of, is_ground, is_covered, _median_around(mean))
 
 
-def _occupied(
-    points: NDArray[np.float64] | None, cell: float, first: NDArray[np.int64], shape: tuple[int, ...]
-) -> NDArray[np.bool_]:
-    """Tell which cells of a raster that begins with a cell hold any of some points."""
-    occupied = np.zeros(shape, dtype=bool)
-    if points is not None:
-        column, row = (np.floor(points[:, :2] / cell).astype(np.int64) - first).T
-        inside = (column >= 0) & (row >= 0) & (column < shape[0]) & (row < shape[1])
-        occupied[column[inside], row[inside]] = True
-    return occupied
+@kernel
+def _gathered(points, normalised, is_single, cell, low_x, low_y, n_columns, n_rows):  # type: ignore[no-untyped-def]
+    """
+    Return each point's flat cell, and of cells the number and sum of single returns and if they hold any.
+
+    What is summed up are whole numbers, whose sum knows no order.
+    """
+    row_of = np.empty(len(points), dtype=np.int64)
+    count, total = np.zeros(n_columns * n_rows, dtype=np.int64), np.zeros(n_columns * n_rows)
+    is_held = np.zeros(n_columns * n_rows, dtype=np.bool_)
+    for i in range(len(points)):
+        x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y
+        at = int(x) * n_rows + int(y)
+        row_of[i], is_held[at] = at, True
+        if is_single[i]:
+            count[at] += 1
+            total[at] += np.rint(np.float64(normalised[i]) * STEPS)
+    shape = n_columns, n_rows
+    return row_of, count.reshape(shape), total.reshape(shape), is_held.reshape(shape)
 
 
 def _median_around(values: NDArray[np.float64]) -> NDArray[np.float64]:

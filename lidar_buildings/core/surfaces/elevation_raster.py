@@ -28,7 +28,7 @@ def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]
     cell : float
         Side of a cell [m].
     """
-    return np.floor(extent_of(points[:, 1::-1]) / cell)
+    return np.floor(extent_of(points)[:, 1::-1] / cell)
 
 
 def lowest_elevations(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -15,6 +16,8 @@ HIGH_PERCENTILE = 95.0
 HIGH_ANCHOR = 200.0
 #: The brightest normalised intensity; the scale begins at 0.
 BRIGHTEST = 255.0
+#: Whole numbers within such a range are counted, not sorted.
+LARGEST_RANGE = 65_535
 #: A strip with fewer pulses tells nothing of its own scale.
 MIN_PULSES = 500
 
@@ -28,8 +31,22 @@ class IntensityScale(NamedTuple):
 
 def measure_scale(intensity: NDArray[np.floating]) -> IntensityScale:
     """Return the scale of some pulses of one strip; there has to be one at least."""
-    low, high = np.percentile(intensity, [LOW_PERCENTILE, HIGH_PERCENTILE])
-    return IntensityScale(float(low), float(high))
+    with np.errstate(invalid="ignore"):
+        whole = intensity.astype(np.int64)
+    if (whole != intensity).any() or np.ptp(whole) > LARGEST_RANGE:
+        return IntensityScale(*np.percentile(intensity, [LOW_PERCENTILE, HIGH_PERCENTILE]).tolist())
+    lowest = int(whole.min())
+    n_up_to = np.cumsum(np.bincount(whole - lowest))
+    return IntensityScale(*(_percentile(lowest, n_up_to, one) for one in (LOW_PERCENTILE, HIGH_PERCENTILE)))
+
+
+def _percentile(lowest: int, n_up_to: NDArray[np.int64], share: float) -> float:
+    """Return the same as numpy of whole numbers of which it is known how many are up to each."""
+    place = (int(n_up_to[-1]) - 1) * (share / 100.0)
+    around = math.floor(place), math.ceil(place)
+    lower, upper = (lowest + np.searchsorted(n_up_to, around, side="right")).tolist()
+    part = place - math.floor(place)
+    return float(lower + (upper - lower) * part if part < 0.5 else upper - (upper - lower) * (1.0 - part))
 
 
 def strip_scales(

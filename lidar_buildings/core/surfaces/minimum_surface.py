@@ -76,7 +76,7 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _cell_size(points: NDArray[np.float64]) -> float:
     """Return the side of a cell, such that the raster stays small enough [m]."""
     cell = max(CELL_SPACINGS * quantised_spacing(points), MIN_CELL)
-    while np.prod(np.diff(extent_of(points[:, :2]), axis=0) / cell + 1.0) > MAX_CELLS:
+    while np.prod(np.diff(extent_of(points)[:, :2], axis=0) / cell + 1.0) > MAX_CELLS:
         cell *= 2.0
     return cell
 

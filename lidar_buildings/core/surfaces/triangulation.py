@@ -105,7 +105,7 @@ def triangulate(
     """
     if len(vertices) == 0:
         raise ValueError("vertices is empty: a TIN needs at least one point")
-    corners = extent_of(vertices[:, :2])
+    corners = extent_of(vertices)[:, :2]
     low, high = extent_of(corners if extent is None else np.vstack((corners, extent)))
     origin = np.floor(low)
     real = np.ascontiguousarray(vertices - [*origin, 0.0])
@@ -142,7 +142,7 @@ def _insertion_order(vertices: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the rows in the order of insertion: random rounds, each larger, each sorted by place."""
     n = len(vertices)
     shuffled = np.random.default_rng(0).permutation(n)
-    area = float(np.prod(np.maximum(np.diff(extent_of(vertices[:, :2]), axis=0), _MIN_MARGIN)))
+    area = float(np.prod(np.maximum(np.diff(extent_of(vertices)[:, :2], axis=0), _MIN_MARGIN)))
     rounds, first, last = [], 0, min(_FIRST_ROUND, n)
     while first < n:
         rows = shuffled[first:last]

@@ -2,7 +2,8 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.neighbours import point_spacing
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing, steady_spacing
 from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -34,6 +35,17 @@ def test_few_points_tell_nothing_of_the_survey():
 def test_a_tile_takes_the_expected_spacing_unless_its_own_is_quite_another():
     assert steady_spacing(lattice(0.5), 0.45) == 0.45
     assert steady_spacing(lattice(0.5), 2.0) == pytest.approx(0.5, rel=0.2)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
+def test_counting_in_cells_decides_as_measuring_does(share, monkeypatch):
+    random = np.random.default_rng(3)
+    points = np.concatenate([random.uniform(0.0, 40.0, (6000, 3)), lattice(0.3) + np.array([60.0, 0, 0])])
+    points = points[random.random(len(points)) < share]
+    expected = measure_spacing(points) * np.geomspace(0.4, 2.5, 37)
+    found = [steady_spacing(points, one) for one in expected]
+    monkeypatch.setattr(point_spacing, "PLAIN_DEVIATION", 1e-9)
+    assert found == [steady_spacing(points, one) for one in expected]
 
 
 def test_all_tiles_of_a_survey_have_one_spacing_whatever_their_size(tmp_path):

@@ -136,7 +136,7 @@ class _Surroundings:
 
 def _box(points: NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
     """Return the limits of points with a margin around."""
-    (west, south), (east, north) = extent_of(points[:, :2]).tolist()
+    (west, south), (east, north) = extent_of(points)[:, :2].tolist()
     return west - margin, south - margin, east + margin, north + margin
 
 

@@ -191,7 +191,7 @@ def _terrain(
     It is densified, or the TIN of what a method found ground. Only the lowest point a cell takes part. Where
     a method found no ground at all, it is the lowest surface.
     """
-    extent = extent_of(cloud.points[:, :2])
+    extent = extent_of(cloud.points)[:, :2]
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
     if config.method in DENSIFIED:
         return DENSIFIED[config.method](candidates, extent, config), NO_EXTENTS

@@ -69,7 +69,7 @@ def region_raster(
     spacing : float
         Point spacing [m].
     """
-    low, high = extent_of(points[:, :2])
+    low, high = extent_of(points)[:, :2]
     reach = np.maximum(high - low, _LEAST_MARGIN)
     for ring in rings[:1]:
         low, high = (

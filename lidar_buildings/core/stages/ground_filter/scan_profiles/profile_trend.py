@@ -83,7 +83,7 @@ def fit_trend(
         Whether planes are wanted further than three radii away from any ground.
     """
     cell = radius / cells_per_radius
-    low, high = extent_of(points[:, :2])
+    low, high = extent_of(points)[:, :2]
     while np.prod((high - low) / cell + 3.0) > MAX_CELLS:
         cell *= 2.0
     corner = (np.floor(low / cell) - 1.0) * cell

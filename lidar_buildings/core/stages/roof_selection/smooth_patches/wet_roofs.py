@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.neighbours.cell_grid import mark_cells
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 
 #: A void has so many empty cells of a spacing in a row, either way: by chance that is rare [cells].
@@ -36,7 +37,7 @@ RIDGE = 1e-9
 #: Residuals below this weigh alike [m].
 MIN_RESIDUAL = 0.01
 #: Cells along the side of the blocks in which voids are looked for, so that far points cost no memory.
-BLOCK = 512
+BLOCK = 2048
 
 
 def find_wet_roofs(
@@ -84,7 +85,7 @@ def find_wet_roofs(
         low = np.array([x.min(), y.min()]) - margin
         plan = np.zeros(np.array([x.max(), y.max()]) + margin + 1 - low, dtype=np.bool_)
         rim, zone = np.zeros_like(plan), np.zeros_like(plan)
-        _mark(points, spacing, low[0], low[1], plan)
+        mark_cells(points, spacing, low[0], low[1], plan)
         rim[x - low[0], y - low[1]] = True
         places = [one for one in _voids(plan, half, reach, MAX_LENGTH / spacing) if rim[one[0]].any()]
         if not places:
@@ -188,15 +189,6 @@ def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArra
         if np.abs(residuals - before).max() < MIN_CHANGE:
             break
     return (points - centre) @ np.append(-plane[:2], 1.0) - plane[2]
-
-
-@kernel
-def _mark(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def]
-    """Mark the cells of a window that hold points."""
-    for i in range(len(points)):
-        x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y
-        if 0 <= x < plan.shape[0] and 0 <= y < plan.shape[1]:
-            plan[int(x), int(y)] = True
 
 
 @kernel
