@@ -212,8 +212,9 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
     from lidar_buildings.io.tiling.live_feed import LiveFeed
     from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
-    take, finish, flush = LiveSurvey.take, LiveSurvey.finish, LiveFeed.flush
+    take, finish, told, flush = LiveSurvey.take, LiveSurvey.finish, LiveFeed.finish, LiveFeed.flush
     under_way: dict[int, list[Any]] = {}
+    told_at: dict[int, float] = {}
     sendings: list[list[Any]] = []
     ends: list[float] = []
 
@@ -226,27 +227,31 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
             under_way[own.stamp] = [own.stamp, own.revision, len(tile), gaps, last, time.monotonic()]
         return tile
 
+    def noted_told(self: LiveFeed, stamp: int, *, is_done: bool = True) -> None:
+        told_at[stamp] = time.monotonic()  # the feed may have scans to place before it takes note
+        told(self, stamp, is_done=is_done)
+
     def noted_finish(self: LiveSurvey, stamp: int, *, is_done: bool = True) -> None:
         own = self._tiles.of_stamp(stamp)
         finish(self, stamp, is_done=is_done)
         if own is not None and own.place not in self._under_way and own.stamp in under_way:
-            sendings.append([*under_way.pop(own.stamp), time.monotonic()])
+            sendings.append([*under_way.pop(own.stamp), told_at[stamp]])
 
     def noted_flush(self: LiveFeed) -> None:
         ends.append(time.monotonic())
         flush(self)
 
     LiveSurvey.take, LiveSurvey.finish = noted_take, noted_finish  # type: ignore[method-assign]
-    LiveFeed.flush = noted_flush  # type: ignore[method-assign]
+    LiveFeed.finish, LiveFeed.flush = noted_told, noted_flush  # type: ignore[method-assign]
     if n_times:
         repeat_bags(n_times)
     status = command(["live", "--output", output, *words])
-    told = {
+    figures = {
         "sendings": sendings,
         "end": ends[0],
         "seconds_after": time.monotonic() - ends[0],
     }
-    print(_MARK + json.dumps(told), file=sys.stderr)
+    print(_MARK + json.dumps(figures), file=sys.stderr)
     return status
 
 
