@@ -69,6 +69,13 @@ def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, resu
     assert "roof_selection.min_building_area = 25.0 m^2, the default is 12.0" in text
 
 
+def test_a_shed_is_as_large_where_nothing_lies_round_it(capsys, tmp_path):
+    folder = with_points(written_models(tmp_path / "out", DUTCH), DUTCH, has_lawn=False)
+    text = explained(capsys, folder, source(15.0, 3.5))
+    assert 5.0 <= float(text.split("points on ")[1].split(" m²")[0]) <= 7.5, "it has 6 m²"
+    assert "smaller than min_building_area" in text
+
+
 def test_a_tree_is_rough(capsys, result):
     text = explained(capsys, result, source(25.5, 21.5))
     assert "rougher than max_roughness" in text

@@ -30,12 +30,12 @@ def written_models(folder, frame, formats=("gpkg", "cityjson"), **more):
     return folder
 
 
-def with_points(folder, frame, seed=0, height=0.0):
+def with_points(folder, frame, seed=0, height=0.0, *, has_lawn=True):
     """
     Add a cloud to a result: the gable house's roof, a dormer without plane on it, a shed and a tree beside.
 
     The shed of 2 by 3 m is class 5 as the tree is; only the roof and the dormer are of the house. `height` is
-    added to the heights above ground: NaN is that of points in no finished tile.
+    added to the heights above ground: NaN is that of points in no finished tile. Without a lawn all is alone.
     """
     random = np.random.default_rng(seed)
     slope = (RIDGE - EAVE) / 4.0
@@ -53,7 +53,7 @@ def with_points(folder, frame, seed=0, height=0.0):
         (np.column_stack([shed, np.full(len(shed), GROUND + 2.5)]), 5, 0, 0),
         (tree, 5, 0, 0),
         (np.column_stack([lawn, np.full(len(lawn), GROUND)]), 2, 0, 0),
-    ]
+    ][: 5 if has_lawn else 4]
     points = np.concatenate([xyz for xyz, *_ in parts])
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales, header.offsets = np.full(3, 0.001), np.asarray(frame.origin)

@@ -9,12 +9,13 @@ import numpy as np
 import shapely
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.line_findings import line_findings
 from lidar_buildings.report.explain.outline_findings import outline_findings
 from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
 from lidar_buildings.report.explain.roof_findings import roof_findings
-from lidar_buildings.report.explain.site import Site, read_site
+from lidar_buildings.report.explain.site import read_site
 from lidar_buildings.report.models import model_arrays
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 from lidar_buildings.report.shown_points import Box
@@ -95,7 +96,7 @@ def explain_place(result: Result, place: tuple[float, float]) -> str:
     """Say why there is no building at a place of the map frame [m]."""
     x, y = place
     site = read_site(result.clouds(), result.frame, Box(x - _RADIUS, y - _RADIUS, x + _RADIUS, y + _RADIUS))
-    spacing = _spacing_of(site)
+    spacing = measure_spacing(site.points) if len(site.points) else _SPACING
     limits = Limits(result.run, spacing)
     findings = list(rejected_at(site, spacing, limits))
     source = ", ".join(f"{one:.1f}" for one in result.frame.to_source(np.array([[x, y, 0.0]]))[0, :2])
@@ -144,8 +145,3 @@ def _text(head: list[str], sections: dict[str, list[Finding]], limits: Limits) -
 def _box(bounds: Iterable[float]) -> Box:
     west, south, east, north = bounds
     return Box(west - 3.0, south - 3.0, east + 3.0, north + 3.0)
-
-
-def _spacing_of(site: Site) -> float:
-    n = len(site.points)
-    return float(np.sqrt((2 * _RADIUS) ** 2 / n)) if n else _SPACING
