@@ -16,12 +16,12 @@ from lidar_buildings.io.results.process_tree import peak_memory
 #: What points are, in a reader's words, if there is no building; the rest is "other".
 _KINDS = {
     "ground": (PointClass.GROUND, *(number for group in ON_TERRAIN for number in CLASS_GROUPS[group])),
-    "vegetation or walls": (
+    "vegetation or low walls": (
         PointClass.LOW_VEGETATION,
         PointClass.MEDIUM_VEGETATION,
         PointClass.HIGH_VEGETATION,
     ),
-    "roof, too little of it": (PointClass.BUILDING,),
+    "walls or too little roof": (PointClass.BUILDING,),
 }
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
@@ -72,7 +72,7 @@ class RunSummary:
         told = ", ".join(f"{share:.0f} % {kind}" for kind, share in shares.items() if share >= 0.5)
         aside = ", ".join(f"{n:,} {name}" for name, n in self.set_aside.items())
         kept = f"; set aside by their class: {aside} (ground_filter.kept_classes)" if aside else ""
-        seen = "" if shares["roof, too little of it"] else ", no roof seen"
+        seen = "" if shares["walls or too little roof"] else ", no roof seen"
         return (
             f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
             "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "

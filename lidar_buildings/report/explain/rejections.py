@@ -60,15 +60,21 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
             ("roof_selection.min_height", "ground_filter.seed_cell"),
         )
         return
-    is_roof = is_high & (site.classification == PointClass.BUILDING)
-    is_free = is_roof & (site.building_id == 0)
+    is_building = is_high & (site.classification == PointClass.BUILDING)
+    is_wall = is_building & (site.facade > 0)
+    if is_wall.any():
+        yield Finding(
+            f"{int(is_wall.sum()):,} points of walls: an outline needs roof, which a scanner on the street "
+            "seldom sees."
+        )
+    is_free = is_building & ~is_wall & (site.building_id == 0)
     if is_free.any():
         area = shape_of(site.points[is_free], spacing).area
         yield Finding(
             f"{int(is_free.sum()):,} roof points on {area:.1f} m² belong to no building.",
             ("segmentation.min_area", "segmentation.min_points", "segmentation.window"),
         )
-    yield from _rejected_surfaces(site.select(is_high & ~is_roof), spacing, limits)
+    yield from _rejected_surfaces(site.select(is_high & ~is_building), spacing, limits)
 
 
 def _rejected_surfaces(high: Site, spacing: float, limits: Limits) -> Iterator[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,8 +44,7 @@ OPEN = (
 #: Classes of points that are no part of the scene.
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: Method → its function.
-METHODS = {
-    "smooth_patches": smooth_patches.find_roofs,
+METHODS: dict[str, Callable[[Candidates, RoofSelectionConfig], NDArray[np.bool_]]] = {
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
     "all": lambda candidates, config: candidates.of_buildings(
@@ -100,8 +100,9 @@ def select_roofs(
     neighbouring normals agree; large patches that are no foliage start roofs. Roofs grow to their edges
     along tangent planes, whichever the return, and take in what stands on them: last returns with roof all
     around, and chimneys and dormers up to `max_part_area`. Buildings smaller than `min_building_area` are
-    dropped. The rest above ground is vegetation by height, and ground that is darker than other ground over
-    an area is road (Mancera-Taboada and others, 2012).
+    dropped. What hangs below roofs is façade, and so are walls as large as a building's: a scanner on the
+    street does not see their roofs. The rest above ground is vegetation by height, and ground that is darker
+    than other ground over an area is road (Mancera-Taboada and others, 2012).
 
     Parameters
     ----------
@@ -157,14 +158,15 @@ def select_roofs(
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
     rows = rows[columns.rows]
-    is_roof = np.zeros(len(points), dtype=bool)
+    is_roof, is_facade = np.zeros((2, len(points)), dtype=bool)
     own = (height[rows], is_last[rows], is_only[rows])
     low = points.take(np.flatnonzero(is_low), axis=0)
-    is_roof[rows] = _roofs(columns, *own, low, spacing, config)
+    is_roof[rows], is_wall = _roofs(columns, *own, low, spacing, config)
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
-    is_facade = np.zeros(len(points), dtype=bool)
-    classes[rows], is_facade[rows] = _open_classes(columns, own[0], is_roof[rows], own[1], spacing, config)
+    classes[rows], is_facade[rows] = _open_classes(
+        columns, own[0], is_roof[rows], is_wall, own[1], spacing, config
+    )
     if config.road_method == "grey_values":
         if intensity is not None:
             grey = checked_column("intensity", intensity, len(points), np.float32)
@@ -249,28 +251,34 @@ def _roofs(
     low: NDArray[np.float64],
     spacing: float,
     config: RoofSelectionConfig,
-) -> NDArray[np.bool_]:
-    """Return which points are roof by the method chosen."""
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return which points are roof by the method chosen, and which are walls if it tells."""
     is_raised = height >= config.min_height
     raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     candidates = Candidates(raised, is_last[is_raised], is_only[is_raised], low, radius, AREA_CELL * spacing)
-    found = np.zeros(len(height), dtype=bool)
-    found[is_raised] = METHODS[config.method](candidates, config)
-    return found
+    is_roof, is_wall = np.zeros((2, len(height)), dtype=bool)
+    if config.method in METHODS:
+        is_roof[is_raised] = METHODS[config.method](candidates, config)
+    else:
+        is_roof[is_raised], is_wall[is_raised] = smooth_patches.find_roofs(candidates, config)
+    return is_roof, is_wall
 
 
 def _open_classes(
     columns: Columns,
     height: NDArray[np.float64],
     is_roof: NDArray[np.bool_],
+    is_wall: NDArray[np.bool_],
     is_last: NDArray[np.bool_],
     spacing: float,
     config: RoofSelectionConfig,
 ) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
     """Return the classes of the points that are decided here, and which are façade."""
     classes = vegetation_classes(height, config)
-    around = surroundings(columns, is_roof, max(TOP_REACH, RADIUS_SPACINGS * spacing), ~is_roof)
+    is_wall = is_wall & ~is_roof & (config.facade_reach > 0.0)
+    stands = is_roof | is_wall
+    around = surroundings(columns, stands, max(TOP_REACH, RADIUS_SPACINGS * spacing), ~stands)
     classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
-    is_facade = find_facades(columns, height, is_roof, is_last, around, config.facade_reach, spacing)
-    classes[is_roof | is_facade] = PointClass.BUILDING
-    return classes, is_facade
+    is_facade = find_facades(columns, height, stands, is_last, around, config.facade_reach, spacing)
+    classes[stands | is_facade] = PointClass.BUILDING
+    return classes, is_facade | is_wall

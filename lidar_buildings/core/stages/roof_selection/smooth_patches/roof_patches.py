@@ -1,9 +1,10 @@
-"""The smooth patches of opaque surface that roofs are made of."""
+"""The smooth patches of opaque surface that roofs and walls are made of."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_ANGLE_DEG, MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
+from lidar_buildings.core.stages.roof_selection.smooth_patches.walls import wall_areas
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches
@@ -45,13 +47,16 @@ class RoofSurface:
     ----------
     is_surface : ndarray of bool, shape (n_points,)
         Point of an accepted patch.
-    is_wall : ndarray of bool, shape (n_points,)
+    is_steep : ndarray of bool, shape (n_points,)
         Point of a smooth surface steeper than a roof.
+    is_wall : ndarray of bool, shape (n_points,)
+        Point of such a surface that is as large as a building's wall.
     normals : ndarray of shape (n_surface_points, 3)
         Their unit normals.
     """
 
     is_surface: NDArray[np.bool_]
+    is_steep: NDArray[np.bool_]
     is_wall: NDArray[np.bool_]
     normals: NDArray[np.float64]
 
@@ -79,49 +84,67 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     roughness = features.roughness / noise
     smooth = (roughness <= config.max_roughness) & (features.linearity <= MAX_LINEARITY)
     smooth &= features.n_neighbours >= MIN_PLANE_POINTS
-    steep = upward < math.cos(math.radians(MAX_SLOPE_DEG))
-    is_surface, is_wall = np.zeros((2, n), dtype=bool)
-    is_wall[rows[smooth & steep]] = True
-    level, normals = smooth & ~steep, features.normals
-    is_surface[rows[level]] = True
-    points, normals, roughness = columns.select(is_surface), normals[level], roughness[level]
-    reach = _link_lengths(features.n_neighbours[level], features.radius[level], radius)
-    del features, upward, noise, rows  # half of the memory
-    label = smooth_patches(
-        points,
-        normals,
-        reach,
-        max_angle_deg=MAX_ANGLE_DEG,
-        max_offset=PATCH_OFFSET * config.max_roughness,
-    )
-    accepted = _accepted(candidates, points, label, roughness / config.max_roughness)
-    hangs = _of_walls(points.points, label, normals[:, 2])
-    is_wall[points.rows[hangs]] = True
+    level = upward >= math.cos(math.radians(MAX_SLOPE_DEG))
+    upright = upward < math.cos(math.radians(STEEP_DEG))
+    is_surface, is_steep, is_wall = np.zeros((3, n), dtype=bool)
+    is_steep[rows[smooth & ~level]] = True
+    normals, reach = features.normals, _link_lengths(features.n_neighbours, features.radius, radius)
+    del features, upward, noise  # half of the memory
+
+    def patches(chosen: NDArray[np.bool_]) -> _Patches:
+        is_chosen = np.zeros(n, dtype=bool)
+        is_chosen[rows[chosen]] = True
+        points, offset = columns.select(is_chosen), PATCH_OFFSET * config.max_roughness
+        label = smooth_patches(
+            points, normals[chosen], reach[chosen], max_angle_deg=MAX_ANGLE_DEG, max_offset=offset
+        )
+        return _Patches(points, label, normals[chosen], roughness[chosen] / config.max_roughness)
+
+    walls = patches(smooth & upright)
+    area = wall_areas(walls.columns.points, walls.label, config.min_building_width)
+    large = (area >= config.min_building_area) & _is_opaque(candidates, walls, area)
+    is_wall[walls.columns.rows] = large[walls.label]
+    roofs = patches(smooth & level)
+    accepted, hangs = _accepted(candidates, roofs), _of_walls(roofs)
+    is_steep[roofs.columns.rows[hangs]] = True
     accepted &= ~hangs
-    is_surface[points.rows[~accepted]] = False
-    return RoofSurface(is_surface, is_wall, normals[accepted])
+    is_surface[roofs.columns.rows[accepted]] = True
+    return RoofSurface(is_surface, is_steep, is_wall, roofs.normals[accepted])
 
 
-def _accepted(
-    candidates: Candidates, smooth: Columns, label: NDArray[np.int64], roughness: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+class _Patches(NamedTuple):
+    """Smooth points, the patch of each, its normal, and its roughness in parts of the largest."""
+
+    columns: Columns
+    label: NDArray[np.int64]
+    normals: NDArray[np.float64]
+    roughness: NDArray[np.float64]
+
+
+def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
     """Tell which smooth points are of patches that start a roof."""
+    points, label = patches.columns, patches.label
     patch = np.full(len(candidates.points), -1, dtype=np.int64)
-    patch[smooth.rows] = label
-    area, n_points = candidates.areas(patch, label.max(initial=-1) + 1), np.bincount(label)
-    is_large = area >= LARGE_PATCH_AREA
-    is_smooth = np.bincount(label, roughness) <= n_points * np.where(is_large, *PATCH_ROUGHNESS)
-    is_opaque = np.bincount(label, ~candidates.is_only[smooth.rows]) <= MAX_SPLIT * n_points
-    accepted = (area >= MIN_PATCH_AREA) & is_smooth & (is_large | is_opaque)
+    patch[points.rows] = label
+    area = candidates.areas(patch, label.max(initial=-1) + 1)
+    accepted = (area >= MIN_PATCH_AREA) & _is_opaque(candidates, patches, area)
     asked = accepted[label]
-    decks = is_deck(smooth.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
+    decks = is_deck(points.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
     return np.asarray((accepted & ~decks)[label])
 
 
-def _of_walls(
-    points: NDArray[np.float64], label: NDArray[np.int64], upward: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _is_opaque(candidates: Candidates, patches: _Patches, area: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which patches are smooth for their area [m²], and no foliage if it is small."""
+    label, n_points = patches.label, np.bincount(patches.label)
+    is_large = area >= LARGE_PATCH_AREA
+    is_smooth = np.bincount(label, patches.roughness) <= n_points * np.where(is_large, *PATCH_ROUGHNESS)
+    is_whole = np.bincount(label, ~candidates.is_only[patches.columns.rows]) <= MAX_SPLIT * n_points
+    return np.asarray(is_smooth & (is_large | is_whole))
+
+
+def _of_walls(patches: _Patches) -> NDArray[np.bool_]:
     """Tell which points are of patches, most of them steep, that as a whole are steeper than any roof."""
+    points, label, upward = patches.columns.points, patches.label, patches.normals[:, 2]
     n_points = np.bincount(label)
     is_steep = upward < math.cos(math.radians(STEEP_DEG))
     asked = np.flatnonzero((2 * np.bincount(label, is_steep) > n_points)[label])

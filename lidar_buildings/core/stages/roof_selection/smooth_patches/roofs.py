@@ -33,9 +33,11 @@ FACE_WIDTH = 4.0
 MIN_PLAN_CELL = 0.25
 
 
-def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
+def find_roofs(
+    candidates: Candidates, config: RoofSelectionConfig
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
-    Tell which of the points above ground are roof.
+    Tell which of the points above ground are roof, and which are walls, whether of these roofs or not.
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
     what stands on them: last returns with roof all around, and small parts. What is too narrow goes, on its
@@ -50,22 +52,23 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
 
     Returns
     -------
-    ndarray of bool, shape (n_points,)
-        Roofs of buildings.
+    roof, wall : ndarray of bool, shape (n_points,)
+        Roofs of buildings, and walls as large as theirs.
     """
     columns, radius = candidates.columns, candidates.radius
     if 2.0 * radius > FACE_WIDTH:
-        roof, is_wall = find_voted_roofs(candidates, config), np.zeros(len(columns.points), dtype=bool)
+        roof = find_voted_roofs(candidates, config)
+        is_steep = is_wall = np.zeros(len(columns.points), dtype=bool)
     else:
         surface = find_roof_surface(candidates, config)
-        is_wall = surface.is_wall
-        roof = ~is_wall & near_tangent_plane(
+        is_steep, is_wall = surface.is_steep, surface.is_wall
+        roof = ~is_steep & near_tangent_plane(
             columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
         )
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~is_wall
-    return _without_narrow(candidates, roof, config)
+    roof |= stands & ~is_steep
+    return _without_narrow(candidates, roof, config), is_wall
 
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
