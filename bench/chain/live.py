@@ -235,7 +235,7 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
         own = self._tiles.of_stamp(stamp)
         finish(self, stamp, is_done=is_done)
         if own is not None and own.place not in self._under_way and own.stamp in under_way:
-            sendings.append([*under_way.pop(own.stamp), told_at[stamp]])
+            sendings.append([*under_way.pop(own.stamp), told_at.get(stamp, time.monotonic())])
 
     def noted_flush(self: LiveFeed) -> None:
         ends.append(time.monotonic())

@@ -31,7 +31,7 @@ POINTS_A_STRIP, LARGE_STRIP = 8, 64
 
 #: A spacing within this factor of the expected one is taken for it: two strips on one another are √2 denser.
 MAX_DEVIATION = 1.6
-#: One within this factor by the points in cells of so many spacings is surely within that one when measured.
+#: One within this factor by the points in cells of so many spacings is within that one when measured.
 PLAIN_DEVIATION, CELL_TO_COUNT = 1.48, 4.0
 
 
@@ -183,15 +183,21 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
 
 
 def _has_plainly(points: NDArray[np.float64], spacing: float) -> bool:
-    """Whether cells, counted in a tenth of the time of measuring, hold about as many points as expected."""
+    """
+    Whether cells, counted in a tenth of the time of measuring, hold about as many points as expected.
+
+    Both half of the cells and half of the points have to say so: where they do not, density is uneven.
+    """
     if not len(points):
         return False
     numbers = cell_numbers(points, CELL_TO_COUNT * spacing)
     if int(numbers.max()) > len(points):  # few and far between
         return False
-    count = np.bincount(numbers)
-    density = float(np.median(count[count > 0])) / CELL_TO_COUNT**2
-    return 1.0 / PLAIN_DEVIATION <= math.sqrt(1.0 / density) <= PLAIN_DEVIATION
+    count = np.sort(np.bincount(numbers))
+    count = count[np.searchsorted(count, 1) :]
+    of_points = count[np.searchsorted(np.cumsum(count), 0.5 * len(points))]
+    found = CELL_TO_COUNT / np.sqrt([count[len(count) // 2], of_points])
+    return bool(np.maximum(found, 1.0 / found).max() <= PLAIN_DEVIATION)
 
 
 def quantised_spacing(points: ArrayLike) -> float:

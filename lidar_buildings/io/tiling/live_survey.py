@@ -171,19 +171,20 @@ class LiveSurvey:
         One near which points fell, but none into it or its buffer, has nothing new and is done. Raises an
         OutputError if the disk is full; the tile stays ready.
         """
-        with self._lock:
-            while self._ready:
+        while True:
+            with self._lock:
+                if not self._ready:
+                    return None
                 tile = self._tiles.next_of(self._ready)
                 made = self._store.tile(self._plan(tile, tile.revision + 1), tile.buffer)
-                if is_new := len(made) != tile.n_points:
-                    self._note(tile, tile.revision + 1, -1)
+                is_new = len(made) != tile.n_points
+                self._note(tile, tile.revision + is_new, -1)
                 self._ready.remove(tile.place)
                 tile.revision += is_new
                 tile.n_sent, tile.n_points = self._store.count_in(tile.near.cells), len(made)
                 if is_new:
                     return made
                 self.finish(tile.stamp + tile.revision)
-            return None
 
     def grown(self, sent: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return the tile once more, its buffer doubled on some sides; None if there is no more."""
@@ -197,10 +198,9 @@ class LiveSurvey:
             self._tiles.widen(tile, buffer or tile.buffer.doubled(sides, most, most), self._store.count_in)
             if buffer is None:
                 return None
-            tile.revision += 1
-            self._note(tile, tile.revision, -1)
             made = self._store.tile(plan, buffer)
-            tile.n_points = len(made)
+            self._note(tile, tile.revision + 1, -1)
+            tile.revision, tile.n_points = tile.revision + 1, len(made)
             return made
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:

@@ -62,7 +62,7 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
         return
     is_building = is_high & (site.classification == PointClass.BUILDING)
     is_wall = is_building & (site.facade > 0)
-    if is_wall.any():
+    if is_wall.any() and not (site.building_id > 0).any():
         yield Finding(
             f"{int(is_wall.sum()):,} points of walls: an outline needs roof, which a scanner on the street "
             "seldom sees."
@@ -79,6 +79,8 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
 
 def _rejected_surfaces(high: Site, spacing: float, limits: Limits) -> Iterator[Finding]:
     """Say what hinders groups of high points from being roofs: their area, width or roughness."""
+    if not len(high.points):
+        return
     if len(high.points) < _NEIGHBOURS:
         yield Finding(f"{len(high.points)} points are high enough for a roof, too few for one.")
         return

@@ -389,6 +389,29 @@ def test_a_tile_that_cannot_be_noted_stays_ready(survey, monkeypatch):
     assert tile.stamp % 1000 == 0
 
 
+def test_a_tile_whose_larger_buffer_cannot_be_noted_ends_with_what_was_sent(survey, monkeypatch):
+    survey.add(scan_at(20, 20), 0.0)
+    survey.add(scan_at(50, 20, seed=1), 0.0)
+    survey.tick(9.0)
+    first, second = tiles_of(survey)
+    note = survey._log.note
+
+    def full(_):
+        raise OutputError("full")
+
+    monkeypatch.setattr(survey._log, "note", full)
+    with pytest.raises(OutputError):
+        survey.grown(first)
+    monkeypatch.setattr(survey._log, "note", note)
+    survey.flush()
+    survey.finish(first.stamp)
+    survey.finish(second.stamp)
+    survey.tick(9.1)
+    for tile in tiles_of(survey):
+        survey.finish(tile.stamp)
+    assert survey.is_flushed
+
+
 def test_reset_forgets_all(survey, tmp_path):
     first_tile(survey)
     survey.clear()

@@ -37,11 +37,34 @@ def test_a_tile_takes_the_expected_spacing_unless_its_own_is_quite_another():
     assert steady_spacing(lattice(0.5), 2.0) == pytest.approx(0.5, rel=0.2)
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
-def test_counting_in_cells_decides_as_measuring_does(share, monkeypatch):
-    random = np.random.default_rng(3)
-    points = np.concatenate([random.uniform(0.0, 40.0, (6000, 3)), lattice(0.3) + np.array([60.0, 0, 0])])
-    points = points[random.random(len(points)) < share]
+def beside(fine, coarse):
+    """Points of two spacings, the coarse ones on twice the area."""
+    return np.concatenate(
+        [lattice(fine, 20.0), *(lattice(coarse, 20.0) + np.array([30.0 * k, 0, 0]) for k in (1, 2))]
+    )
+
+
+def along_a_street(falls, width):
+    """Points the fewer the farther from the middle."""
+    random = np.random.default_rng(4)
+    x, y, kept = random.uniform((0, -width, 0), (100, width, 1), (400_000, 3)).T
+    return np.column_stack([x, y, np.zeros(len(x))])[kept < (1.0 + np.abs(y) / 3.0) ** -falls]
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.random.default_rng(3).uniform(0.0, 40.0, (6000, 3)),
+        np.random.default_rng(3).uniform(0.0, 40.0, (300, 3)),
+        beside(0.3, 0.4),
+        beside(0.1, 0.5),
+        along_a_street(1.0, 30.0),
+        along_a_street(3.0, 20.0),
+        along_a_street(2.0, 50.0),
+    ],
+    ids=["even", "few", "two strips", "two scanners", "a street", "a dense street", "a wide street"],
+)
+def test_counting_in_cells_decides_as_measuring_does(points, monkeypatch):
     expected = measure_spacing(points) * np.geomspace(0.4, 2.5, 37)
     found = [steady_spacing(points, one) for one in expected]
     monkeypatch.setattr(point_spacing, "PLAIN_DEVIATION", 1e-9)

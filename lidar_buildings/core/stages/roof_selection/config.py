@@ -108,8 +108,8 @@ class RoofSelectionConfig(StageConfig):
     )
     facade_reach: float = parameter(
         0.2,
-        "How far from a roof in plan the points below its edge are façade, of the building's class; raising "
-        "it takes in what stands beside walls, and 0 leaves façades unclassified.",
+        "How far in plan from a roof's edge, or a large wall, the points below are façade, of the building's "
+        "class; raising it takes in what stands beside walls, and 0 tells neither façades nor walls.",
         unit="m",
         minimum=0.0,
         maximum=5.0,

@@ -31,20 +31,20 @@ def find_facades(
     spacing: float,
 ) -> NDArray[np.bool_]:
     """
-    Tell which points hang below a roof's edge: walls, windows, what is under the eaves; and in light wells.
+    Tell which points hang below a roof's edge or beside a wall: windows, what is under eaves, in light wells.
 
     Parameters
     ----------
     columns : Columns
-        What is roof, and what can be façade: neither ground nor of a class that stays [m].
+        What is roof or wall, and what can be façade: neither ground nor of a class that stays [m].
     height : ndarray of shape (n_points,)
         Above ground [m].
     is_roof : ndarray of bool, shape (n_points,)
-        Which points are roof; the answer for them is False.
+        Which points are roof, or wall as large as a building's; the answer for them is False.
     is_last : ndarray of bool, shape (n_points,)
         Whether the pulse ended there; what has roof all around counts only then, else it is foliage.
     around : Surroundings
-        The roofs within `TOP_REACH`.
+        These within `TOP_REACH`.
     reach : float
         Largest distance from a roof point in plan [m]; 0 for none. It is no less than 0.7 spacings.
     spacing : float

@@ -43,7 +43,7 @@ OPEN = (
 )
 #: Classes of points that are no part of the scene.
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
-#: Method → its function.
+#: Method → its function, but for the default one, which tells walls as well.
 METHODS: dict[str, Callable[[Candidates, RoofSelectionConfig], NDArray[np.bool_]]] = {
     "lasclassify": lasclassify.find_roofs,
     "single_returns": single_returns.find_roofs,
@@ -277,8 +277,11 @@ def _open_classes(
     classes = vegetation_classes(height, config)
     is_wall = is_wall & ~is_roof & (config.facade_reach > 0.0)
     stands = is_roof | is_wall
-    around = surroundings(columns, stands, max(TOP_REACH, RADIUS_SPACINGS * spacing), ~stands)
+    reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
+    around = surroundings(columns, is_roof, reach, ~is_roof)
     classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
+    if is_wall.any():
+        around = surroundings(columns, stands, reach, ~stands)
     is_facade = find_facades(columns, height, stands, is_last, around, config.facade_reach, spacing)
     classes[stands | is_facade] = PointClass.BUILDING
     return classes, is_facade | is_wall

@@ -153,7 +153,8 @@ def make_rasters(
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     gaps = regions_touching(known & np.isnan(dtm), mine)
     dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, config.dtm_interpolation)
-    spacing = point_spacing or given_or_measured(points[kind != LEFT_OUT], None)
+    seen = points if point_spacing is not None else points[kind != LEFT_OUT]
+    spacing = given_or_measured(seen, point_spacing)
     gap = min(widest_gap(spacing, resolution), reach)
     dsm = surface_elevations(cells, contents, dtm, known, mine, gap)
     for raster in (dtm, dsm):

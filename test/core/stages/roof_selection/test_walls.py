@@ -48,11 +48,12 @@ def selected(points, order=None, **config):
     return result.classification[np.argsort(order)], result.is_facade[np.argsort(order)]
 
 
+@pytest.mark.parametrize("min_area", [12.0, 0.0])
 @pytest.mark.parametrize("name", WALLS)
-def test_walls_as_large_as_a_buildings_are_facade(name):
+def test_walls_as_large_as_a_buildings_are_facade(name, min_area):
     length, height, is_building = WALLS[name]
     points, of = street(np.random.default_rng(1), [wall(np.random.default_rng(2), length, height)])
-    classes, is_facade = selected(points)
+    classes, is_facade = selected(points, min_building_area=min_area)
     raised = (of == 0) & (points[:, 2] > 1.0)
     assert np.mean(is_facade[raised]) == pytest.approx(float(is_building), abs=0.02)
     np.testing.assert_array_equal(classes[of == 0] == BUILDING, is_facade[of == 0])
@@ -80,6 +81,16 @@ def test_what_hangs_beside_a_wall_below_its_top_is_facade_too():
     n = len(points)
     assert is_facade[n - 280 : n - 200].mean() > 0.9
     assert not is_facade[n - 200 :].any()
+
+
+def test_a_bush_before_a_wall_is_vegetation():
+    random = np.random.default_rng(7)
+    bush = random.uniform((2.0, -2.0, 0.5), (5.0, -0.4, 3.0), (800, 3))
+    points, _ = street(random, [np.concatenate([wall(random, 10.0, 6.0, turned=0.0), bush])])
+    classes, is_facade = selected(points)
+    assert is_facade[-800:].mean() < 0.02
+    assert is_facade[points[:, 2] > 3.5].all()
+    assert np.isin(classes[-800:], (PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION)).mean() > 0.98
 
 
 def test_without_facades_and_by_other_methods_walls_are_not_told():

@@ -307,3 +307,9 @@ def test_windows_know_what_they_share():
 
 def test_heights_above_ground_are_to_be_had_beside_the_rasters():
     assert height_above_ground is triangulation.height_above_ground
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan])
+def test_a_spacing_that_is_none_is_refused(spacing):
+    with pytest.raises(ValueError, match=r"point_spacing = .*: must be a positive length"):
+        make_rasters(np.zeros((3, 3)), np.full(3, 2), point_spacing=spacing)

@@ -102,7 +102,7 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
 
     walls = patches(smooth & upright)
     area = wall_areas(walls.columns.points, walls.label, config.min_building_width)
-    large = (area >= config.min_building_area) & _is_opaque(candidates, walls, area)
+    large = (area > 0.0) & (area >= config.min_building_area) & _is_opaque(candidates, walls, area)
     is_wall[walls.columns.rows] = large[walls.label]
     roofs = patches(smooth & level)
     accepted, hangs = _accepted(candidates, roofs), _of_walls(roofs)
