@@ -72,6 +72,10 @@ class PointResults:
         """Count the points that a finished tile holds."""
         return int(np.count_nonzero(self._table["known"]))
 
+    def n_facade(self) -> int:
+        """Count the points of façades."""
+        return int(np.count_nonzero(self._table["facade"]))
+
     def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
         """
         Enter the results of saved tiles, in the order given.
@@ -138,6 +142,7 @@ class WrittenCloud(NamedTuple):
     problem: str = ""  #: why one of them is missing, empty if none is
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
+    n_facade: int = 0  #: points of façades
     error: OutputError | None = None  #: what ends the run
 
 
@@ -206,7 +211,8 @@ def _write_cloud(job: _Job) -> WrittenCloud:
             results.fill(job.fragments, job.number, without=job.without)
             with cloud_sample(job.folder / output, job.every) as keep:
                 per_class = write_classified(cloud, results.rows, job.folder / output, keep)
-            written = WrittenCloud(output, None, "", per_class, results.n_known())
+            counts = results.n_known(), results.n_facade()
+            written = WrittenCloud(output, None, "", per_class, *counts)
         return _with_copc(job, written) if job.copc else written
     except InputError as error:
         return WrittenCloud(problem=str(error))

@@ -219,6 +219,7 @@ class OutputFolder:
             n_tiles=len(fragments),
             n_points=n_points,
             n_unclassified=n_points - sum(one.n_known for one in clouds),
+            n_facade=sum(one.n_facade for one in clouds),
             classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
             buildings=statuses,
             n_seam_pieces=len(pieces),

@@ -21,7 +21,6 @@ _KINDS = {
         PointClass.MEDIUM_VEGETATION,
         PointClass.HIGH_VEGETATION,
     ),
-    "walls or too little roof": (PointClass.BUILDING,),
 }
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
@@ -49,6 +48,7 @@ class RunSummary:
     footprints: dict[str, Any] = field(default_factory=dict)
     #: One line per format that this survey cannot have; nothing is wrong with the others.
     remarks: tuple[str, ...] = ()
+    n_facade: int = 0  #: points of class 6 that are façade
 
     @property
     def set_aside(self) -> dict[str, int]:
@@ -64,15 +64,15 @@ class RunSummary:
         """What the points are of a run that was to find buildings and found none, empty if it did."""
         if self.buildings or not self.n_points or FORMAT_FILES["gpkg"][0] not in self.files:
             return ""
-        shares = {
-            kind: 100.0 * sum(self.classes.get(number, 0) for number in numbers) / self.n_points
-            for kind, numbers in _KINDS.items()
-        }
-        shares["other"] = 100.0 - sum(shares.values())
+        numbers = {kind: sum(self.classes.get(one, 0) for one in codes) for kind, codes in _KINDS.items()}
+        numbers["walls"] = self.n_facade
+        numbers["roof, too little of it"] = self.classes.get(PointClass.BUILDING, 0) - self.n_facade
+        numbers["other"] = self.n_points - sum(numbers.values())
+        shares = {kind: 100.0 * number / self.n_points for kind, number in numbers.items()}
         told = ", ".join(f"{share:.0f} % {kind}" for kind, share in shares.items() if share >= 0.5)
         aside = ", ".join(f"{n:,} {name}" for name, n in self.set_aside.items())
         kept = f"; set aside by their class: {aside} (ground_filter.kept_classes)" if aside else ""
-        seen = "" if shares["walls or too little roof"] else ", no roof seen"
+        seen = "" if numbers["roof, too little of it"] else ", no roof seen"
         return (
             f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
             "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "
