@@ -19,7 +19,13 @@ def contents(output: Path) -> dict[str, str]:
     """Return name → digest of every file whose content must not depend on how the run was laid out."""
     in_folders = [path for name in ("classified", "tiles3d") for path in sorted((output / name).glob("*"))]
     files = (*in_folders, *(output / name for name in RESULTS))
-    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {path.name: hashlib.sha256(_without_day(path)).hexdigest() for path in files}
+
+
+def _without_day(path: Path) -> bytes:
+    """Return a file's bytes, but for the day on which a LAS file was made: tests run at midnight, too."""
+    content = path.read_bytes()
+    return content[:90] + bytes(4) + content[94:] if content.startswith(b"LASF") else content
 
 
 def assert_complete(survey: Path, output: Path, *, min_tiles: int = 1) -> None:
