@@ -43,12 +43,28 @@ OPEN = (
 )
 #: Classes of points that are no part of the scene.
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
-#: Method → its function, but for the default one, which tells walls as well.
-METHODS: dict[str, Callable[[Candidates, RoofSelectionConfig], NDArray[np.bool_]]] = {
-    "lasclassify": lasclassify.find_roofs,
-    "single_returns": single_returns.find_roofs,
-    "all": lambda candidates, config: candidates.of_buildings(
-        np.ones(len(candidates.points), dtype=bool), config.min_building_area
+_Method = Callable[[Candidates, RoofSelectionConfig], NDArray[np.bool_]]
+
+
+def _roofs_alone(
+    find: _Method,
+) -> Callable[[Candidates, RoofSelectionConfig], tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Let a method that tells no walls say that there are none."""
+    return lambda candidates, config: (
+        find(candidates, config),
+        np.zeros(len(candidates.points), dtype=bool),
+    )
+
+
+#: Method → its function, which tells roofs and walls.
+METHODS = {
+    "smooth_patches": smooth_patches.find_roofs,
+    "lasclassify": _roofs_alone(lasclassify.find_roofs),
+    "single_returns": _roofs_alone(single_returns.find_roofs),
+    "all": _roofs_alone(
+        lambda candidates, config: candidates.of_buildings(
+            np.ones(len(candidates.points), dtype=bool), config.min_building_area
+        )
     ),
 }
 #: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
@@ -252,15 +268,12 @@ def _roofs(
     spacing: float,
     config: RoofSelectionConfig,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which points are roof by the method chosen, and which are walls if it tells."""
+    """Return which points are roof by the method chosen, and which are walls."""
     is_raised = height >= config.min_height
     raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     candidates = Candidates(raised, is_last[is_raised], is_only[is_raised], low, radius, AREA_CELL * spacing)
     is_roof, is_wall = np.zeros((2, len(height)), dtype=bool)
-    if config.method in METHODS:
-        is_roof[is_raised] = METHODS[config.method](candidates, config)
-    else:
-        is_roof[is_raised], is_wall[is_raised] = smooth_patches.find_roofs(candidates, config)
+    is_roof[is_raised], is_wall[is_raised] = METHODS[config.method](candidates, config)
     return is_roof, is_wall
 
 

@@ -30,7 +30,7 @@ LARGE_PATCH_AREA = 40.0
 PATCH_ROUGHNESS = (0.85, 0.55)
 #: Largest share of split pulses at the points of other patches: foliage has more.
 MAX_SPLIT = 0.5
-#: From here on a patch is judged as a whole, since walls look less steep in places [deg].
+#: From here on points may be of walls, which look less steep in places: patches are judged as a whole [deg].
 STEEP_DEG = 75.0
 #: Noise of a point in plan as a multiple of that in height, which makes steep roofs rougher than level ones.
 HORIZONTAL_NOISE = 1.5
