@@ -40,9 +40,8 @@ from lidar_buildings.pipeline.tile_stages import (
     label_roof_edges,
     roof_points,
     select_roof_points,
-    trace_buildings,
-    trace_footprints,
 )
+from lidar_buildings.pipeline.tile_tracing import trace_buildings, trace_footprints
 from lidar_buildings.simulation import simulate_tile
 
 DECODING, TILE = "decoding", "spacing and brightness"

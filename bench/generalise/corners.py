@@ -21,7 +21,7 @@ from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import match_corners, score_wireframes
-from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages
+from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Below the data folder: clouds and wireframes (.obj) of the same names.
@@ -95,7 +95,7 @@ def solids_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Solid
         classification=np.full(len(points), PointClass.BUILDING, dtype=np.uint8),
         height_above_ground=points[:, 2] - points[:, 2].min() + HEIGHT,
     )
-    found = tile_stages.trace_buildings(tile, config.segmentation, config.boundary_tracing)
+    found = tile_tracing.trace_buildings(tile, config.segmentation, config.boundary_tracing)
     outlines = tile_outlines.regularise_outlines(found.outlines, config.regularisation)
     roofs = tile_stages.fit_planes(found.tile, config.plane_fitting)
     models = tile_models.build_models(roofs, outlines, config.building_model)

@@ -26,7 +26,8 @@ from lidar_buildings.evaluation.scores.model_points import ModelPointScore, scor
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
-from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, trace_buildings
+from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges
+from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 LODS = ("2.2", "1.3", "1.2")
 #: Folders whose files adjoin and are read as one cloud; in others every file is one.

@@ -33,8 +33,8 @@ from lidar_buildings.pipeline.tile_stages import (
     label_roof_edges,
     roof_points,
     select_roof_points,
-    trace_buildings,
 )
+from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 _CONFIG = PipelineConfig()
 #: Written by ``python -m bench.common.sample_tile``.

@@ -11,7 +11,7 @@ from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
-from lidar_buildings.pipeline.tile_stages import TracedTile, trace_buildings, trace_footprints
+from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
@@ -72,7 +72,7 @@ class BuildingTracer(StageNode):
         frame = None if self._map is None else self._map.frame
         if frame is None:
             return self._pool.call(
-                trace_buildings,
+                trace_or_close,
                 parts[_EDGES],
                 self.parameters[SegmentationConfig],
                 self.parameters[BoundaryTracingConfig],

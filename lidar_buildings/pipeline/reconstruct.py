@@ -32,9 +32,8 @@ from lidar_buildings.pipeline.tile_stages import (
     label_roof_edges,
     roof_points,
     select_roof_points,
-    trace_buildings,
-    trace_footprints,
 )
+from lidar_buildings.pipeline.tile_tracing import trace_footprints, trace_or_close
 
 
 @dataclass(frozen=True)
@@ -177,7 +176,7 @@ def reconstruct_tile(
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     if footprints is None:
-        found = trace_buildings(roofs, config.segmentation, config.boundary_tracing, pool)
+        found = trace_or_close(roofs, config.segmentation, config.boundary_tracing, pool)
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines

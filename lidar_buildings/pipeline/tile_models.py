@@ -65,7 +65,15 @@ def build_models(
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
     jobs = [
-        _Job(one.building_id, part.points, one.outline, part.plane_id, _ground_elevation(part, one), config)
+        _Job(
+            one.building_id,
+            part.points,
+            one.outline,
+            part.plane_id,
+            _ground_elevation(part, one),
+            part.has_bare_walls,
+            config,
+        )
         for one, part in zip(ordered, buildings, strict=True)
     ]
     models = map_buildings(pool, _built, jobs, [len(part) for part in buildings], _lost)
@@ -80,6 +88,7 @@ class _Job(NamedTuple):
     outline: Outline
     plane_id: NDArray[np.uint16] | None
     ground_elevation: float | None
+    is_closed: bool
     config: BuildingModelConfig
 
 
@@ -92,6 +101,7 @@ def _built(job: _Job) -> BuildingModel:
             job.config,
             plane_id=job.plane_id,
             ground_elevation=job.ground_elevation,
+            is_roof_seen=not job.is_closed,
         )
     except Exception as error:
         _log.exception("building %d: no model was built", job.building_id)

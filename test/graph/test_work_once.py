@@ -20,7 +20,7 @@ WORK = {
     "ground_filter": "filter_ground",
     "roof_selector": "select_roof_points",
     "edge_labeller": "label_roof_edges",
-    "building_tracer": "trace_buildings",
+    "building_tracer": "trace_or_close",
     "outline_regulariser": "regularise_outlines",
     "plane_fitter": "fit_planes",
     "model_builder": "build_models",

@@ -39,7 +39,8 @@ from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.reconstruct import STAGES
-from lidar_buildings.pipeline.tile_stages import FilteredTile, TracedTile
+from lidar_buildings.pipeline.tile_stages import FilteredTile
+from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
@@ -137,7 +138,7 @@ def tracing(monkeypatch):
         seen.append(tile.bounds)
         return TracedTile(tile, outlines(HOUSE), NONE if tile.bounds is None else EAST)
 
-    monkeypatch.setattr(building_tracer, "trace_buildings", trace)
+    monkeypatch.setattr(building_tracer, "trace_or_close", trace)
     return seen
 
 

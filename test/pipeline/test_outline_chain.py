@@ -16,7 +16,7 @@ from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, 
 from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
-from lidar_buildings.pipeline.tile_stages import trace_buildings
+from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 SPACING = 0.35
 #: Every cluster is a building, however small.

@@ -29,6 +29,14 @@ class PointClass(IntEnum):
     HIGH_NOISE = 18
 
 
+class Facade(IntEnum):
+    """What a point of a building is beside its roof."""
+
+    NONE = 0  #: roof, or no building
+    BELOW_ROOF = 1  #: walls, windows, what is under the eaves
+    BARE = 2  #: of a wall over which no roof was seen
+
+
 #: Classes that a source's points keep, by what a parameter calls them; others (0 to 6, 8) are decided anew.
 CLASS_GROUPS: dict[str, tuple[int, ...]] = {
     "noise": (PointClass.LOW_NOISE, PointClass.HIGH_NOISE),

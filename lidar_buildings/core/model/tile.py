@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
@@ -158,6 +158,11 @@ class PointTile:
             return np.ones(len(self), dtype=bool)
         is_building = self.classification == PointClass.BUILDING
         return is_building if self.facade is None else is_building & (self.facade == 0)
+
+    @property
+    def has_bare_walls(self) -> bool:
+        """Whether there are points of walls over which no roof was seen."""
+        return self.facade is not None and bool((self.facade == Facade.BARE).any())
 
     def with_columns(self, **columns: Any) -> PointTile:
         """Return the tile with these columns set or replaced."""

@@ -13,9 +13,8 @@ from lidar_buildings.pipeline.tile_stages import (
     fit_planes,
     label_roof_edges,
     roof_points,
-    trace_buildings,
-    trace_footprints,
 )
+from lidar_buildings.pipeline.tile_tracing import trace_buildings, trace_footprints
 
 SPACING = 0.5
 

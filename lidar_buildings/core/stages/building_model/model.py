@@ -49,6 +49,8 @@ _log = logging.getLogger(__name__)
 _EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
+#: What is said of a building whose roof was not seen.
+_NOT_SEEN = "the roof was not seen whole: one height, by the tops of walls and what was seen of the roof"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,7 @@ def build_model(
     plane_id: ArrayLike | None = None,
     ground_elevation: float | None = None,
     point_spacing: float | None = None,
+    is_roof_seen: bool = True,
 ) -> BuildingModel:
     """
     Build a building's model at the levels of detail 1.2, 1.3 and 2.2 (Biljecki et al. 2016).
@@ -93,6 +96,9 @@ def build_model(
         Elevation of the ground at the building [m]; without it a height is assumed, and the reason says so.
     point_spacing : float, optional
         Measured from the points if not given [m].
+    is_roof_seen : bool
+        Whether the points show the roof; else they are the tops of walls with at most a part of it, and
+        LoD1.2 is all that is built.
 
     Returns
     -------
@@ -121,12 +127,13 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
-    return _model(points, plane_id, outline, spacing, ground_elevation, attributes, config)
+    known = (spacing, ground_elevation, attributes, config)
+    return _model(points, plane_id if is_roof_seen else None, outline, *known)
 
 
 def _model(
     points: FloatArray,
-    plane_id: NDArray[np.uint16],
+    plane_id: NDArray[np.uint16] | None,
     outline: Outline,
     spacing: float,
     ground_elevation: float | None,
@@ -143,6 +150,8 @@ def _model(
         attributes |= {"validity": str(list(lowest.codes))}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
     remarks = [remark, why_raised]
+    if plane_id is None:
+        return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
         roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points))

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.ids import anchor_row
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.point_array import extent_of
@@ -173,6 +173,8 @@ def _building_rows(
     counted = np.flatnonzero(is_roof | stands)
     xy = tile.points[rows[counted], :2]
     is_gap = in_gaps(xy, is_roof[counted], spacing, config.min_gap_area)
+    if tile.facade is not None:
+        is_gap &= tile.facade[rows[counted]] != Facade.BARE  # no part of a roof that was seen
     return rows[counted[is_roof[counted] | is_gap]]
 
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.surfaces.brightness import BrightnessRaster, brightness_raster
+from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
+from lidar_buildings.core.surfaces.intensity import strip_scales
 
 #: Side of the square of cells whose majority decides on ground of unknown brightness, as under trees.
 FILL_CELLS = 5
@@ -114,3 +117,23 @@ def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -
     part, _ = ndimage.label(road, structure=_AROUND)
     size = np.bincount(part[counts], minlength=part.max() + 1)
     return (size >= n_cells)[part] & road
+
+
+def point_brightness(
+    n_points: int,
+    intensity: ArrayLike | None,
+    normalised: ArrayLike | None,
+    strip: ArrayLike | None,
+    is_only: NDArray[np.bool_],
+) -> NDArray[np.float32] | None:
+    """Return normalised intensities as given, or from the intensities; None without either."""
+    if normalised is not None:
+        return checked_column("normalised_intensity", normalised, n_points, np.float32)
+    if intensity is None:
+        return None
+    values = checked_column("intensity", intensity, n_points, np.float32)
+    if strip is None:
+        strips = np.zeros(n_points, dtype=np.int64)
+    else:
+        strips = checked_column("point_source_id", strip, n_points, np.int64)
+    return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))

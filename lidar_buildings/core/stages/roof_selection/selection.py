@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
@@ -22,13 +22,11 @@ from lidar_buildings.core.stages.roof_selection.candidates import (
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
-from lidar_buildings.core.stages.roof_selection.roads import find_roads, of_road_grey
+from lidar_buildings.core.stages.roof_selection.roads import find_roads, of_road_grey, point_brightness
 from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
-from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
-from lidar_buildings.core.surfaces.intensity import strip_scales
 from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
 
 #: Classes that are decided here; what has another one has it for good, but for ground that is road.
@@ -86,12 +84,17 @@ class RoofSelection:
     ----------
     classification : ndarray of uint8, shape (n_points,)
         `lidar_buildings.core.model.classes.PointClass`; 6 = building: roofs and façades.
-    is_facade : ndarray of bool, shape (n_points,)
-        Which of the building's points are no roof: walls, windows, what is under the eaves.
+    facade : ndarray of uint8, shape (n_points,)
+        `lidar_buildings.core.model.classes.Facade`: which of the building's points are no roof.
     """
 
     classification: NDArray[np.uint8]
-    is_facade: NDArray[np.bool_]
+    facade: NDArray[np.uint8]
+
+    @property
+    def is_facade(self) -> NDArray[np.bool_]:
+        """True for the building's points that are no roof."""
+        return self.facade != Facade.NONE
 
 
 def select_roofs(
@@ -174,24 +177,24 @@ def select_roofs(
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
     rows = rows[columns.rows]
-    is_roof, is_facade = np.zeros((2, len(points)), dtype=bool)
+    is_roof, facade = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=np.uint8)
     own = (height[rows], is_last[rows], is_only[rows])
     low = points.take(np.flatnonzero(is_low), axis=0)
     is_roof[rows], is_wall = _roofs(columns, *own, low, spacing, config)
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
-    classes[rows], is_facade[rows] = _open_classes(
+    classes[rows], facade[rows] = _open_classes(
         columns, own[0], is_roof[rows], is_wall, own[1], spacing, config
     )
     if config.road_method == "grey_values":
         if intensity is not None:
             grey = checked_column("intensity", intensity, len(points), np.float32)
             classes[(classes == PointClass.GROUND) & of_road_grey(grey, config)] = PointClass.ROAD_SURFACE
-        return RoofSelection(classes, is_facade)
-    brightness = _brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
+        return RoofSelection(classes, facade)
+    brightness = point_brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)
-    return RoofSelection(classes, is_facade)
+    return RoofSelection(classes, facade)
 
 
 def _mark_roads(
@@ -234,26 +237,6 @@ def _prepared(
     return height, checked_column("classification", classification, n, np.uint8).copy()
 
 
-def _brightness(
-    n_points: int,
-    intensity: ArrayLike | None,
-    normalised: ArrayLike | None,
-    strip: ArrayLike | None,
-    is_only: NDArray[np.bool_],
-) -> NDArray[np.float32] | None:
-    """Return normalised intensities as given, or from the intensities; None without either."""
-    if normalised is not None:
-        return checked_column("normalised_intensity", normalised, n_points, np.float32)
-    if intensity is None:
-        return None
-    values = checked_column("intensity", intensity, n_points, np.float32)
-    if strip is None:
-        strips = np.zeros(n_points, dtype=np.int64)
-    else:
-        strips = checked_column("point_source_id", strip, n_points, np.int64)
-    return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))
-
-
 def _is_of(classes: tuple[PointClass, ...]) -> NDArray[np.bool_]:
     """Return whether each class there can be is one of these."""
     return np.isin(np.arange(256), classes)
@@ -285,16 +268,18 @@ def _open_classes(
     is_last: NDArray[np.bool_],
     spacing: float,
     config: RoofSelectionConfig,
-) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Return the classes of the points that are decided here, and which are façade."""
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the classes of the points that are decided here, and what façade they are."""
     classes = vegetation_classes(height, config)
     is_wall = is_wall & ~is_roof & (config.facade_reach > 0.0)
     stands = is_roof | is_wall
     reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
     around = surroundings(columns, is_roof, reach, ~is_roof)
     classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
+    is_bare = np.isneginf(around.highest)[columns.column]
     if is_wall.any():
         around = surroundings(columns, stands, reach, ~stands)
     is_facade = find_facades(columns, height, stands, is_last, around, config.facade_reach, spacing)
     classes[stands | is_facade] = PointClass.BUILDING
-    return classes, is_facade | is_wall
+    facade = np.where(is_bare, Facade.BARE, Facade.BELOW_ROOF) * (is_facade | is_wall)
+    return classes, facade.astype(np.uint8)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
 from lidar_buildings.core.stages.roof_selection.smooth_patches.walls import wall_areas
 
@@ -123,3 +123,23 @@ def test_areas_are_length_times_height(turned):
 
 def test_no_patches_have_no_areas():
     assert len(wall_areas(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 3.0)) == 0
+
+
+def test_walls_below_a_roof_are_told_from_bare_ones():
+    random = np.random.default_rng(9)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 10.0, 0.2), np.arange(0.0, 6.0, 0.2)))
+    roof = np.column_stack([x, y, np.full(len(x), 6.05)])
+    front = wall(random, 20.0, 6.0, turned=0.0)
+    points, of = street(random, [np.concatenate([roof, front])])
+    result = select_roofs(
+        points,
+        height_above_ground=points[:, 2],
+        classification=np.where(points[:, 2] < 0.05, GROUND, 1),
+        point_spacing=0.2,
+    )
+    own, x = result.facade[of == 0][len(roof) :], points[of == 0][len(roof) :, 0]
+    raised = points[of == 0][len(roof) :, 2] > 1.0
+    assert np.mean(own[raised & (x > 12.0)] == Facade.BARE) > 0.98
+    assert np.mean(own[raised & (x < 9.0)] == Facade.BELOW_ROOF) > 0.9
+    assert not (own[raised & (x < 9.0)] == Facade.BARE).any()
+    assert not result.facade[of == 0][: len(roof)].any()

@@ -6,7 +6,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.core.stages.segmentation.part_borders import measure_borders, merge_parts
-from lidar_buildings.pipeline.tile_stages import trace_buildings
+from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)
 

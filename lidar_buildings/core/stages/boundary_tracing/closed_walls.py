@@ -1,0 +1,189 @@
+"""
+The outline of a building of which walls were seen, but not the roof over all that they enclose.
+
+A scanner on the street sees the walls that face it and the slope of a roof at most. Walls of one building
+go in two directions at right angles; their lines divide the rectangle around all that was seen into boxes,
+and a box is part of the building unless the ground in it was seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.model.outline import Outline
+
+#: Side of the cells in which walls count, however many points a cell has [m].
+WALL_CELL = 0.1
+#: Side of the cells in which ground and roofs count [m].
+GROUND_CELL = 0.5
+#: How far from a wall's line its points lie [m].
+WALL_REACH = 0.3
+#: Length of wall on a line, less of which is no corner of its own [m].
+MIN_WALL = 1.5
+#: Share of the cells on walls about which these go in one of the two directions; less is round or winding.
+MIN_STRAIGHT = 0.75
+#: A box of which a larger share is ground is not part of the building.
+MAX_GROUND = 0.25
+#: Smallest share within an outline of what was not seen at all: with less of it the roof tells the outline.
+MIN_UNSEEN = 0.05
+#: Share of an outline along which walls or roofs have to be seen: two sides of a house, less what hides them.
+MIN_SEEN = 0.3
+#: Length of an outline along which walls have to be bare: it is by these that the roof is known to go on [m].
+MIN_BARE = 3.0
+#: Narrower parts are no building [m].
+MIN_WIDTH = 2.0
+#: How far from all that was seen of a building its outline may lie: what is deeper may be a yard [m].
+MAX_DEPTH = 25.0
+#: What is within this distance of an outermost wall does not reach beyond it: eaves [m].
+_EAVES = 1.0
+#: Side of the steps in which an outline is asked for what was seen of it [m].
+_STEP = 0.25
+#: Cells within which a wall's are taken for one piece, and those that a piece has at least.
+_APART, _RUN = 5, 10
+#: Cells within which there is one line: set-backs that are less are not told from windows and cornices.
+_AWAY = 10
+#: Largest angle between a wall and the direction in which it goes [rad].
+_ASLANT = np.deg2rad(15.0)
+_COARSE, _FINE = np.deg2rad(1.0), np.deg2rad(0.1)
+
+
+def close_walls(
+    walls: NDArray[np.float64],
+    bare: NDArray[np.float64],
+    roofs: NDArray[np.float64],
+    ground: NDArray[np.float64],
+) -> Outline | None:
+    """
+    Close the outline of a building behind the walls that were seen.
+
+    Parameters
+    ----------
+    walls : ndarray of shape (n_cells, 2)
+        Middles of cells of `WALL_CELL` on the building's walls, at least one [m].
+    bare : ndarray of shape (n_cells, 2)
+        Those of them over which no roof was seen [m].
+    roofs : ndarray of shape (n_cells, 2)
+        Those of `GROUND_CELL` on what was seen of its roofs [m].
+    ground : ndarray of shape (n_cells, 2)
+        Those of `GROUND_CELL` in which ground was seen, around the building and farther away [m].
+
+    Returns
+    -------
+    Outline or None
+        None where walls do not enclose anything, those of one side alone and winding ones, or something
+        deeper than `MAX_DEPTH`; and where the roof was seen.
+    """
+    turn = _turn(_direction(walls))
+    walls, bare, roofs, ground = (cells @ turn for cells in (walls, bare, roofs, ground))
+    lines = [_lines(walls[:, k], walls[:, 1 - k]) for k in (0, 1)]
+    if not all(map(len, lines)) or _straight_share(walls) < MIN_STRAIGHT:
+        return None
+    seen = np.concatenate([walls, roofs])
+    edges = [_with_ends(own, across) for own, across in zip(lines, seen.T, strict=True)]
+    low, high = (np.array([own[end] for own in edges]) for end in (0, -1))
+    ground = ground[((ground > low) & (ground < high)).all(axis=1)]
+    shape = _largest(_boxes(edges, roofs, ground))
+    if shape is None or _unseen(shape, np.concatenate([roofs, ground])) < MIN_UNSEEN:
+        return None
+    off_seen, off_bare = _distances(shape, seen), _distances(shape, bare)
+    if off_seen.max() > MAX_DEPTH or np.mean(off_seen <= GROUND_CELL) < MIN_SEEN:
+        return None
+    if np.count_nonzero(off_bare <= GROUND_CELL) * _STEP < MIN_BARE:
+        return None
+    # Corners alone would be too few for what follows: it takes an outline for points along walls.
+    return Outline.of(shapely.transform(shapely.segmentize(shape, _STEP), lambda xy: xy @ turn.T))
+
+
+def _turn(angle: float) -> NDArray[np.float64]:
+    """Return what rows of x and y are multiplied by to see a direction as the x axis."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _direction(walls: NDArray[np.float64]) -> float:
+    """Return the angle along and across which most cells lie on lines [rad]."""
+
+    def on_lines(angle: float) -> float:
+        counts = (np.bincount(_bins(across)) for across in (walls @ _turn(angle)).T)
+        return float(sum(np.square(n, dtype=float).sum() for n in counts))
+
+    coarse = max(np.arange(0.0, np.pi / 2, _COARSE), key=on_lines)
+    return float(max(coarse + np.arange(-10, 11) * _FINE, key=on_lines))
+
+
+def _bins(offset: NDArray[np.float64]) -> NDArray[np.int64]:
+    return ((offset - offset.min()) / WALL_CELL).astype(np.int64)
+
+
+def _lines(across: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the offsets of the lines that hold enough of a wall, rising [m]."""
+    half, lowest = round(WALL_REACH / WALL_CELL), across.min()
+    place = (_bins(across), _bins(along))
+    held = np.zeros([rows.max() + 1 for rows in place], dtype=np.uint8)
+    held[place] = 1
+    # Cells of far walls are apart, and what crosses a line is on it for little more than its own width.
+    held = ndimage.maximum_filter1d(ndimage.maximum_filter1d(held, 2 * half - 1, axis=0), _APART, axis=1)
+    length = ndimage.binary_opening(held, np.ones((1, _RUN))).sum(axis=1) * WALL_CELL
+    found = []
+    while length.max() >= MIN_WALL:
+        top = int(length.argmax())
+        middle = lowest + (top + 0.5) * WALL_CELL
+        found.append(float(np.median(across[np.abs(across - middle) <= WALL_REACH])))
+        length[max(0, top - _AWAY) : top + _AWAY + 1] = 0.0
+    return np.sort(found)
+
+
+def _straight_share(walls: NDArray[np.float64]) -> float:
+    """Return the share of cells about which walls go along either axis."""
+    one, other = cKDTree(walls).query_pairs(WALL_REACH, output_type="ndarray").T
+    doubled = (walls[other] - walls[one]) @ (1, 1j)
+    doubled **= 2
+    both = np.concatenate([one, other])
+    along = np.bincount(both, np.tile(doubled.real, 2), len(walls))
+    aslant = np.bincount(both, np.tile(doubled.imag, 2), len(walls))
+    return float(np.mean(np.abs(aslant) <= np.tan(2.0 * _ASLANT) * np.abs(along)))
+
+
+def _with_ends(lines: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return lines with the limits of what was seen beyond the outermost ones."""
+    ends = (across.min(), across.max())
+    before = [ends[0]] if ends[0] < lines[0] - _EAVES else []
+    return np.array([*before, *lines, *([ends[1]] if ends[1] > lines[-1] + _EAVES else [])])
+
+
+def _boxes(
+    edges: list[NDArray[np.float64]], roofs: NDArray[np.float64], ground: NDArray[np.float64]
+) -> Iterator[shapely.Polygon]:
+    """Yield the boxes between lines that are part of the building."""
+    of_ground, of_roof = (
+        np.histogram2d(cells[:, 0], cells[:, 1], bins=(edges[0], edges[1]))[0] for cells in (ground, roofs)
+    )
+    most = MAX_GROUND / GROUND_CELL**2 * np.outer(*map(np.diff, edges))
+    for i, j in zip(*np.nonzero(of_ground <= np.maximum(most, of_roof)), strict=True):
+        yield shapely.box(edges[0][i], edges[1][j], edges[0][i + 1], edges[1][j + 1])
+
+
+def _largest(boxes: Iterator[shapely.Polygon]) -> shapely.Polygon | None:
+    """Return the largest part of what boxes cover, without what is narrow; None if nothing is left."""
+    whole = shapely.union_all(list(boxes))
+    wide = shapely.buffer(whole, -0.5 * MIN_WIDTH, join_style="mitre")
+    if wide.is_empty:
+        return None
+    return max(shapely.get_parts(shapely.buffer(wide, 0.5 * MIN_WIDTH, join_style="mitre")), key=shapely.area)
+
+
+def _unseen(shape: shapely.Polygon, seen: NDArray[np.float64]) -> float:
+    """Return the share of a shape in which nothing was seen."""
+    within = np.count_nonzero(shapely.contains_xy(shape, seen))
+    return 1.0 - within * GROUND_CELL**2 / shape.area
+
+
+def _distances(shape: shapely.Polygon, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return how far from the nearest of some cells each step along a shape's rings is [m]."""
+    along = shapely.line_interpolate_point(shape.boundary, np.arange(0.0, shape.length, _STEP))
+    return cKDTree(cells).query(shapely.get_coordinates(along))[0]

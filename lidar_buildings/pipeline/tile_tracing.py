@@ -1,0 +1,218 @@
+"""A tile's buildings: segmented and traced, closed behind their walls, or on given footprints."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.model.ids import anchor_row, building_id, rows_by_building
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.model.sides import NONE, Sides
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace, trace_boundary
+from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, assign_footprints
+from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.pipeline.sharing import Sharing, map_buildings
+from lidar_buildings.pipeline.tile_stages import label_roof_edges
+from lidar_buildings.pipeline.tile_walls import WALL_GAP, roofs_and_walls, walled_buildings
+
+_log = logging.getLogger(__name__)
+
+#: Half the side of the square that stands for a building whose tracing failed altogether [m].
+_MARKER_SIZE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class TracedTile:
+    """A tile's buildings after segmentation and tracing."""
+
+    #: The roof points, and the tops of walls that were closed, with `building_id`; 0 for those of no building
+    #: and of the neighbours' buildings.
+    tile: PointTile
+    outlines: tuple[BuildingOutline, ...]  #: one per building of this tile, by rising id
+    #: On which sides one of these buildings reaches the tile's `bounds`, so that its rest lies outside.
+    clipped: Sides
+
+
+def trace_buildings(
+    tile: PointTile,
+    segmentation: SegmentationConfig,
+    boundary_tracing: BoundaryTracingConfig,
+    pool: Sharing | None = None,
+    *,
+    is_closed: NDArray[np.bool_] | None = None,
+) -> TracedTile:
+    """
+    Segment a tile's roof points into buildings and trace those that belong to the tile.
+
+    A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
+    building comes out once. They are traced in the pool's processes if there is one.
+
+    Parameters
+    ----------
+    tile : PointTile
+        Roof points with edge labels, as `label_roof_edges` returns them.
+    segmentation : SegmentationConfig
+    boundary_tracing : BoundaryTracingConfig
+    pool : Sharing, optional
+    is_closed : ndarray of bool, shape (n_points,), optional
+        Which of the points are of buildings that are closed behind walls: they are not traced.
+    """
+    is_closed = np.zeros(len(tile), dtype=bool) if is_closed is None else is_closed
+    found = segment_buildings(
+        tile.points,
+        segmentation,
+        scan_angle=tile.scan_angle,
+        gps_time=tile.gps_time,
+        point_source_id=tile.point_source_id,
+        point_spacing=tile.point_spacing,
+    )
+    is_core = tile.is_core
+    blocks = {
+        number
+        for number, rows in rows_by_building(found.block_id)
+        if is_core[rows[anchor_row(tile.points[rows])]]
+    }
+    owned = [
+        (number, rows[~is_closed[rows]])
+        for number, rows in rows_by_building(found.building_id)
+        if int(found.block_id[rows[0]]) in blocks and 2 * np.count_nonzero(is_closed[rows]) < len(rows)
+    ]
+    number_of, jobs, spacing = np.zeros(len(tile), dtype=np.uint32), [], tile.point_spacing
+    for number, rows in owned:
+        number_of[rows] = number
+        cloud = tile.points[rows_to_trace(rows, tile.edge, boundary_tracing)]
+        jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
+    rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
+    outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
+    places = (extent_of(tile.points[rows, :2]) for _, rows in owned)
+    clipped = reduce(
+        or_,
+        (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places),
+        NONE,
+    )
+    return TracedTile(tile.with_columns(building_id=number_of), tuple(outlines), clipped)
+
+
+def trace_or_close(
+    tile: PointTile,
+    segmentation: SegmentationConfig,
+    boundary_tracing: BoundaryTracingConfig,
+    pool: Sharing | None = None,
+) -> TracedTile:
+    """
+    Trace a tile's roofs, and close behind its walls what encloses more than was seen of a roof.
+
+    Parameters
+    ----------
+    tile : PointTile
+        What `roof_points` returns, its roofs with edge labels.
+    segmentation : SegmentationConfig
+    boundary_tracing : BoundaryTracingConfig
+    pool : Sharing, optional
+    """
+    if not tile.has_bare_walls:
+        return trace_buildings(tile, segmentation, boundary_tracing, pool)
+    walled, is_roof = walled_buildings(tile, segmentation.min_area), tile.is_roof
+    number, is_closed, is_core = np.zeros(len(tile), dtype=np.uint32), ~is_roof, tile.is_core
+    outlines, clipped = [], NONE
+    for rows, outline in walled:
+        is_closed[rows] = True
+        anchor = rows[anchor_row(tile.points[rows])]
+        if is_core[anchor]:
+            number[rows] = building_id(tile.points[anchor])
+            outlines.append(BuildingOutline(int(number[anchor]), outline.as_carried()))
+            clipped |= Sides.passed(*extent_of(outline.exterior), tile.bounds, WALL_GAP)
+    roofs = trace_buildings(
+        tile.select(is_roof), segmentation, boundary_tracing, pool, is_closed=is_closed[is_roof]
+    )
+    number[is_roof] += roofs.tile.building_id
+    chosen = is_roof | (number > 0)
+    outlines = sorted([*roofs.outlines, *outlines], key=lambda one: one.building_id)
+    return TracedTile(
+        tile.with_columns(building_id=number).select(chosen), tuple(outlines), clipped | roofs.clipped
+    )
+
+
+def trace_footprints(
+    classified: PointTile,
+    roofs: PointTile,
+    footprints: Footprints,
+    config: FootprintConfig,
+    edge_labelling: EdgeLabellingConfig,
+) -> TracedTile:
+    """
+    Take given footprints for a tile's outlines, and give their points their ids.
+
+    Parameters
+    ----------
+    classified : PointTile
+        All points of the tile.
+    roofs : PointTile
+        What `roof_points` returns of them, its roofs with edge labels.
+    footprints : Footprints
+    config : FootprintConfig
+    edge_labelling : EdgeLabellingConfig
+        For the points that are taken at footprints next to without roof points.
+    """
+    found = assign_footprints(classified, footprints, config)
+    is_own = roofs_and_walls(classified) & classified.is_roof
+    is_other = (found.building_id > 0) & ~is_own
+    roofs = roofs.select(roofs.is_roof)
+    tile = _with_others(classified, roofs, is_own, is_other, found.building_id, edge_labelling)
+    chosen = np.flatnonzero(is_own | is_other)
+    return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
+
+
+def _with_others(
+    classified: PointTile,
+    roofs: PointTile,
+    is_own: NDArray[np.bool_],
+    is_other: NDArray[np.bool_],
+    building_id: NDArray[np.uint32],
+    edge_labelling: EdgeLabellingConfig,
+) -> PointTile:
+    """Return a tile's roof points with others among them in their places, labelled as well."""
+    if not is_other.any():
+        return roofs
+    # what stands in a footprint is labelled together with the few roof points there
+    together = np.flatnonzero(np.isin(building_id, building_id[is_other]))
+    every = np.ones(len(together), dtype=bool)
+    labelled = label_roof_edges(classified.select(together), edge_labelling, is_roof=every).tile
+    others = labelled.select(is_other[together])
+    rows = np.concatenate([np.flatnonzero(is_own), np.flatnonzero(is_other)])
+    return roofs.joined(others).select(np.argsort(rows, kind="stable"))
+
+
+class _TracingJob(NamedTuple):
+    """What one building is traced from."""
+
+    building_id: int
+    points: NDArray[np.float64]
+    config: BoundaryTracingConfig
+    pattern: ScanPattern
+    point_spacing: float | None
+
+
+def _traced(job: _TracingJob) -> Outline:
+    """Trace one building; whatever goes wrong, a ring comes back."""
+    try:
+        traced = trace_boundary(job.points, job.config, pattern=job.pattern, point_spacing=job.point_spacing)
+        return traced.outline.as_carried()
+    except Exception:
+        _log.exception("building %d: tracing failed, a square marks its anchor", job.building_id)
+        return _square(job)
+
+
+def _square(job: _TracingJob) -> Outline:
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
+    return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()
