@@ -86,8 +86,7 @@ def close_walls(
         return None
     seen = np.concatenate([walls, roofs])
     edges = [_with_ends(own, across) for own, across in zip(lines, seen.T, strict=True)]
-    low, high = (np.array([own[end] for own in edges]) for end in (0, -1))
-    ground = ground[((ground > low) & (ground < high)).all(axis=1)]
+    ground = _between_lines(ground, edges)
     shape = _largest(_boxes(edges, roofs, ground))
     if shape is None or _unseen(shape, np.concatenate([roofs, ground])) < MIN_UNSEEN:
         return None
@@ -154,6 +153,14 @@ def _with_ends(lines: NDArray[np.float64], across: NDArray[np.float64]) -> NDArr
     ends = (across.min(), across.max())
     before = [ends[0]] if ends[0] < lines[0] - _EAVES else []
     return np.array([*before, *lines, *([ends[1]] if ends[1] > lines[-1] + _EAVES else [])])
+
+
+def _between_lines(cells: NDArray[np.float64], edges: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the cells that lie within one box alone, whatever the angle between cells and lines."""
+    low, high = (np.array([own[end] for own in edges]) for end in (0, -1))
+    cells = cells[((cells > low) & (cells < high)).all(axis=1)]
+    off = [np.abs(across[:, None] - own).min(axis=1) for across, own in zip(cells.T, edges, strict=True)]
+    return cells[np.minimum(*off) > np.sqrt(0.5) * GROUND_CELL]
 
 
 def _boxes(
