@@ -122,8 +122,8 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     ),
     NodeCard(
         "building_tracer",
-        "Gathers roof points into buildings and traces their outlines and courtyards, or takes given "
-        "footprints for which it listens to all points. "
+        "Gathers roof points into buildings and traces their outlines and courtyards, closes outlines behind "
+        "walls whose roofs were not seen, or takes given footprints for which it listens to all points. "
         "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
         (TILE_INFO, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
         (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),

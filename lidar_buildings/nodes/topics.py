@@ -72,20 +72,23 @@ CLASSIFIED_POINTS = Topic(
     _CLOUD,
     "CLOUD",
     "every point with its final ASPRS class: 1 undecided, 2 ground, 3 to 5 low, medium and high vegetation, "
-    "6 building (`facade` = 1: walls and what is under the eaves), 7 and 18 noise, 11 road, and the "
-    "source's own that are kept",
+    "6 building (`facade` = 1: walls and what is under the eaves, 2: walls over which no roof was seen), "
+    "7 and 18 noise, 11 road, and the source's own that are kept",
 )
 ROOF_POINTS = Topic(
     "roof_points",
     _CLOUD,
     "CLOUD",
-    "the points of class 6 that are no façade, and of these what may hang together with the tile's own",
+    "the points of class 6 that are no façade, and of these what may hang together with the tile's own; "
+    "where walls were seen over which no roof was, also all façades there (`facade` 1 and 2) and the ground "
+    "about them",
 )
 EDGE_POINTS = Topic(
     "edge_points",
     _CLOUD,
     "CLOUD",
-    "roof points with `linearity`, `planarity`, `normal_x` `_y` `_z`, `neighbourhood_radius`, `edge` (0, 1)",
+    "`roof_points` with `linearity`, `planarity`, `normal_x` `_y` `_z`, `neighbourhood_radius`, `edge` (0, "
+    "1)",
 )
 BUILDING_POINTS = Topic(
     "building_points",

@@ -35,7 +35,7 @@ class _Dimension(NamedTuple):
 #: Column of the results → dimension of the file; LAS type numbers by LAS 1.4, table 25.
 DIMENSIONS = {
     "height_above_ground": _Dimension("HeightAboveGround", "<f4", 9, "height above ground, unit of z"),
-    "facade": _Dimension("Facade", "u1", 1, "1 = building, but no roof"),
+    "facade": _Dimension("Facade", "u1", 1, "1 = below a roof, 2 = bare wall"),
     "building_id": _Dimension("BuildingId", "<u4", 5, "0 = none"),
     "plane_id": _Dimension("PlaneId", "<u2", 3, "0 = none, within the building"),
     "edge": _Dimension("EdgeLabel", "u1", 1, "1 = on a roof's edge"),

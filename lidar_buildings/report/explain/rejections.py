@@ -64,8 +64,8 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
     is_wall = is_building & (site.facade > 0)
     if is_wall.any() and not (site.building_id > 0).any():
         yield Finding(
-            f"{int(is_wall.sum()):,} points of walls: an outline needs roof, which a scanner on the street "
-            "seldom sees."
+            f"{int(is_wall.sum()):,} points of walls over which no roof was seen: they get an outline where "
+            "they enclose something, walls in two directions at right angles, and no ground behind them."
         )
     is_free = is_building & ~is_wall & (site.building_id == 0)
     if is_free.any():
