@@ -7,9 +7,10 @@ Building outlines: against exact truth, against a map beside peers, and the pape
                              [--drop-outs SHARE]
                              [--repeats N]
 
-Parts (all by default; all but the first need the real clouds):
+Parts (all by default; all but the first two need the real clouds):
 
 scenes    virtual buildings, every plan in twelve orientations: found, IoU, corners, courtyards, angles
+streets   drives through virtual scenes, in which walls are seen and parts of roofs
 delft     class 6 of both halves against the blocks of the base map; peers on the same clusters, and times
 table1    σ and largest offset of ten buildings each, beside the figures of Sampath & Shan (2007); blocks are
           split at step edges, as single buildings are meant
@@ -28,6 +29,7 @@ from bench.outlines.chain import bias_variants
 from bench.outlines.delft import delft_tables, read_delft, run_all
 from bench.outlines.peers import PEERS, is_installed
 from bench.outlines.pictures import draw_map, draw_scenes
+from bench.outlines.streets import SCENES, draw_street, drive_through, streets_table
 from bench.outlines.truth import judged, scenes_table, worst
 from bench.scenes.outlines import PLANS, outline_scenes
 
@@ -62,6 +64,15 @@ def run_scenes(options: argparse.Namespace) -> None:
             )
 
 
+def run_streets(options: argparse.Namespace) -> None:
+    """Compare outlines of what a vehicle sees of virtual buildings with their truth."""
+    streets = [drive_through(name, seed, options.configs) for name in SCENES for seed in options.seeds]
+    print(streets_table(streets), end="\n\n")
+    if options.folder:
+        for street in streets:
+            draw_street(street).savefig(options.folder / f"street_{street.name}_{street.seed}.png")
+
+
 def run_delft(options: argparse.Namespace) -> None:
     """Compare outlines of Delft with the map, ours and the peers'."""
     cloud, reference = read_delft(options.data_folder)
@@ -85,6 +96,7 @@ def run_table_1(options: argparse.Namespace) -> None:
 
 PARTS: dict[str, Callable[[argparse.Namespace], None]] = {
     "scenes": run_scenes,
+    "streets": run_streets,
     "delft": run_delft,
     "table1": run_table_1,
 }
@@ -100,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"{name}: not installed (pip install '.[bench]')", file=sys.stderr)
         options.methods = [other for other in options.methods if other != name]
     for part in options.parts:
-        if part != "scenes" and not options.data_folder.is_dir():
+        if part not in ("scenes", "streets") and not options.data_folder.is_dir():
             print(
                 f"{part}: {options.data_folder} is not there: give the real clouds with --data",
                 file=sys.stderr,
@@ -129,7 +141,7 @@ def _parser() -> argparse.ArgumentParser:
         "--noise", type=float, default=0.03, metavar="M", help="scenes: σ of each axis [m] (0.03)"
     )
     parser.add_argument(
-        "--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes: one round each (0)"
+        "--seeds", type=int, nargs="+", default=[0], metavar="N", help="scenes, streets: one round each (0)"
     )
     parser.add_argument("--strips", type=int, default=1, metavar="N", help="scenes: strips that overlap (1)")
     parser.add_argument(
