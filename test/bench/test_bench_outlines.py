@@ -17,6 +17,7 @@ from bench.outlines import peers as outline_peers
 from bench.outlines import run as outlines
 from bench.outlines import table1 as outline_table1
 from bench.outlines import truth as outline_truth
+from bench.outlines.streets import HEADINGS, drive_through, streets_table
 from bench.scenes.outlines import outline_scene
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
@@ -181,3 +182,11 @@ def test_missing_clouds_are_named_and_pictures_stay_out_of_the_repository(tmp_pa
     assert spoken.err.count("is not there: give the real clouds with --data") == 2
     with pytest.raises(SystemExit, match="inside the repository"):
         outlines.main(["--pictures", str(ROOT / "bench" / "pictures")])
+
+
+def test_terraces_from_the_street_are_whole():
+    street = drive_through("dense_block", 1, PipelineConfig(), rate=30_000.0)
+    cells = dict(zip(HEADINGS, street.cells(), strict=True))
+    assert (cells["buildings"], cells["outlines"], cells["whole"]) == ("16", "2", "16")
+    assert float(cells["IoU of all"]) > 0.97
+    assert streets_table([street]).count("\n") == 2
