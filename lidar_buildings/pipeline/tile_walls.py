@@ -88,17 +88,21 @@ def walled_buildings(tile: PointTile, min_area: float) -> list[WalledBuilding]:
 
 
 def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
-    """Return the rows of what hangs together in plan and has enough of bare walls, group by group."""
+    """Return the rows of what hangs together in plan and has a bare wall long enough, group by group."""
     if tile.classification is None or not tile.has_bare_walls:
+        return []
+    bare = np.flatnonzero(tile.facade == Facade.BARE)
+    wall = connected_parts(tile.points[bare], WALL_GAP, in_plan=True)
+    cells = lowest_per_cell(tile.points[bare], WALL_CELL)
+    is_long = np.bincount(wall[cells], minlength=wall.max() + 1) * WALL_CELL >= MIN_BARE
+    if not is_long.any():
         return []
     rows = np.flatnonzero(tile.classification == PointClass.BUILDING)
     part = connected_parts(tile.points[rows], WALL_GAP, in_plan=True)
-    bare = np.flatnonzero(tile.facade[rows] == Facade.BARE)
-    cells = bare[lowest_per_cell(tile.points[rows[bare]], WALL_CELL)]
-    is_bare = np.bincount(part[cells], minlength=part.max() + 1) * WALL_CELL >= MIN_BARE
-    chosen = np.flatnonzero(is_bare[part])
+    own = np.unique(part[np.searchsorted(rows, bare[is_long[wall]])])
+    chosen = np.flatnonzero(np.isin(part, own))
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
-    return np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1) if len(chosen) else []
+    return np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1)
 
 
 def _is_ground(tile: PointTile) -> NDArray[np.bool_]:
