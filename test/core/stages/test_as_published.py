@@ -93,7 +93,7 @@ def test_walls_that_have_passed_each_other_are_no_outline():
 def test_consecutive_edges_of_a_round_tower_have_similar_slopes():
     angle = np.deg2rad(np.arange(0.0, 360.0, 30.0))
     tower = np.column_stack((np.cos(angle), np.sin(angle)))
-    assert len(divide_at_turns(tower, np.zeros(0), np.deg2rad(40.0)).first) == 1
+    assert len(divide_at_turns(sample_ring(tower, 0.5, None), np.deg2rad(40.0))[1].first) == 1
 
 
 def test_long_walls_have_10_m_where_any_has():

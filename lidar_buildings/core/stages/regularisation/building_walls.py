@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.stages.regularisation.config import OWN_DIRECTION_COST, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import shared_directions, wall_scatters
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
-from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
 from lidar_buildings.core.surfaces.ring_division.division import Division, divide_ring
 from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
@@ -21,7 +21,7 @@ _LONG_WALL = 8.0
 
 def divide_building(
     samples: list[RingSamples], spacing: float, config: RegularisationConfig
-) -> tuple[tuple[float, ...], list[Division]]:
+) -> tuple[list[RingSamples], tuple[float, ...], list[Division]]:
     """
     Find a building's directions and divide its rings into walls.
 
@@ -36,13 +36,16 @@ def divide_building(
 
     Returns
     -------
+    samples : list of RingSamples
+        Those that the divisions are of.
     directions : tuple of float
         The most frequent first, each standing for itself and its perpendicular [rad].
     divisions : list of Division
         One per ring; their kinds number the directions as `both_ways` lists them.
     """
-    divide = _divided if config.division == "optimal" else _divided_at_turns
-    return divide(samples, spacing, config)
+    if config.division == "optimal":
+        return samples, *_divided(samples, spacing, config)
+    return _divided_at_turns(samples, spacing, config)
 
 
 def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
@@ -87,15 +90,13 @@ def _divided(
 
 def _divided_at_turns(
     samples: list[RingSamples], spacing: float, config: RegularisationConfig
-) -> tuple[tuple[float, ...], list[Division]]:
+) -> tuple[list[RingSamples], tuple[float, ...], list[Division]]:
     """Find the directions of the long walls, and all walls, as published."""
     max_turn = np.deg2rad(config.max_turn_deg)
-
-    def divided(angles: NDArray[np.float64]) -> list[Division]:
-        return [divide_at_turns(ring.points, angles, max_turn) for ring in samples]
-
-    directions = _long_directions(samples, divided(np.zeros(0)), spacing, config, config.max_directions)
-    return directions, divided(both_ways(directions))
+    samples, divisions = map(list, zip(*(divide_at_turns(ring, max_turn) for ring in samples), strict=True))
+    directions = _long_directions(samples, divisions, spacing, config, config.max_directions)
+    angles = both_ways(directions)
+    return samples, directions, [along_nearest(*one, angles) for one in zip(samples, divisions, strict=True)]
 
 
 def _a_corner(division: Division) -> int:
@@ -116,10 +117,11 @@ def _long_directions(
     max_directions: int,
 ) -> tuple[float, ...]:
     """Return the directions of the walls that are long enough."""
+    least = 3 if config.division == "optimal" else 2
     walls = [
         wall
         for ring, division in zip(samples, divisions, strict=True)
-        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division)
+        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division, least)
     ]
     min_length = min_long_length([wall.length for wall in walls], spacing, config)
     return shared_directions(

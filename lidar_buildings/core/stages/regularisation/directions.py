@@ -46,12 +46,12 @@ class WallScatter(NamedTuple):
 
 
 def wall_scatters(
-    points: NDArray[np.float64], sums: NDArray[np.float64], division: Division
+    points: NDArray[np.float64], sums: NDArray[np.float64], division: Division, min_samples: int
 ) -> list[WallScatter]:
-    """Return the scatters of a ring's straight walls of at least three samples."""
+    """Return the scatters of a ring's straight walls of at least `min_samples`."""
     n, walls = len(points), []
     for first, last, kind in zip(division.first, division.last, division.kind, strict=True):
-        if kind != ARC and last - first > 2:
+        if kind != ARC and last - first >= min_samples:
             _, _, _, xx, xy, yy = scatter_of(sums, first, last)
             ends = points[(last - 1) % n] - points[first % n]
             walls.append(WallScatter(xx, xy, yy, float(np.hypot(*ends))))

@@ -93,7 +93,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     samples = [
         sample_ring(ring - centre, spacing, config.concavity_limits(spacing)) for ring in checked.rings
     ]
-    directions, divisions = divide_building(samples, spacing, config)
+    samples, directions, divisions = divide_building(samples, spacing, config)
     angles = both_ways(directions)
     if config.adjustment == "joint":
         angles = adjusted_directions(samples, divisions, angles, spacing, config)

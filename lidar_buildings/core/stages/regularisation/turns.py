@@ -2,39 +2,69 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.surfaces.ring_division.division import FREE, Division
 from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
 
 
-def divide_at_turns(points: NDArray[np.float64], angles: NDArray[np.float64], max_turn: float) -> Division:
+def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Division]:
     """
     Divide a ring into segments of consecutive edges with similar slopes (Sampath & Shan, 2007).
 
-    An edge that deviates from the edge before by more than the given angle begins the next segment. Each
-    segment then goes along that of the given directions which is nearest to its own.
+    An edge that deviates from the edge before by more than the given angle begins the next segment. The point
+    between two segments is of both.
 
     Parameters
     ----------
-    points : ndarray of shape (n_points, 2)
-        Open ring about the building's centre [m].
-    angles : ndarray of shape (n_directions,)
-        Directions of the walls' normals [rad]; without any, every segment has its own.
+    ring : RingSamples
+        About the building's centre; every point of the ring is a sample.
     max_turn : float
         Largest angle between consecutive edges of a segment [rad].
 
     Returns
     -------
+    RingSamples
+        With the points between segments twice.
     Division
-        Its cost is 0: nothing was weighed.
+        Of these, free walls all; its cost is 0: nothing was weighed.
     """
-    n = len(points)
-    first = _turns(points, max_turn)
-    last = np.append(first[1:], first[0] + n)
-    return Division(first, last, _nearest(running_sums(points, np.ones(n)), first, last, angles), 0.0)
+    n = len(ring.points)
+    begins = _turns(ring.points, max_turn)
+    times = np.ones(n, dtype=np.int64)
+    times[begins % n] = 2
+    every = np.repeat(np.arange(n), times)
+    samples = replace(
+        ring,
+        points=ring.points[every],
+        weights=ring.weights[every],
+        bears=ring.bears[every],
+        rows=ring.rows[every],
+    )
+    first = (np.cumsum(times) - 1)[begins % n] + begins // n * len(every)
+    last = np.append(first[1:], first[0] + len(every))
+    return samples, Division(first, last, np.full(len(first), FREE), 0.0)
+
+
+def along_nearest(ring: RingSamples, division: Division, angles: NDArray[np.float64]) -> Division:
+    """
+    Let each segment go along that of some directions which is nearest to its own.
+
+    Parameters
+    ----------
+    ring : RingSamples
+    division : Division
+        Its segments.
+    angles : ndarray of shape (n_directions,)
+        Directions of the walls' normals [rad]; without any, every segment has its own.
+    """
+    sums = running_sums(ring.points, ring.weights)
+    return replace(division, kind=_nearest(sums, division.first, division.last, angles))
 
 
 @kernel
@@ -66,8 +96,7 @@ def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
     """Return the direction that is nearest to each segment's own, `FREE` if there are none."""
     kind = np.full(len(first), FREE)
     for i in range(len(first)):
-        # The point at which the next segment begins is the end of this one.
-        _, _, _, xx, xy, yy = scatter_of(sums, first[i], last[i] + 1)
+        _, _, _, xx, xy, yy = scatter_of(sums, first[i], last[i])
         own, smallest = normal_angle(xx, xy, yy), np.inf
         for k in range(len(angles)):
             difference = abs((own - angles[k] + 0.5 * np.pi) % np.pi - 0.5 * np.pi)

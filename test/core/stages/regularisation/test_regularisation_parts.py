@@ -4,12 +4,18 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
 from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
-from lidar_buildings.core.stages.regularisation.directions import WallScatter, shared_directions
+from lidar_buildings.core.stages.regularisation.directions import (
+    WallScatter,
+    shared_directions,
+    wall_scatters,
+)
 from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, sample_ring
-from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
+from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.walls import (
     ANGLE,
@@ -222,10 +228,38 @@ def test_shared_directions_are_those_of_a_joint_adjustment():
 def test_a_ring_is_divided_at_its_turns():
     box = shapely.segmentize(shapely.box(0, 0, 12, 6), 1.0)
     ring = shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]
-    found = divide_at_turns(ring - (6, 3), np.array([0.0, np.pi / 2]), np.deg2rad(40))
-    assert sorted((found.last - found.first).tolist()) == [6, 6, 12, 12]
-    assert sorted(found.kind.tolist()) == [0, 0, 1, 1]
-    assert set(divide_at_turns(ring, np.zeros(0), np.deg2rad(40)).kind.tolist()) == {FREE}
+    samples, found = divide_at_turns(sample_ring(ring - (6, 3), 1.0, None), np.deg2rad(40))
+    assert len(samples.points) == len(ring) + 4
+    assert sorted((found.last - found.first).tolist()) == [7, 7, 13, 13], "both ends are of a segment"
+    assert set(found.kind.tolist()) == {FREE}
+    kinds = along_nearest(samples, found, np.array([0.0, np.pi / 2])).kind
+    assert sorted(kinds.tolist()) == [0, 0, 1, 1]
+    walls = wall_scatters(samples.points, running_sums(samples.points, samples.weights), found, 2)
+    assert sorted(wall.length for wall in walls) == pytest.approx([6.0, 6.0, 12.0, 12.0])
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 1.5, 7))
+def test_walls_of_a_single_edge_keep_the_direction(turn):
+    corners = [(0, 0), (20, 0), (20, 14), (12, 14), (12, 12), (0, 12)]
+    ring = shapely.get_coordinates(shapely.segmentize(shapely.Polygon(corners), 1.0).exterior)[:-1]
+    ring = ring[(ring != (12, 13)).any(axis=1)]
+    c, s = np.cos(turn), np.sin(turn)
+    place = np.array([85_000.0, 447_500.0])
+    config = RegularisationConfig(
+        division="slope_changes",
+        adjustment="joint",
+        max_directions=1,
+        angle_tolerance_deg=45.0,
+        min_long_wall=10.0,
+        bridge_concavities=False,
+        finest_spacing=0.0,
+        direction_weight=100.0,
+    )
+    found = regularise_outline(Outline(ring @ np.array([[c, s], [-s, c]]) + place), config)
+    edges = np.roll(found.outline.exterior, -1, axis=0) - found.outline.exterior
+    angle = (np.arctan2(edges[:, 1], edges[:, 0]) - turn) % (np.pi / 2)
+    assert len(edges) == len(corners)
+    assert np.minimum(angle, np.pi / 2 - angle).max() < 1e-6
 
 
 def test_an_arc_is_found_where_it_is_worth_its_cost():
