@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
@@ -27,6 +28,10 @@ _log = logging.getLogger(__name__)
 
 #: What models and their attributes are made from.
 _NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
+
+
+#: What of a roof lies so far below the tops of bare walls is of a lower part of the building [m].
+_LEVEL = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,17 +72,28 @@ def build_models(
     jobs = [
         _Job(
             one.building_id,
-            part.points,
+            part.points[_tell_height(part)] if _is_closed(part, one) else part.points,
             one.outline,
-            part.plane_id,
+            None if _is_closed(part, one) else part.plane_id,
             _ground_elevation(part, one),
-            part.has_bare_walls,
+            _is_closed(part, one),
             config,
         )
         for one, part in zip(ordered, buildings, strict=True)
     ]
     models = map_buildings(pool, _built, jobs, [len(part) for part in buildings], _lost)
     return tuple(map(_with_attributes, buildings, ordered, models))
+
+
+def _is_closed(building: PointTile, one: BuildingOutline) -> bool:
+    """Whether an outline was closed behind walls; a footprint, beside walls or not, knows its ground."""
+    return building.has_bare_walls and one.ground_elevation is None
+
+
+def _tell_height(building: PointTile) -> NDArray[np.bool_]:
+    """Tell which points are at the level of the walls that the scanner saw no roof over, or above it."""
+    is_bare, z = building.facade == Facade.BARE, building.points[:, 2]
+    return is_bare | (z >= np.median(z[is_bare]) - _LEVEL)
 
 
 class _Job(NamedTuple):
@@ -121,11 +137,15 @@ def _failed(job: _Job, reason: str) -> BuildingModel:
 
 def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
     """Add what is known of a building beside its model."""
-    reason = "; ".join(text for text in (remark_on_points(building), model.reason) if text)
+    is_closed = _is_closed(building, one)
+    remark = "" if is_closed else remark_on_points(building)
+    reason = "; ".join(text for text in (remark, model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
     if one.quality is not None:
         attributes.update(_outline_attributes(model, reason, one.quality))
+    if is_closed:  # its ring was drawn, not traced
+        attributes.update(outline_sigma=None, outline_max_offset=None)
     return TileModel(one.building_id, anchor_near(one.building_id, _west(building, one)), model, attributes)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.model.classes import ON_TERRAIN, is_of_groups
+from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, is_of_groups
 from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
@@ -149,7 +149,8 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: Sharing | None
     """
     plane_id = np.zeros(len(tile), dtype=np.uint16)
     buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
-    buildings = [one for one in buildings if not tile.select(one[1]).has_bare_walls]
+    if tile.has_bare_walls:
+        buildings = [one for one in buildings if not (tile.facade[one[1]] == Facade.BARE).any()]
     jobs = [_PlaneJob(number, tile.points[rows], config, tile.point_spacing) for number, rows in buildings]
     found = map_buildings(pool, _fitted_planes, jobs, [len(rows) for _, rows in buildings], _no_planes)
     for (_, rows), numbers in zip(buildings, found, strict=True):

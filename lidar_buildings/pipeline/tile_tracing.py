@@ -23,7 +23,7 @@ from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, 
 from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
-from lidar_buildings.pipeline.tile_walls import WALL_GAP, roofs_and_walls, walled_buildings
+from lidar_buildings.pipeline.tile_walls import roofs_and_walls, walled_buildings
 
 _log = logging.getLogger(__name__)
 
@@ -48,8 +48,6 @@ def trace_buildings(
     segmentation: SegmentationConfig,
     boundary_tracing: BoundaryTracingConfig,
     pool: Sharing | None = None,
-    *,
-    is_closed: NDArray[np.bool_] | None = None,
 ) -> TracedTile:
     """
     Segment a tile's roof points into buildings and trace those that belong to the tile.
@@ -64,10 +62,7 @@ def trace_buildings(
     segmentation : SegmentationConfig
     boundary_tracing : BoundaryTracingConfig
     pool : Sharing, optional
-    is_closed : ndarray of bool, shape (n_points,), optional
-        Which of the points are of buildings that are closed behind walls: they are not traced.
     """
-    is_closed = np.zeros(len(tile), dtype=bool) if is_closed is None else is_closed
     found = segment_buildings(
         tile.points,
         segmentation,
@@ -83,9 +78,9 @@ def trace_buildings(
         if is_core[rows[anchor_row(tile.points[rows])]]
     }
     owned = [
-        (number, rows[~is_closed[rows]])
+        (number, rows)
         for number, rows in rows_by_building(found.building_id)
-        if int(found.block_id[rows[0]]) in blocks and 2 * np.count_nonzero(is_closed[rows]) < len(rows)
+        if int(found.block_id[rows[0]]) in blocks
     ]
     number_of, jobs, spacing = np.zeros(len(tile), dtype=np.uint32), [], tile.point_spacing
     for number, rows in owned:
@@ -122,24 +117,20 @@ def trace_or_close(
     """
     if not tile.has_bare_walls:
         return trace_buildings(tile, segmentation, boundary_tracing, pool)
-    walled, is_roof = walled_buildings(tile, segmentation.min_area), tile.is_roof
-    number, is_closed, is_core = np.zeros(len(tile), dtype=np.uint32), ~is_roof, tile.is_core
-    outlines, clipped = [], NONE
+    walled, clipped = walled_buildings(tile, segmentation.min_area)
+    number, outlines, is_alone, is_core = np.zeros(len(tile), dtype=np.uint32), [], tile.is_roof, tile.is_core
     for rows, outline in walled:
-        is_closed[rows] = True
+        is_alone[rows] = False
         anchor = rows[anchor_row(tile.points[rows])]
         if is_core[anchor]:
             number[rows] = building_id(tile.points[anchor])
             outlines.append(BuildingOutline(int(number[anchor]), outline.as_carried()))
-            clipped |= Sides.passed(*extent_of(outline.exterior), tile.bounds, WALL_GAP)
-    roofs = trace_buildings(
-        tile.select(is_roof), segmentation, boundary_tracing, pool, is_closed=is_closed[is_roof]
-    )
-    number[is_roof] += roofs.tile.building_id
-    chosen = is_roof | (number > 0)
-    outlines = sorted([*roofs.outlines, *outlines], key=lambda one: one.building_id)
+    alone = trace_buildings(tile.select(is_alone), segmentation, boundary_tracing, pool)
+    number[is_alone] = alone.tile.building_id
+    chosen = tile.is_roof | (number > 0)
+    outlines = sorted([*alone.outlines, *outlines], key=lambda one: one.building_id)
     return TracedTile(
-        tile.with_columns(building_id=number).select(chosen), tuple(outlines), clipped | roofs.clipped
+        tile.with_columns(building_id=number).select(chosen), tuple(outlines), clipped | alone.clipped
     )
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, PointClass, is_of_groups
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, lowest_per_cell
 from lidar_buildings.core.stages.boundary_tracing.closed_walls import (
@@ -20,8 +22,12 @@ from lidar_buildings.core.stages.boundary_tracing.closed_walls import (
 )
 from lidar_buildings.core.surfaces.surface_patches import connected_parts, own_roofs
 
-#: Walls and roofs nearer to each other in plan are of one building [m].
+#: Walls and roofs nearer to each other in plan hang together [m].
 WALL_GAP = 1.0
+#: Share of bare walls among all that hang together: with less of them the roofs were seen from above.
+_MIN_BARE_SHARE = 0.1
+#: How far eaves reach beyond walls [m].
+_EAVES = 1.0
 #: How far below the top of a wall points tell its height [m].
 _TOP = 0.5
 
@@ -33,32 +39,35 @@ class WalledBuilding(NamedTuple):
     outline: Outline
 
 
+class WalledBuildings(NamedTuple):
+    """What there is of such buildings in a tile."""
+
+    buildings: list[WalledBuilding]
+    #: On which sides walls that may be of more of them reach the tile's `bounds`.
+    clipped: Sides
+
+
 def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     """
     Tell which points go on from the roof selection.
 
     They are the roofs that the tile's core may be part of, see `own_roofs`; and where walls were seen over
-    which no roof was, all of the building and the ground about it, a point a cell.
+    which no roof was, all that hangs together with them and the ground about it, a point a cell.
 
     Parameters
     ----------
     tile : PointTile
         With the final classes, and what is façade.
     """
-    goes_on = own_roofs(tile)
-    groups = _bare_groups(tile)
-    if groups:
-        goes_on[np.concatenate(groups)] = True
-        boxes = np.array([extent_of(tile.points[rows, :2]) for rows in groups])
-        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-        ground = np.flatnonzero(_is_ground(tile))
-        ground = ground[lowest_per_cell(tile.points[ground], GROUND_CELL)]
-        near = ((tile.points[ground, :2] >= low) & (tile.points[ground, :2] <= high)).all(axis=1)
-        goes_on[ground[near]] = True
+    goes_on, groups = own_roofs(tile), _bare_groups(tile)
+    ground = _Ground(tile) if groups else None
+    for rows in groups:
+        goes_on[rows] = True
+        goes_on[ground.about(tile.points[rows])] = True
     return goes_on
 
 
-def walled_buildings(tile: PointTile, min_area: float) -> list[WalledBuilding]:
+def walled_buildings(tile: PointTile, min_area: float) -> WalledBuildings:
     """
     Find the buildings of which walls were seen, but not the roof over all that they enclose.
 
@@ -69,49 +78,87 @@ def walled_buildings(tile: PointTile, min_area: float) -> list[WalledBuilding]:
     min_area : float
         Of a building in plan [m²].
     """
-    found, groups = [], _bare_groups(tile)
-    ground = _cells(tile.points[_is_ground(tile)], GROUND_CELL) if groups else None
+    found, clipped, groups = [], NONE, _bare_groups(tile)
+    ground = _Ground(tile) if groups else None
     for rows in groups:
-        facade, points = tile.facade[rows], tile.points[rows]
-        walls = points[facade != Facade.NONE]
-        outline = close_walls(
-            _cells(walls, WALL_CELL),
-            _cells(points[facade == Facade.BARE], WALL_CELL),
-            _cells(points[facade == Facade.NONE], GROUND_CELL),
-            ground,
-        )
-        if outline is not None and outline.area >= min_area:
-            is_told = facade == Facade.NONE
-            is_told[~is_told] = _are_tops(walls)
-            found.append(WalledBuilding(rows[is_told], outline))
-    return found
+        points, facade = tile.points[rows], tile.facade[rows]
+        is_wall = facade != Facade.NONE
+        cells = [_cells(points[chosen], WALL_CELL) for chosen in (is_wall, facade == Facade.BARE)]
+        clipped |= Sides.passed(*extent_of(points[:, :2]), tile.bounds, WALL_GAP)
+        about = _middles(tile.points[ground.about(points)], GROUND_CELL)
+        outlines = close_walls(*cells, _cells(points[~is_wall], GROUND_CELL), about)
+        is_told = ~is_wall
+        is_told[is_wall] = _are_tops(points[is_wall])
+        for outline in outlines:
+            own = rows[is_told & shapely.contains_xy(outline.polygon.buffer(_EAVES), points[:, :2])]
+            if outline.area >= min_area and len(own):
+                found.append(WalledBuilding(own, outline))
+    return WalledBuildings(found, clipped)
 
 
 def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
-    """Return the rows of what hangs together in plan and has a bare wall long enough, group by group."""
+    """Return the rows of what hangs together in plan, has bare walls enough, and part in the tile's core."""
     if tile.classification is None or not tile.has_bare_walls:
         return []
-    bare = np.flatnonzero(tile.facade == Facade.BARE)
+    is_building = tile.classification == PointClass.BUILDING
+    bare = np.flatnonzero(is_building & (tile.facade == Facade.BARE))
+    if not len(bare):
+        return []
     wall = connected_parts(tile.points[bare], WALL_GAP, in_plan=True)
     cells = lowest_per_cell(tile.points[bare], WALL_CELL)
     is_long = np.bincount(wall[cells], minlength=wall.max() + 1) * WALL_CELL >= MIN_BARE
     if not is_long.any():
         return []
-    rows = np.flatnonzero(tile.classification == PointClass.BUILDING)
+    rows = np.flatnonzero(is_building)
     part = connected_parts(tile.points[rows], WALL_GAP, in_plan=True)
     own = np.unique(part[np.searchsorted(rows, bare[is_long[wall]])])
     chosen = np.flatnonzero(np.isin(part, own))
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
-    return np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1)
+    groups = np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1)
+    return [one for one in groups if tile.is_core[one].any() and _bare_share(tile, one) >= _MIN_BARE_SHARE]
 
 
-def _is_ground(tile: PointTile) -> NDArray[np.bool_]:
-    return is_of_groups(tile.classification, ON_TERRAIN) | (tile.classification == PointClass.GROUND)
+def _bare_share(tile: PointTile, rows: NDArray[np.intp]) -> float:
+    """Return how much of the walls in some rows is bare, told by cells in plan."""
+    walls = rows[tile.facade[rows] != Facade.NONE]
+    held = walls[lowest_per_cell(tile.points[walls], WALL_CELL)]
+    return float(np.mean(tile.facade[held] == Facade.BARE))
+
+
+class _Ground:
+    """
+    Finds the ground about a place, a point for each cell that holds some.
+
+    Parameters
+    ----------
+    tile : PointTile
+        With classes.
+    """
+
+    def __init__(self, tile: PointTile) -> None:
+        classes = tile.classification
+        rows = np.flatnonzero(is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND))
+        rows = rows[lowest_per_cell(tile.points[rows], GROUND_CELL)]
+        self._points = _middles(tile.points[rows], GROUND_CELL)
+        self._rows = rows  # cell by cell, the southernmost ones first
+
+    def about(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the ground within what walls at some points can enclose, in whatever direction they go."""
+        low, high = extent_of(points[:, :2])
+        middle, reach = 0.5 * (low + high), float(np.hypot(*(high - low)))
+        first, last = np.searchsorted(self._points[:, 1], (middle[1] - reach, middle[1] + reach))
+        near = np.abs(self._points[first:last, 0] - middle[0]) <= reach
+        return self._rows[first:last][near]
+
+
+def _middles(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    """Return the middles of the cells of a plan grid in which points lie, shape (n, 2) [m]."""
+    return (np.floor(points[:, :2] / size) + 0.5) * size
 
 
 def _cells(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
     """Return the middles of the cells of a plan grid that hold points, shape (n_cells, 2) [m]."""
-    return (np.floor(points[lowest_per_cell(points, size), :2] / size) + 0.5) * size
+    return _middles(points[lowest_per_cell(points, size)], size)
 
 
 def _are_tops(points: NDArray[np.float64]) -> NDArray[np.bool_]:

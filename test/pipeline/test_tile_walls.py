@@ -72,11 +72,12 @@ def test_what_goes_on_tells_the_same_as_all_points():
     tile = street_scene()
     part = roof_points(tile)
     assert len(part) < 0.7 * len(tile)
-    for one, other in zip(walled_buildings(part, 12.0), walled_buildings(tile, 12.0), strict=True):
+    found, every = walled_buildings(part, 12.0).buildings, walled_buildings(tile, 12.0).buildings
+    for one, other in zip(found, every, strict=True):
         assert one.outline.same_as(other.outline)
         np.testing.assert_array_equal(part.points[one.rows], tile.points[other.rows])
-    assert walled_buildings(tile, 12.0)
-    assert not walled_buildings(tile, 1000.0)
+    assert len(every) == 1
+    assert not walled_buildings(tile, 1000.0).buildings
 
 
 def test_without_bare_walls_roofs_alone_go_on():
@@ -111,3 +112,22 @@ def test_the_chain_without_ros_closes_it_too():
     [outline] = result.outlines
     assert outline.outline.polygon.intersection(HOUSE).area / HOUSE.area > 0.97
     assert result.models[0].attributes["lod"] == "1.2"
+
+
+def test_a_house_that_a_wall_joins_to_one_that_is_closed_stays_what_it_is():
+    tile, random = street_scene(), np.random.default_rng(3)
+    x, z = random.uniform(14.0, 40.0, 6000), random.uniform(GROUND, EAVES, 6000)
+    between = PointTile(
+        points=np.column_stack([x, np.full(6000, 5.0), z]),
+        classification=np.full(6000, PointClass.BUILDING),
+        facade=np.full(6000, Facade.BARE),
+        height_above_ground=z - GROUND,
+    )
+    joined = traced(tile.joined(between))
+    alone = traced(tile)
+    assert [one.building_id for one in joined.outlines] == [one.building_id for one in alone.outlines]
+    outlines = regularise_outlines(joined.outlines, CONFIG.regularisation)
+    models = build_models(fit_planes(joined.tile, CONFIG.plane_fitting), outlines, CONFIG.building_model)
+    assert sorted(max(one.model.solids) for one in models) == ["1.2", "2.2"]
+    for before, after in zip(alone.outlines, joined.outlines, strict=True):
+        assert after.outline.area == pytest.approx(before.outline.area, rel=0.02)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import shape_of
 from lidar_buildings.report.explain.site import Site
@@ -61,13 +61,13 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
         )
         return
     is_building = is_high & (site.classification == PointClass.BUILDING)
-    is_wall = is_building & (site.facade > 0)
+    is_wall = is_building & (site.facade == Facade.BARE)
     if is_wall.any() and not (site.building_id > 0).any():
         yield Finding(
             f"{int(is_wall.sum()):,} points of walls over which no roof was seen: they get an outline where "
             "they enclose something, walls in two directions at right angles, and no ground behind them."
         )
-    is_free = is_building & ~is_wall & (site.building_id == 0)
+    is_free = is_building & (site.facade == Facade.NONE) & (site.building_id == 0)
     if is_free.any():
         area = shape_of(site.points[is_free], spacing).area
         yield Finding(

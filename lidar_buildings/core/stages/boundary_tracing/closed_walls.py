@@ -36,20 +36,27 @@ MIN_UNSEEN = 0.05
 MIN_SEEN = 0.3
 #: Length of an outline along which walls have to be bare: it is by these that the roof is known to go on [m].
 MIN_BARE = 3.0
-#: Narrower parts are no building [m].
-MIN_WIDTH = 2.0
+#: Narrower parts are no building: garden walls, and sides of which hardly anything was seen [m].
+MIN_WIDTH = 3.0
 #: How far from all that was seen of a building its outline may lie: what is deeper may be a yard [m].
 MAX_DEPTH = 25.0
 #: What is within this distance of an outermost wall does not reach beyond it: eaves [m].
 _EAVES = 1.0
 #: Side of the steps in which an outline is asked for what was seen of it [m].
 _STEP = 0.25
-#: Cells within which a wall's are taken for one piece, and those that a piece has at least.
-_APART, _RUN = 5, 10
-#: Cells within which there is one line: set-backs that are less are not told from windows and cornices.
+#: Cells within which those of a far wall are taken for one piece.
+_APART = 5
+#: Cells that a piece of a line has at least: 1 m.
+_RUN = 10
+#: Cells within which there is one line, 1 m: set-backs that are less are not told from windows and cornices.
 _AWAY = 10
+#: How far about a cell its neighbours tell in which direction the wall goes: beyond its noise, and to the
+#: next turn of a scanner that drives by [m].
+_ABOUT = 0.6
 #: Largest angle between a wall and the direction in which it goes [rad].
 _ASLANT = np.deg2rad(15.0)
+#: Cells of a wall that are asked for the direction, at most.
+_MOST_ASKED = 5_000
 _COARSE, _FINE = np.deg2rad(1.0), np.deg2rad(0.1)
 
 
@@ -58,45 +65,55 @@ def close_walls(
     bare: NDArray[np.float64],
     roofs: NDArray[np.float64],
     ground: NDArray[np.float64],
-) -> Outline | None:
+) -> list[Outline]:
     """
-    Close the outline of a building behind the walls that were seen.
+    Close the outlines of buildings behind the walls that were seen.
 
     Parameters
     ----------
     walls : ndarray of shape (n_cells, 2)
-        Middles of cells of `WALL_CELL` on the building's walls, at least one [m].
+        Middles of cells of `WALL_CELL` on walls that hang together, at least one [m].
     bare : ndarray of shape (n_cells, 2)
         Those of them over which no roof was seen [m].
     roofs : ndarray of shape (n_cells, 2)
-        Those of `GROUND_CELL` on what was seen of its roofs [m].
+        Those of `GROUND_CELL` on what was seen of roofs [m].
     ground : ndarray of shape (n_cells, 2)
         Those of `GROUND_CELL` in which ground was seen, around the building and farther away [m].
 
     Returns
     -------
-    Outline or None
-        None where walls do not enclose anything, those of one side alone and winding ones, or something
-        deeper than `MAX_DEPTH`; and where the roof was seen.
+    list of Outline
+        More than one where something narrow joins them; none where walls enclose nothing, those of one side
+        alone and winding ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
     """
     turn = _turn(_direction(walls))
     walls, bare, roofs, ground = (cells @ turn for cells in (walls, bare, roofs, ground))
     lines = [_lines(walls[:, k], walls[:, 1 - k]) for k in (0, 1)]
     if not all(map(len, lines)) or _straight_share(walls) < MIN_STRAIGHT:
-        return None
+        return []
     seen = np.concatenate([walls, roofs])
     edges = [_with_ends(own, across) for own, across in zip(lines, seen.T, strict=True)]
-    ground = _between_lines(ground, edges)
-    shape = _largest(_boxes(edges, roofs, ground))
-    if shape is None or _unseen(shape, np.concatenate([roofs, ground])) < MIN_UNSEEN:
-        return None
-    off_seen, off_bare = _distances(shape, seen), _distances(shape, bare)
-    if off_seen.max() > MAX_DEPTH or np.mean(off_seen <= GROUND_CELL) < MIN_SEEN:
-        return None
-    if np.count_nonzero(off_bare <= GROUND_CELL) * _STEP < MIN_BARE:
-        return None
+    ground = _within_boxes(ground, edges)
+    within = np.concatenate([roofs, ground])
+    shapes = [one for one in _wide_parts(_boxes(edges, roofs, ground)) if _is_closed(one, seen, bare, within)]
     # Corners alone would be too few for what follows: it takes an outline for points along walls.
-    return Outline.of(shapely.transform(shapely.segmentize(shape, _STEP), lambda xy: xy @ turn.T))
+    walked = shapely.transform(shapely.segmentize(shapes, _STEP), lambda xy: xy @ turn.T)
+    return [Outline.of(one) for one in walked]
+
+
+def _is_closed(
+    shape: shapely.Polygon, seen: NDArray[np.float64], bare: NDArray[np.float64], within: NDArray[np.float64]
+) -> bool:
+    """Whether enough was seen of a shape's walls, and not all of what they enclose."""
+    n_seen = np.count_nonzero(shapely.contains_xy(shape, within))
+    if n_seen * GROUND_CELL**2 > (1.0 - MIN_UNSEEN) * shape.area:
+        return False
+    off_seen, off_bare = _distances(shape, seen), _distances(shape, bare)
+    return bool(
+        off_seen.max() <= MAX_DEPTH
+        and np.mean(off_seen <= GROUND_CELL) >= MIN_SEEN
+        and np.count_nonzero(off_bare <= GROUND_CELL) * _STEP >= MIN_BARE
+    )
 
 
 def _turn(angle: float) -> NDArray[np.float64]:
@@ -106,9 +123,11 @@ def _turn(angle: float) -> NDArray[np.float64]:
 
 def _direction(walls: NDArray[np.float64]) -> float:
     """Return the angle along and across which most cells lie on lines [rad]."""
+    x, y = walls[:: len(walls) // _MOST_ASKED + 1].T
 
     def on_lines(angle: float) -> float:
-        counts = (np.bincount(_bins(across)) for across in (walls @ _turn(angle)).T)
+        c, s = np.cos(angle), np.sin(angle)
+        counts = (np.bincount(_bins(across)) for across in (c * x + s * y, c * y - s * x))
         return float(sum(np.square(n, dtype=float).sum() for n in counts))
 
     coarse = max(np.arange(0.0, np.pi / 2, _COARSE), key=on_lines)
@@ -138,29 +157,32 @@ def _lines(across: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[n
 
 
 def _straight_share(walls: NDArray[np.float64]) -> float:
-    """Return the share of cells about which walls go along either axis."""
-    one, other = cKDTree(walls).query_pairs(WALL_REACH, output_type="ndarray").T
-    doubled = (walls[other] - walls[one]) @ (1, 1j)
-    doubled **= 2
+    """Return the share of cells about which walls go along either axis, of those with others about them."""
+    one, other = cKDTree(walls).query_pairs(_ABOUT, output_type="ndarray").T
+    doubled = ((walls[other] - walls[one]) @ (1, 1j)) ** 2
     both = np.concatenate([one, other])
-    along = np.bincount(both, np.tile(doubled.real, 2), len(walls))
-    aslant = np.bincount(both, np.tile(doubled.imag, 2), len(walls))
-    return float(np.mean(np.abs(aslant) <= np.tan(2.0 * _ASLANT) * np.abs(along)))
+    along, aslant = (np.bincount(both, np.tile(part, 2), len(walls)) for part in (doubled.real, doubled.imag))
+    has_others = np.bincount(both, minlength=len(walls)) > 0
+    is_straight = has_others & (np.abs(aslant) <= np.tan(2.0 * _ASLANT) * np.abs(along))
+    return float(np.mean(is_straight[has_others])) if has_others.any() else 0.0
 
 
-def _with_ends(lines: NDArray[np.float64], across: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return lines with the limits of what was seen beyond the outermost ones."""
-    ends = (across.min(), across.max())
-    before = [ends[0]] if ends[0] < lines[0] - _EAVES else []
-    return np.array([*before, *lines, *([ends[1]] if ends[1] > lines[-1] + _EAVES else [])])
+def _with_ends(lines: NDArray[np.float64], seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return lines with the limits of what was seen beyond the outermost ones, all across one axis."""
+    low, high = seen.min(), seen.max()
+    before = [low] if low < lines[0] - _EAVES else []
+    return np.array([*before, *lines, *([high] if high > lines[-1] + _EAVES else [])])
 
 
-def _between_lines(cells: NDArray[np.float64], edges: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _within_boxes(cells: NDArray[np.float64], edges: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the cells that lie within one box alone, whatever the angle between cells and lines."""
-    low, high = (np.array([own[end] for own in edges]) for end in (0, -1))
-    cells = cells[((cells > low) & (cells < high)).all(axis=1)]
-    off = [np.abs(across[:, None] - own).min(axis=1) for across, own in zip(cells.T, edges, strict=True)]
-    return cells[np.minimum(*off) > np.sqrt(0.5) * GROUND_CELL]
+    is_within = np.ones(len(cells), dtype=bool)
+    for across, own in zip(cells.T, edges, strict=True):
+        behind = np.searchsorted(own, across)
+        is_within &= (behind > 0) & (behind < len(own))
+        ends = own[np.clip([behind - 1, behind], 0, len(own) - 1)]
+        is_within &= np.abs(ends - across).min(axis=0) > np.sqrt(0.5) * GROUND_CELL
+    return cells[is_within]
 
 
 def _boxes(
@@ -171,23 +193,17 @@ def _boxes(
         np.histogram2d(cells[:, 0], cells[:, 1], bins=(edges[0], edges[1]))[0] for cells in (ground, roofs)
     )
     most = MAX_GROUND / GROUND_CELL**2 * np.outer(*map(np.diff, edges))
+    # Ground below eaves is seen beside the roof.
     for i, j in zip(*np.nonzero(of_ground <= np.maximum(most, of_roof)), strict=True):
         yield shapely.box(edges[0][i], edges[1][j], edges[0][i + 1], edges[1][j + 1])
 
 
-def _largest(boxes: Iterator[shapely.Polygon]) -> shapely.Polygon | None:
-    """Return the largest part of what boxes cover, without what is narrow; None if nothing is left."""
-    whole = shapely.union_all(list(boxes))
-    wide = shapely.buffer(whole, -0.5 * MIN_WIDTH, join_style="mitre")
-    if wide.is_empty:
-        return None
-    return max(shapely.get_parts(shapely.buffer(wide, 0.5 * MIN_WIDTH, join_style="mitre")), key=shapely.area)
-
-
-def _unseen(shape: shapely.Polygon, seen: NDArray[np.float64]) -> float:
-    """Return the share of a shape in which nothing was seen."""
-    within = np.count_nonzero(shapely.contains_xy(shape, seen))
-    return 1.0 - within * GROUND_CELL**2 / shape.area
+def _wide_parts(boxes: Iterator[shapely.Polygon]) -> list[shapely.Polygon]:
+    """Return the parts of what boxes cover, from the largest on, without what is narrow."""
+    half = 0.5 * MIN_WIDTH
+    wide = shapely.buffer(shapely.union_all(list(boxes)), -half, join_style="mitre")
+    parts = shapely.get_parts(shapely.buffer(wide, half, join_style="mitre"))
+    return sorted((one for one in parts if one.area > 0.0), key=lambda one: -one.area)
 
 
 def _distances(shape: shapely.Polygon, cells: NDArray[np.float64]) -> NDArray[np.float64]:

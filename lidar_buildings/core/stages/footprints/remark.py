@@ -16,8 +16,6 @@ def remark_on_points(building: PointTile) -> str:
     building : PointTile
         The points that carry the building's id.
     """
-    if building.has_bare_walls:
-        return ""
     n_others = int(np.count_nonzero(~building.is_roof))
     if not n_others:
         return ""

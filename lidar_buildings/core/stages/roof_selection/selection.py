@@ -276,7 +276,7 @@ def _open_classes(
     reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
     around = surroundings(columns, is_roof, reach, ~is_roof)
     classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
-    is_bare = np.isneginf(around.highest)[columns.column]
+    is_bare = columns.points[:, 2] > around.highest[columns.column] + TOP_REACH
     if is_wall.any():
         around = surroundings(columns, stands, reach, ~stands)
     is_facade = find_facades(columns, height, stands, is_last, around, config.facade_reach, spacing)

@@ -54,7 +54,9 @@ def closed(walls, building=HOUSE, roofs=None, ground=None, bare=None, angle=TURN
         cells(turned(roofs, angle), GROUND_CELL) if len(roofs) else roofs,
         cells(turned(ground, angle), GROUND_CELL),
     )
-    return None if found is None else shapely.transform(found.polygon, lambda xy: turned(xy, -angle))
+    found = [shapely.transform(one.polygon, lambda xy: turned(xy, -angle)) for one in found]
+    assert len(found) <= 1
+    return found[0] if found else None
 
 
 def iou(one, other):
@@ -112,8 +114,30 @@ def test_ground_on_both_sides_of_walls_leaves_no_building():
 def test_the_order_of_cells_does_not_matter():
     random = np.random.default_rng(1)
     walls, ground = cells(turned(on_walls((0, 9), (0, 0), (12, 0))), WALL_CELL), cells(street(HOUSE), 0.5)
-    first, second = (
+    [first], [second] = (
         close_walls(w, w, np.zeros((0, 2)), g)
         for w, g in ((walls, ground), (random.permutation(walls), random.permutation(ground)))
     )
     assert first.same_as(second)
+
+
+@pytest.mark.parametrize(("noise", "pitch"), [(0.08, 0.05), (0.02, 0.4)])
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+def test_noise_and_a_scanner_that_drives_fast_make_no_wall_winding(noise, pitch, angle):
+    line = shapely.LineString([(0, 9), (0, 0), (12, 0)])
+    xy = shapely.get_coordinates(shapely.line_interpolate_point(line, np.arange(0.0, line.length, pitch)))
+    found = closed(xy + np.random.default_rng(2).normal(0.0, noise, xy.shape), angle=angle)
+    assert iou(found, HOUSE) > 0.93
+
+
+def test_two_houses_that_a_garden_wall_joins_are_two():
+    second = shapely.box(20.0, 0.0, 32.0, 9.0)
+    walls = [on_walls((x, 9), (x, 0), (x + 12, 0), (x + 12, 9)) for x in (0, 20)]
+    walls = np.concatenate([*walls, on_walls((12, 4), (20, 4))])
+    ground = inside(shapely.box(-10.0, -10.0, 42.0, 9.0).difference(HOUSE.union(second).buffer(0.05)))
+    found = close_walls(
+        cells(walls, WALL_CELL), cells(walls, WALL_CELL), np.zeros((0, 2)), cells(ground, 0.5)
+    )
+    areas = sorted(one.polygon.intersection(HOUSE.union(second)).area for one in found)
+    assert areas == pytest.approx([HOUSE.area, HOUSE.area], rel=0.03)
+    assert sum(one.area for one in found) == pytest.approx(2 * HOUSE.area, rel=0.03)
