@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.columns import Columns, by_column
-from lidar_buildings.core.neighbours.union_find import flatten, link, root
+from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, root
 
 #: Columns a step: points in one of half a step's side are all connected in plan.
 COLUMNS_A_STEP = 2.0
@@ -61,7 +61,8 @@ def smooth_patches(
             asking = columns.holding(chosen)
             runs = columns.around(float(reach[chosen].max()), asking)
             _link_smooth(columns.points, columns.first, asking, runs, normals, chosen, reach, *limits, parent)
-    return _numbered(parent)
+    flatten(parent)
+    return numbered(parent)
 
 
 def connected_parts(
@@ -108,14 +109,6 @@ def plan_areas(
     counts = np.zeros(n_labels, dtype=np.int64)
     _count_cells(labels, first, counts)
     return counts.astype(np.float64) * cell**2
-
-
-def _numbered(parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Turn links into numbers 0, 1, …."""
-    flatten(parent)
-    is_root = np.zeros(len(parent), dtype=bool)
-    is_root[parent] = True
-    return np.asarray((np.cumsum(is_root) - 1)[parent])
 
 
 @kernel

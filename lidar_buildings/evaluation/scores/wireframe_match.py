@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.polygons import spots_along
 from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
@@ -106,9 +105,7 @@ def match_corners(
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
     near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
     # What is within reach of one another falls apart into small groups, each solved on its own.
-    n = len(result) + len(reference)
-    ends = near["i"], near["j"] + len(result)
-    groups = connected_components(coo_array((np.ones(len(near)), ends), shape=(n, n)), directed=False)[1]
+    groups = sets_of_pairs(len(result) + len(reference), near["i"], near["j"] + len(result))
     order = np.argsort(groups[near["i"]], kind="stable")
     cuts = np.flatnonzero(np.diff(groups[near["i"][order]])) + 1
     pairs = [_assigned(near[rows], tolerance) for rows in np.split(order, cuts) if len(rows)]

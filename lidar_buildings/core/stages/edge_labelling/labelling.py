@@ -20,9 +20,8 @@ from lidar_buildings.core.stages.edge_labelling.clusters import (
 )
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.measures import eigenvalues_by_area, measures_of
-from lidar_buildings.core.stages.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
-from lidar_buildings.core.stages.edge_labelling.roofs import set_apart
+from lidar_buildings.core.stages.edge_labelling.roofs import roofs_in_plan, set_apart
 from lidar_buildings.core.stages.edge_labelling.theoretical_shapes import discriminant_edges
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 

@@ -1,4 +1,4 @@
-"""How roofs are numbered, and kept from seeing one another."""
+"""How roofs are numbered, found in plan, and kept from seeing one another."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lidar_buildings.core.neighbours import union_find
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
+
+#: Steps north and east to half of the cells round one; the others see it among theirs.
+_BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
 
 
 def set_apart(
@@ -35,3 +41,20 @@ def numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
     place = np.zeros(high - low + 1, dtype=np.int64)
     place[numbers - low] = np.arange(len(numbers))
     return numbers, place[roof_id - low]
+
+
+def roofs_in_plan(cells: CellGrid) -> NDArray[np.int64]:
+    """Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one."""
+    n = len(cells.numbers)
+    column, pairs = cells.numbers % cells.n_columns, []
+    for north, east in _BESIDE:
+        wanted = cells.numbers + (north * cells.n_columns + east)
+        place = np.minimum(np.searchsorted(cells.numbers, wanted), n - 1)
+        is_there = (column + east >= 0) & (column + east < cells.n_columns)
+        one = np.flatnonzero(is_there & (cells.numbers[place] == wanted))
+        pairs.append((one, place[one]))
+    one, other = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
+    number = union_find.numbered(union_find.sets_of_pairs(n, one, other))
+    roof = np.empty(len(cells.points), dtype=np.int64)
+    roof[cells.rows] = np.repeat(number, np.diff(cells.first))
+    return roof

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 
 #: Windows of fewer cells may be as empty as they are: some 1 GB.
 _SMALL = 25_000_000
@@ -39,7 +39,5 @@ def main_area(points: NDArray[np.float64], square: float) -> NDArray[np.bool_]:
     wide, high = (squares.max(axis=0) - squares.min(axis=0) + 1).tolist()
     if wide * high <= _SPARSITY * len(squares):
         return np.ones(len(points), dtype=bool)
-    pairs = cKDTree(squares).query_pairs(1.5, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(squares),) * 2)
-    group = connected_components(graph, directed=False)[1]
+    group = sets_of_pairs(len(squares), *cKDTree(squares).query_pairs(1.5, output_type="ndarray").T)
     return np.asarray(group[at.ravel()] == np.argmax(np.bincount(group, weights=count)))

@@ -4,8 +4,8 @@ from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
-from lidar_buildings.core.stages.edge_labelling.plan_cells import roofs_in_plan
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
+from lidar_buildings.core.stages.edge_labelling.roofs import roofs_in_plan
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
 
