@@ -11,8 +11,7 @@ from lidar_buildings.core.solids.raising.assembly import assemble
 from lidar_buildings.core.solids.raising.grid_rings import piece_rings
 from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.plan_graph import labelled_graph
-from lidar_buildings.core.solids.raising.raised_codes import raised_codes
-from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
+from lidar_buildings.core.solids.raising.roof_solid import raised_codes, triangulate_non_planar
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
 

@@ -11,7 +11,7 @@ import shapely
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity.face_arrays import face_arrays, fitted_planes
-from lidar_buildings.core.solids.validity.triangle_pairs import triangles_meet
+from lidar_buildings.core.solids.validity.intersections import triangles_meet
 from lidar_buildings.core.solids.validity.triangulation import triangulate
 from lidar_buildings.core.solids.validity.welding import weld
 

@@ -1,4 +1,4 @@
-"""The solid of a building whose roof is given in pieces."""
+"""The solid of a building whose roof is given in pieces, and whether it is valid."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from lidar_buildings.core.model.array_types import IntArray
+from lidar_buildings.core.model.array_types import BoolArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.assembly import assemble
+from lidar_buildings.core.solids.raising.assembly import RaisedShell, assemble
 from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
 from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
-from lidar_buildings.core.solids.raising.raised_codes import raised_codes
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
-from lidar_buildings.core.solids.raising.triangulate_non_planar import triangulate_non_planar
-from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.solids.validity import check_solid
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face, Solid
+from lidar_buildings.core.solids.validity import MAX_PLANE_DISTANCE, check_solid
+from lidar_buildings.core.solids.validity.checking import check_faces, codes_of_upward_faces
+from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, face_arrays, fitted_planes, starts_of
+from lidar_buildings.core.solids.validity.normals import folds
+from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 #: Codes of faces that are not flat.
 _NON_PLANAR = {203, 204}
@@ -103,3 +105,63 @@ def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph
         simpler = noded_coverage(pieces, numbers, within, grid)
         if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
             yield simpler
+
+
+def triangulate_non_planar(solid: Solid) -> Solid:
+    """Return a solid with the roof faces that are folded, or not planar, cut into triangles."""
+    if not solid.faces:
+        return solid
+    arrays = face_arrays(solid)
+    off_plane, flat = fitted_planes(arrays)
+    triangles, face_of = triangulate(arrays, flat)
+    is_roof = np.array([kind == ROOF_SURFACE for kind in solid.semantics])
+    bent = is_roof & (folds(solid.vertices, triangles, face_of) | (off_plane > 0.5 * MAX_PLANE_DISTANCE))
+    faces: list[Face] = []
+    semantics: list[str] = []
+    for number, (face, kind) in enumerate(zip(solid.faces, solid.semantics, strict=True)):
+        parts = triangles[face_of == number].tolist() if bent[number] else []
+        faces += [(tuple(part),) for part in parts] or [face]
+        semantics += [kind] * (len(parts) or 1)
+    return Solid(solid.vertices, tuple(faces), tuple(semantics))
+
+
+def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
+    """
+    Return what `check_solid` does of a raised shell.
+
+    A roof is a function of the plan: where the plan's edges keep clear of each other, its pieces cannot meet
+    elsewhere than along them, walls stand on edges, and all hang together as the plan does. What is left to
+    check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
+    leaves doubt, or one of them overhangs itself, all is checked.
+    """
+    codes = _sloping_codes(shell) if shell.is_clean else None
+    return check_faces(shell.faces) if codes is None else codes
+
+
+def _sloping_codes(shell: RaisedShell) -> tuple[int, ...] | None:
+    """Return what is wrong with sloping faces of the roof by themselves, None where all is to be checked."""
+    sloping = _sloping(shell)
+    return codes_of_upward_faces(_chosen(shell.faces, sloping)) if sloping.any() else ()
+
+
+def _sloping(shell: RaisedShell) -> BoolArray:
+    """Say of each face whether it is one of the roof's and not level."""
+    faces = shell.faces
+    z = faces.vertices[faces.corners, 2]
+    first = faces.corner_starts[:-1]
+    sloping = np.minimum.reduceat(z, first) < np.maximum.reduceat(z, first)
+    sloping[shell.n_plan_faces :] = False
+    return np.asarray(sloping)
+
+
+def _chosen(faces: FaceArrays, chosen: BoolArray) -> FaceArrays:
+    """Return some of the faces."""
+    per_ring = faces.face_starts[1:] - faces.face_starts[:-1]
+    per_corner = faces.ring_starts[1:] - faces.ring_starts[:-1]
+    rings = chosen.repeat(per_ring)
+    return FaceArrays(
+        faces.vertices,
+        faces.corners[rings.repeat(per_corner)],
+        starts_of(per_corner[rings]),
+        starts_of(per_ring[chosen]),
+    )

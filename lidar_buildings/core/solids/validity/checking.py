@@ -13,8 +13,7 @@ from lidar_buildings.core.solids.validity.edges import broken_edges
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, face_arrays, fitted_planes
 from lidar_buildings.core.solids.validity.intersections import self_intersects
 from lidar_buildings.core.solids.validity.normals import folds
-from lidar_buildings.core.solids.validity.polygons import misplaced_holes
-from lidar_buildings.core.solids.validity.rings import repeated_points, self_intersections
+from lidar_buildings.core.solids.validity.rings import misplaced_holes, repeated_points, self_intersections
 from lidar_buildings.core.solids.validity.triangulation import triangulate
 from lidar_buildings.core.solids.validity.welding import weld
 

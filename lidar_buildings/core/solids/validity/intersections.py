@@ -1,13 +1,22 @@
-"""Shells that cross or touch themselves: triangles that meet where they must not."""
+"""
+Shells that cross or touch themselves: triangles that meet where they must not.
+
+Exact tests on rows of whole-number coordinates, after Guigue and Devillers (2003): the sides on which corners
+lie decide everything. Triangles may have common vertices; they must not meet elsewhere.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.solids.validity.exact import whole_numbers
-from lidar_buildings.core.solids.validity.triangle_pairs import triangles_meet
+from lidar_buildings.core.solids.validity.exact import (
+    side_of_line,
+    side_of_plane,
+    steepest_axis,
+    whole_numbers,
+)
 
 
 def self_intersects(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> bool:
@@ -51,3 +60,137 @@ def _any_meet(
             if triangles_meet(points, triangles[i], triangles[j]):
                 return True
     return False
+
+
+@kernel
+def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
+    """Whether two triangles (three rows each) meet elsewhere than in their common vertices and edge."""
+    common = 0
+    alone_s, alone_t = 0, 0
+    for i in range(3):
+        shared = False
+        for j in range(3):
+            shared = shared or s[i] == t[j]
+        if shared:
+            common += 1
+        else:
+            alone_s = i
+    for j in range(3):
+        if t[j] != s[0] and t[j] != s[1] and t[j] != s[2]:
+            alone_t = j
+    if common == 3:
+        return True
+    if common == 2:
+        return _folded_together(p, s, t, alone_s, alone_t)
+    if common == 1:
+        return _meet_beyond_vertex(p, s, t)
+    return _meet_apart(p, s, t)
+
+
+@inner_kernel
+def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_t: int) -> bool:
+    """Whether two triangles with a common edge lie upon each other."""
+    a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]
+    if side_of_plane(p, a, b, c, d) != 0:
+        return False
+    axis = steepest_axis(p, a, b, c)
+    return axis < 0 or side_of_line(p, a, b, c, axis) == side_of_line(p, a, b, d, axis)
+
+
+@inner_kernel
+def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
+    """
+    Whether two triangles with one common vertex meet elsewhere: then an opposite side meets the other one.
+    """
+    for i in range(3):
+        for j in range(3):
+            if s[i] == t[j]:
+                a, b, c, d = s[(i + 1) % 3], s[(i + 2) % 3], t[(j + 1) % 3], t[(j + 2) % 3]
+                if side_of_plane(p, t[0], t[1], t[2], a) * side_of_plane(p, t[0], t[1], t[2], b) > 0:
+                    return False
+                return _segment_meets(p, a, b, t) or _segment_meets(p, c, d, s)
+    return False
+
+
+@inner_kernel
+def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
+    """Whether two triangles without a common vertex meet."""
+    if _beside(p, s, t) or _beside(p, t, s):
+        return False
+    for k in range(3):
+        if _segment_meets(p, s[k], s[(k + 1) % 3], t) or _segment_meets(p, t[k], t[(k + 1) % 3], s):
+            return True
+    return False
+
+
+@inner_kernel
+def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
+    """Whether all corners of a triangle lie on one side of the other's plane."""
+    first = side_of_plane(p, t[0], t[1], t[2], s[0])
+    if first == 0 or side_of_plane(p, t[0], t[1], t[2], s[1]) != first:
+        return False
+    return side_of_plane(p, t[0], t[1], t[2], s[2]) == first
+
+
+@inner_kernel
+def _segment_meets(p: IntArray, q: int, r: int, t: IntArray) -> bool:
+    """Whether a segment and a triangle have a point in common."""
+    side_q = side_of_plane(p, t[0], t[1], t[2], q)
+    side_r = side_of_plane(p, t[0], t[1], t[2], r)
+    if side_q * side_r > 0:
+        return False
+    if side_q == 0 and side_r == 0:
+        return _segment_meets_flat(p, q, r, t)
+    if side_q == 0:
+        return _point_in(p, q, t)
+    if side_r == 0:
+        return _point_in(p, r, t)
+    first = side_of_plane(p, q, r, t[0], t[1])
+    second = side_of_plane(p, q, r, t[1], t[2])
+    third = side_of_plane(p, q, r, t[2], t[0])
+    return (first >= 0 and second >= 0 and third >= 0) or (first <= 0 and second <= 0 and third <= 0)
+
+
+@inner_kernel
+def _point_in(p: IntArray, q: int, t: IntArray) -> bool:
+    """Whether a point in a triangle's plane lies in the triangle or on its border."""
+    axis = steepest_axis(p, t[0], t[1], t[2])
+    if axis < 0:
+        return False
+    first = side_of_line(p, t[0], t[1], q, axis)
+    second = side_of_line(p, t[1], t[2], q, axis)
+    third = side_of_line(p, t[2], t[0], q, axis)
+    return (first >= 0 and second >= 0 and third >= 0) or (first <= 0 and second <= 0 and third <= 0)
+
+
+@inner_kernel
+def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
+    """Whether a segment in a triangle's plane has a point in common with the triangle."""
+    if _point_in(p, q, t) or _point_in(p, r, t):
+        return True
+    axis = steepest_axis(p, t[0], t[1], t[2])
+    if axis < 0:
+        return False
+    return (
+        _segments_meet_flat(p, q, r, t[0], t[1], axis)
+        or _segments_meet_flat(p, q, r, t[1], t[2], axis)
+        or _segments_meet_flat(p, q, r, t[2], t[0], axis)
+    )
+
+
+@inner_kernel
+def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) -> bool:
+    """Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab."""
+    side_a, side_b = side_of_line(p, q, r, a, axis), side_of_line(p, q, r, b, axis)
+    if side_a == 0 and side_b == 0:
+        return _between(p, q, r, a)
+    return side_a * side_b <= 0 and side_of_line(p, a, b, q, axis) * side_of_line(p, a, b, r, axis) <= 0
+
+
+@inner_kernel
+def _between(p: IntArray, q: int, r: int, a: int) -> bool:
+    """Whether a point on the line through two others lies between them."""
+    for axis in range(3):
+        if p[a, axis] < min(p[q, axis], p[r, axis]) or p[a, axis] > max(p[q, axis], p[r, axis]):
+            return False
+    return True

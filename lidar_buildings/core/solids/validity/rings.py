@@ -1,8 +1,11 @@
-"""What can be wrong with single rings: too few points, repeated points, rings that meet themselves."""
+"""What can be wrong with the rings of faces, one by one and beside each other in faces with holes."""
 
 from __future__ import annotations
 
+from itertools import combinations, pairwise, permutations
+
 import numpy as np
+import shapely
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
@@ -97,3 +100,56 @@ def _is_near(flat: FloatArray, p: int, a: int, b: int) -> bool:
     share = 0.0 if squared == 0.0 else min(1.0, max(0.0, (px * ex + py * ey) / squared))
     dx, dy = px - share * ex, py - share * ey
     return dx * dx + dy * dy <= TOUCHING**2
+
+
+def misplaced_holes(faces: FaceArrays, flat: FloatArray) -> set[int]:
+    """Return the codes 201, 202 and 205 to 208 of all faces with holes."""
+    codes: set[int] = set()
+    for number in np.flatnonzero(np.diff(faces.face_starts) > 1).tolist():
+        starts = faces.ring_starts[faces.face_starts[number] : faces.face_starts[number + 1] + 1]
+        codes |= _hole_faults([flat[a:b] for a, b in pairwise(starts.tolist())])
+    return codes
+
+
+def _hole_faults(rings: list[FloatArray]) -> set[int]:
+    """Return what is wrong with one face of sound rings, exterior first."""
+    exterior, *holes = (shapely.Polygon(ring) for ring in rings)
+    if any(hole.exterior.is_ccw for hole in holes):
+        return {208}
+    face = shapely.Polygon(rings[0], rings[1:])
+    if face.is_valid:
+        return {201} if _touches_an_edge(rings) else set()
+    codes = {_hole_in_exterior(hole, exterior) for hole in holes}
+    codes |= {_hole_beside_hole(a, b) for a, b in combinations(holes, 2)}
+    return codes - {0} or {205}
+
+
+def _touches_an_edge(rings: list[FloatArray]) -> bool:
+    """Whether a vertex of one ring lies on an edge of another one, away from its ends."""
+    for ring, other in permutations(rings, 2):
+        near = shapely.dwithin(shapely.points(ring), shapely.LinearRing(other), TOUCHING)
+        if (
+            near.any()
+            and (shapely.distance(shapely.points(ring[near]), shapely.MultiPoint(other)) > TOUCHING).any()
+        ):
+            return True
+    return False
+
+
+def _hole_in_exterior(hole: shapely.Polygon, exterior: shapely.Polygon) -> int:
+    """Return 202, 206, 201, or 0 where the hole lies inside and touches at points at most."""
+    if hole.equals(exterior):
+        return 202
+    if hole.disjoint(exterior) or hole.touches(exterior):
+        return 206
+    meeting = hole.boundary.intersection(exterior.boundary)
+    return 0 if exterior.covers(hole) and meeting.length == 0 else 201
+
+
+def _hole_beside_hole(first: shapely.Polygon, second: shapely.Polygon) -> int:
+    """Return 202, 207, 201, or 0 where two holes touch at points at most."""
+    if first.equals(second):
+        return 202
+    if first.contains(second) or second.contains(first):
+        return 207
+    return 201 if first.overlaps(second) or first.boundary.intersection(second.boundary).length > 0 else 0
