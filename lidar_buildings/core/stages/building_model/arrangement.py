@@ -1,4 +1,4 @@
-"""The cells into which lines cut an outline."""
+"""The cells into which lines cut an outline, and the rings round sets of them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.stages.building_model.graph_rings import rings_round
 from lidar_buildings.core.stages.building_model.noding import node_segments
 from lidar_buildings.core.stages.building_model.planar_graph import (
     Rotation,
     enclosed_cells,
+    next_half_edge,
 )
 
 
@@ -97,3 +98,81 @@ def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
 def walls_of(outline: Outline) -> FloatArray:
     """Return the edges of an outline, shape (n_walls, 2, 2) [m]."""
     return ring_walls(outline.rings)
+
+
+def rings_round(
+    vertices: IntArray, edges: IntArray, rotation: Rotation, face: IntArray, kept: BoolArray
+) -> list[list[IntArray]]:
+    """
+    Return the rings round faces or sets of them: per face its outer ring, counter-clockwise, then its holes.
+
+    Rings are simple, begin at their first vertex, and are rows of vertices; a face without a ring of three
+    vertices has none.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (n_vertices, 2), int64
+    edges : ndarray of shape (n_edges, 2), int64
+    rotation : Rotation
+    face : ndarray of shape (n_half_edges,), int64
+        Face or set to the left of each half-edge, -1 = none.
+    kept : ndarray of shape (n_vertices,), bool
+        The vertices that rings show.
+    """
+    ends = edges.reshape(-1)
+    corners = np.empty(len(ends), dtype=np.int64)
+    ring = np.zeros((len(ends) + 1, 3), dtype=np.int64)
+    n = _walk_round(vertices, ends, *rotation, face, kept, corners, ring)
+    rings: list[list[IntArray]] = [[] for _ in range(int(face.max(initial=-1)) + 1)]
+    outer = [-1] * len(rings)
+    for k, (start, owner, area) in enumerate(ring[:n].tolist()):
+        own = corners[start : ring[k + 1, 0]]
+        if area > 0:
+            outer[owner] = len(rings[owner])
+        rings[owner].append(own)
+    return [[group.pop(k), *group] if k >= 0 else [] for group, k in zip(rings, outer, strict=True)]
+
+
+@kernel
+def _walk_round(vertices, ends, first, order, place, face, kept, corners, ring):  # type: ignore[no-untyped-def]
+    """Write all rings, and where each begins, its face and twice its area; return how many there are."""
+    done = np.zeros(len(ends), np.bool_)
+    at = np.full(len(first), -1, np.int64)
+    stack = np.empty(len(ends) + 1, np.int64)
+    n = 0
+    for begin in range(len(ends)):
+        if done[begin] or face[begin] < 0 or face[begin] == face[begin ^ 1]:
+            continue
+        half, depth = begin, 0
+        while True:
+            v = ends[half]
+            if at[v] >= 0:
+                # The walk has come back to a vertex: what lies between is a ring of its own.
+                low, count = at[v], 0
+                for k in range(low, depth):
+                    at[stack[k]] = -1
+                    if kept[stack[k]]:
+                        stack[low + count] = stack[k]
+                        count += 1
+                depth = low
+                if count >= 3:
+                    lowest = low
+                    for k in range(low, low + count):
+                        lowest = k if stack[k] < stack[lowest] else lowest
+                    start, area = ring[n, 0], 0
+                    x, y = vertices[stack[lowest], 0], vertices[stack[lowest], 1]
+                    for k in range(count):
+                        a = stack[low + (lowest - low + k) % count]
+                        b = stack[low + (lowest - low + k + 1) % count]
+                        corners[start + k] = a
+                        area += (vertices[a, 0] - x) * (vertices[b, 1] - y)
+                        area -= (vertices[a, 1] - y) * (vertices[b, 0] - x)
+                    ring[n, 1], ring[n, 2], ring[n + 1, 0] = face[begin], area, start + count
+                    n += 1
+            if done[half]:
+                break
+            done[half] = True
+            at[v], stack[depth] = depth, v
+            depth += 1
+            half = next_half_edge(half, ends, first, order, place, face)
+    return n

@@ -1,4 +1,4 @@
-"""How well a model agrees with its points."""
+"""How well a model agrees with its points, and how much of its outline has points near."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.outline_coverage import outline_coverage
 from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
@@ -20,6 +20,10 @@ _EMPTY_DISTANCE = 2.0
 _AGREES = 0.3
 #: A point so near to the plane of its face is measured against that only [m].
 _NEAR = 0.05
+#: Most spots at which an outline is probed.
+_MAX_SPOTS = 10_000
+#: Most cells along each side in which points are sorted.
+_MAX_CELLS = 500
 
 
 @dataclass(frozen=True)
@@ -81,3 +85,112 @@ def _misfits(faces: list[RoofFacePatch], points: FloatArray) -> FloatArray:
     distance = np.full(len(points), np.inf)
     distance[rows] = np.abs(z - (a * x + b * y) - c) / length
     return distance
+
+
+def outline_coverage(
+    outline: Outline, xy: FloatArray, agrees: BoolArray, spacing: float, reach: float
+) -> tuple[float, float]:
+    """
+    Return the shares of an outline's area with a point near that agrees, and without any point near.
+
+    Parameters
+    ----------
+    outline : Outline
+        Probed on a regular grid; what lies on its edges does not count [m].
+    xy : ndarray of shape (n_points, 2)
+        [m].
+    agrees : ndarray of shape (n_points,)
+        Whether a point agrees.
+    spacing : float
+        Of the grid at least [m].
+    reach : float
+        Points are near within this [m].
+    """
+    if len(outline.exterior) < 3 or outline.area <= 0 or not len(xy):
+        return 0.0, 1.0
+    low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
+    step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
+    x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
+    rings = [ring for ring in outline.rings if len(ring) >= 3]
+    edges = ring_walls(rings).reshape(-1, 4)
+    counts = np.zeros(3, dtype=np.int64)
+    _count(edges, x, y, np.ascontiguousarray(xy), agrees, reach, counts)
+    n_spots, n_near, n_covered = counts.tolist()
+    return (n_covered / n_spots, 1.0 - n_near / n_spots) if n_spots else (0.0, 1.0)
+
+
+@kernel
+def _count(
+    edges: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    xy: FloatArray,
+    agrees: BoolArray,
+    reach: float,
+    counts: IntArray,
+) -> None:
+    """Count the spots inside, those with a point near, and those with one that agrees."""
+    west, south = x[0] - reach, y[0] - reach
+    extent = max(x[-1] - west, y[-1] - south) + reach
+    size = max(reach, extent / _MAX_CELLS)
+    n_columns, n_rows = int((x[-1] + reach - west) / size) + 1, int((y[-1] + reach - south) / size) + 1
+    first = np.zeros(n_columns * n_rows + 1, dtype=np.int64)
+    cell = np.full(len(xy), -1)
+    for i in range(len(xy)):
+        u, v = (xy[i, 0] - west) / size, (xy[i, 1] - south) / size
+        if 0.0 <= u < n_columns and 0.0 <= v < n_rows:
+            cell[i] = int(v) * n_columns + int(u)
+            first[cell[i] + 1] += 1
+    for c in range(n_columns * n_rows):
+        first[c + 1] += first[c]
+    place, order = first.copy(), np.empty(first[-1], dtype=np.int64)
+    for i in range(len(xy)):
+        if cell[i] >= 0:
+            order[place[cell[i]]] = i
+            place[cell[i]] += 1
+    crossed = np.empty(len(edges), dtype=np.int64)
+    for row in range(len(y)):
+        n = 0
+        for e in range(len(edges)):
+            if min(edges[e, 1], edges[e, 3]) <= y[row] <= max(edges[e, 1], edges[e, 3]):
+                crossed[n] = e
+                n += 1
+        for column in range(len(x)):
+            if not is_inside(edges, crossed, n, x[column], y[row]):
+                continue
+            counts[0] += 1
+            at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
+            is_near, is_covered = False, False
+            for turn in range(3):
+                # The row itself first, which mostly is enough.
+                v = at_v + (0, -1, 1)[turn]
+                if v < 0 or v >= n_rows:
+                    continue
+                # The cells of a row lie one after the other.
+                west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
+                for j in range(first[v * n_columns + west_most], first[v * n_columns + east_most + 1]):
+                    i = order[j]
+                    if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
+                        is_near = True
+                        is_covered = agrees[i]
+                    if is_covered:
+                        break
+                if is_covered:
+                    break
+            counts[1] += is_near
+            counts[2] += is_covered
+
+
+@inner_kernel
+def is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float) -> bool:
+    """Whether a place lies within rings (even-odd rule) and on no edge; only the edges at its y are given."""
+    is_odd = False
+    for k in range(n):
+        e = crossed[k]
+        ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+        side = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+        if side == 0.0 and min(ax, bx) <= x <= max(ax, bx):
+            return False
+        if (ay > y) != (by > y) and (side > 0.0) == (by > ay):
+            is_odd = not is_odd
+    return is_odd

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
-from lidar_buildings.core.stages.terrain.areas import is_wide, main_area
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.known_cells import closed, regions_touching, squared_distance
@@ -31,6 +32,10 @@ _KINDS[[*GROUND_CLASSES]], _KINDS[[*NOISE_CLASSES]] = GROUND, LEFT_OUT
 #: wide margin: distances count from cells' middles.
 _MARGIN_CELLS = 4.0
 _EVERYWHERE = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+#: Windows of fewer cells may be as empty as they are: some 1 GB.
+_SMALL = 25_000_000
+#: A window of which less than one in so many squares holds a point is nearly empty.
+_SPARSITY = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,3 +211,32 @@ def _extents(points, kind, is_core, limits):  # type: ignore[no-untyped-def]
             if is_core[i]:
                 own[0, axis], own[1, axis] = min(own[0, axis], place), max(own[1, axis], place)
     return own, every
+
+
+def is_wide(extent: NDArray[np.float64], resolution: float) -> bool:
+    """Whether a window of cells round an extent, shape (2, 2) [m], is too large to be nearly empty."""
+    return bool(np.prod(np.diff(extent, axis=0) / resolution) > _SMALL)
+
+
+def main_area(points: NDArray[np.float64], square: float) -> NDArray[np.bool_]:
+    """
+    Tell which points a window of cells is worth its memory for: mostly all.
+
+    A single point 10 km from a tile would make a window of gigabytes. Where it would be nearly empty the
+    group of adjoining squares with the most points is kept; of equal ones the westernmost, then southernmost.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        [m]
+    square : float
+        Side of a square [m].
+    """
+    squares, at, count = np.unique(
+        np.floor(points[:, :2] / square).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    wide, high = (squares.max(axis=0) - squares.min(axis=0) + 1).tolist()
+    if wide * high <= _SPARSITY * len(squares):
+        return np.ones(len(points), dtype=bool)
+    group = sets_of_pairs(len(squares), *cKDTree(squares).query_pairs(1.5, output_type="ndarray").T)
+    return np.asarray(group[at.ravel()] == np.argmax(np.bincount(group, weights=count)))

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
-from lidar_buildings.core.stages.ground_filter.gross_errors.clouds import find_cloud_layers
-from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import find_high_layers
+from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import (
+    find_cloud_layers,
+    find_high_layers,
+)
 from lidar_buildings.core.stages.ground_filter.gross_errors.low_noise import find_low_layers
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import split_into_layers
 

@@ -4,19 +4,20 @@ Landforms or objects: what growth with wider limits gains is judged part by part
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
     level_parts,
     nearest_by_sector,
     rise_and_length,
 )
-from lidar_buildings.core.stages.ground_filter.growing_tin.object_density import object_density
 from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
 
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
@@ -24,6 +25,8 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes impo
 REACH = 3.0
 #: Share of objects around up to which terrain is open, and from which on it is not at all.
 OPEN_SHARE, BUILT_SHARE = 0.04, 0.15
+#: Side of the cells that are counted [m], and the number of them around: `bench.ground.isprs` and `.scenes`.
+CELL, RADIUS = 10.0, 6
 
 
 class PartRules(NamedTuple):
@@ -136,3 +139,40 @@ def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[
             count[2] += 1.0 if rise > max(rules.steep_slope * length, rules.steep_rise) else 0.0
             count[3] += 1.0 if rise > rules.level_slope * length else 0.0
     return counts
+
+
+def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """
+    Return the share of objects among the candidates around each, 0 to 1.
+
+    Cells up to 60 m away along x and y count with Gaussian weights (σ = 30 m).
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At least one [m].
+    is_object : ndarray of shape (n_candidates,), bool
+        Which of them are objects beyond doubt.
+    """
+    cells = sort_by_cell(candidates, CELL)
+    n_objects = np.add.reduceat(is_object[cells.rows].astype(np.float64), cells.first[:-1])
+    n_all = np.diff(cells.first).astype(np.float64)
+    share = np.divide(*_smoothed(cells.numbers, cells.n_columns, np.stack((n_objects, n_all))))
+    density = np.empty(len(candidates))
+    density[cells.rows] = np.repeat(share, np.diff(cells.first))
+    return density
+
+
+def _smoothed(numbers: NDArray[np.int64], n_columns: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the weighted sums of values (k, n_cells) over the cells around; only occupied cells take part.
+    """
+    total, column = np.zeros_like(values), numbers % n_columns
+    for north in range(-RADIUS, RADIUS + 1):
+        for east in range(-RADIUS, RADIUS + 1):
+            wanted = numbers + (north * n_columns + east)
+            place = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+            is_there = (numbers[place] == wanted) & (column + east >= 0) & (column + east < n_columns)
+            weight = math.exp(-2.0 * (north * north + east * east) / RADIUS**2)
+            total[:, is_there] += weight * values[:, place[is_there]]
+    return total
