@@ -8,7 +8,7 @@ and trimesh writes no extension at all, so that with either what stands below wo
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings import __version__
 from lidar_buildings.io.files.compact_json import compact_json
-from lidar_buildings.io.models.property_table import property_table, schema
 
 #: A corner of a triangle; corners are not shared, as each face has its own normal and colour.
 CORNER = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 4), ("feature", "<f4")])
@@ -31,6 +30,13 @@ _ARRAY_BUFFER = 34962
 _CLASS = "building"
 #: glTF, version 2; chunks of JSON and of bytes.
 _MAGIC, _VERSION, _JSON, _BIN = 0x46546C67, 2, 0x4E4F534A, 0x004E4942
+#: Type of an attribute → what the schema says of it, and how its numbers are stored. No 64-bit integers:
+#: CesiumJS does not know their `noData`.
+_NUMBERS: dict[type, tuple[dict[str, Any], str]] = {
+    int: ({"type": "SCALAR", "componentType": "UINT32", "noData": 2**32 - 1}, "<u4"),
+    float: ({"type": "SCALAR", "componentType": "FLOAT64", "noData": -9999.0}, "<f8"),
+}
+_TEXT = {"type": "STRING", "noData": ""}
 
 
 def corners_of(
@@ -163,3 +169,60 @@ def _packed(content: dict[str, Any], data: bytes) -> bytes:
 def _y_up(east_north_up: NDArray[np.float64]) -> NDArray[np.float64]:
     east, north, up = np.moveaxis(east_north_up, -1, 0)
     return np.stack([east, up, -north], axis=-1)
+
+
+def schema(name: str, fields: Mapping[str, type]) -> dict[str, Any]:
+    """
+    Return the schema of a table.
+
+    Parameters
+    ----------
+    name : str
+        Of the one class.
+    fields : mapping
+        Attribute → int, float or str.
+    """
+    properties = {
+        column: dict(_TEXT if kind is str else _NUMBERS[kind][0]) for column, kind in fields.items()
+    }
+    return {"id": f"{name}s", "classes": {name: {"properties": properties}}}
+
+
+def property_table(
+    name: str,
+    fields: Mapping[str, type],
+    rows: Sequence[Mapping[str, Any]],
+    add: Callable[[bytes], int],
+) -> dict[str, Any]:
+    """
+    Return a table; what a row lacks and None are `noData` or empty texts, and a column of these is left out.
+
+    Parameters
+    ----------
+    name : str
+        Its class.
+    fields : mapping
+        Attribute → int, float or str.
+    rows : sequence of mapping
+        Attribute → value.
+    add : callable
+        Stores bytes and returns the number of their view.
+    """
+    properties = {}
+    for column, kind in fields.items():
+        values = [row.get(column) for row in rows]
+        if kind is str:
+            texts = ["" if value is None else str(value) for value in values]
+            if any(texts):  # a view has at least one byte, and is as long as its texts
+                properties[column] = _texts(texts, add)
+        else:
+            known, dtype = _NUMBERS[kind]
+            numbers = [known["noData"] if value is None else value for value in values]
+            properties[column] = {"values": add(np.array(numbers, dtype=dtype).tobytes())}
+    return {"class": name, "count": len(rows), "properties": properties}
+
+
+def _texts(values: Sequence[str], add: Callable[[bytes], int]) -> dict[str, int]:
+    encoded = [value.encode() for value in values]
+    ends = np.cumsum([0, *map(len, encoded)]).astype("<u4")
+    return {"values": add(b"".join(encoded)), "stringOffsets": add(ends.tobytes())}

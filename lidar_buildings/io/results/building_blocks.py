@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.files.atomic_files import atomic_folder
@@ -27,7 +28,6 @@ from lidar_buildings.io.results.building_files import write_buildings
 from lidar_buildings.io.results.model_heading import ModelHeading
 from lidar_buildings.io.results.output_config import TILES
 from lidar_buildings.io.results.run_folder import BLOCKS
-from lidar_buildings.io.results.squares import Square, squares_of
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, SurveyPart
 
 INDEX = "index.json"
@@ -35,6 +35,8 @@ INDEX = "index.json"
 _INSTEAD = {"gpkg": "flatgeobuf"}
 _DEGREES = "EPSG:4326"
 _DECIMALS = 7
+#: Squares are not divided further below this side, that of a square of the terrain in models [m].
+_SMALLEST = 256.0
 
 
 def write_in_blocks(
@@ -132,3 +134,61 @@ def _on_earth(box: shapely.Polygon, crs: str, label: str) -> dict[str, Any]:
 def _name(square: Square, frame: MapFrame) -> str:
     x, y, _ = frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
     return f"block-{x:.0f}-{y:.0f}"
+
+
+class Square(NamedTuple):
+    """A square of the map: its south-western corner and its side [m]."""
+
+    west: float
+    south: float
+    side: float
+
+    def quarters(self) -> Iterator[Square]:
+        """Yield its four parts."""
+        half = self.side / 2.0
+        for west in (self.west, self.west + half):
+            for south in (self.south, self.south + half):
+                yield Square(west, south, half)
+
+    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether places lie within, the northern and eastern edge excluded."""
+        away = places - [self.west, self.south]
+        return ((away >= 0.0) & (away < self.side)).all(axis=1)
+
+    def distance(self, place: NDArray[np.float64]) -> float:
+        """Return how far a place is outside [m]."""
+        away = np.abs(place - [self.west, self.south] - self.side / 2.0) - self.side / 2.0
+        return float(np.hypot(*np.maximum(away, 0.0)))
+
+
+def squares_of(places: NDArray[np.float64], largest: int) -> list[tuple[Square, NDArray[np.intp]]]:
+    """
+    Divide places into squares of at most so many, by a quadtree on multiples of 256 m.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n, 2)
+        In the map frame [m]; at least one.
+    largest : int
+        How many places a square may hold, unless it is of the smallest side.
+
+    Returns
+    -------
+    list of (Square, ndarray)
+        Squares that hold places, and the rows of these; from west to east, then from south to north.
+    """
+    cells = np.floor(places / _SMALLEST)
+    west, south = (cells.min(axis=0) * _SMALLEST).tolist()
+    n_cells = int((cells.max(axis=0) - cells.min(axis=0)).max()) + 1
+    waiting = [(Square(west, south, _SMALLEST * 2 ** (n_cells - 1).bit_length()), np.arange(len(places)))]
+    found = []
+    while waiting:
+        square, rows = waiting.pop()
+        if len(rows) <= largest or square.side <= _SMALLEST:
+            found.append((square, rows))
+            continue
+        for quarter in square.quarters():
+            own = rows[quarter.holds(places[rows])]
+            if len(own):
+                waiting.append((quarter, own))
+    return sorted(found, key=lambda one: one[0])

@@ -9,8 +9,8 @@ from support import cloud_files, counted_store
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import chunk_reader, copc_nodes
-from lidar_buildings.io.clouds.cloud_part import write_part
 from lidar_buildings.io.clouds.copc import write_copc
+from lidar_buildings.io.clouds.fetch import write_part
 from lidar_buildings.io.clouds.las import open_cloud, read_tile
 
 #: West, south, east, north of a corner of the cloud, about 5 % of it.

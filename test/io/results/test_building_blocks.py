@@ -18,9 +18,8 @@ from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model import BuildingModel
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
-from lidar_buildings.io.results.building_blocks import write_in_blocks
+from lidar_buildings.io.results.building_blocks import squares_of, write_in_blocks
 from lidar_buildings.io.results.model_heading import ModelHeading
-from lidar_buildings.io.results.squares import squares_of
 
 FORMATS = ("gpkg", "cityjson", "obj", "3dtiles")
 #: South-western corners of houses: three near each other, and two far away [m].
