@@ -13,7 +13,7 @@ from lidar_buildings.report.contents import contents_of
 from lidar_buildings.report.relief import UNKNOWN, Relief
 from lidar_buildings.report.result_folder import read_result
 from lidar_buildings.report.view import ABOVE, NOTHING, OF_POINTS, SIDES, colours, drawing, parts
-from lidar_buildings.report.view.camera import camera_of
+from lidar_buildings.report.view.drawing import camera_of
 
 
 @pytest.fixture(scope="module", params=[DUTCH, FEET], ids=["metres", "feet"])

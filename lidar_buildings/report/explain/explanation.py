@@ -11,10 +11,9 @@ import shapely
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.report.explain.finding import Finding, Limits
-from lidar_buildings.report.explain.line_findings import line_findings
 from lidar_buildings.report.explain.outline_findings import outline_findings
 from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
-from lidar_buildings.report.explain.roof_findings import roof_findings
+from lidar_buildings.report.explain.roof_findings import line_findings, roof_findings
 from lidar_buildings.report.explain.site import read_site
 from lidar_buildings.report.models import model_arrays
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result

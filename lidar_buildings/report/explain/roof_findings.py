@@ -1,16 +1,21 @@
-"""How a roof came about: planes and their points, what of them the model has, what it lacks."""
+"""How a roof came about: planes and their points, what of them the model has, what it lacks; its lines."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pyogrio
 import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.results.building_layers import READABLE_ID
+from lidar_buildings.io.vectors.polygon_file import read_layer
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import shape_of
 from lidar_buildings.report.explain.site import Site
@@ -28,6 +33,12 @@ _FEWEST = 4
 _SMALL = ("plane_fitting.min_plane_area", "plane_fitting.min_plane_points")
 _FACES = ("building_model.min_face_area", "plane_fitting.max_plane_distance")
 _BENDING = ("plane_fitting.max_plane_distance", "plane_fitting.max_normal_angle_deg")
+_LAYER = "roof_lines"
+#: As many ridges hint at several houses.
+_RIDGES = 2
+#: Shorter steps are dormers' and chimneys' [m].
+_LONG_STEP = 5.0
+_STEPS = ("segmentation.split_at_steps", "segmentation.min_step_height")
 
 
 class FittedPlane(NamedTuple):
@@ -202,3 +213,42 @@ def _grouped(points: NDArray[np.float64], spacing: float) -> Iterator[tuple[floa
         own = row[part == number]
         if len(own) >= _FEWEST:
             yield float(shape.area), own
+
+
+def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
+    """
+    Yield the kinds of roof lines of a building with their number and length.
+
+    Parameters
+    ----------
+    path : Path
+        The GeoPackage.
+    name : str
+        The building's readable id.
+    unit : float
+        Metres per unit of length.
+    """
+    if _LAYER not in {str(layer) for layer, _ in pyogrio.list_layers(path)}:
+        return
+    columns = read_layer(path, _LAYER).columns
+    numbers: Counter[str] = Counter()
+    lengths: Counter[str] = Counter()
+    for owner, kind, length in zip(columns[READABLE_ID], columns["kind"], columns["length"], strict=True):
+        if owner == name:
+            numbers[kind] += 1
+            lengths[kind] += float(length) * unit
+    if not numbers:
+        return
+    told = (f"{n} {kind} ({lengths[kind]:.1f} m)" for kind, n in numbers.most_common())
+    yield Finding(f"Lines: {', '.join(told)}")
+    if lengths["step"] >= _LONG_STEP:
+        yield Finding(
+            f"Steps of {lengths['step']:.1f} m part the roof: maybe buildings that touch, or planes that "
+            "should meet.",
+            _STEPS,
+        )
+    elif numbers["ridge"] >= _RIDGES:
+        yield Finding(
+            f"{numbers['ridge']} ridges: maybe several houses; those of one height that touch are told apart "
+            "by --footprints only."
+        )
