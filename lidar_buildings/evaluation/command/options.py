@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.evaluation.scores.polygons import within
 
 if TYPE_CHECKING:  # imported late: --help answers at once
     from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons
@@ -68,11 +69,7 @@ class ScoreOptions:
 
 def is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
     """Whether each point lies within the area of interest."""
-    if area is None:
-        return np.ones(len(points), dtype=bool)
-    limits = shapely.union_all(area.polygons)
-    shapely.prepare(limits)
-    return np.asarray(shapely.intersects_xy(limits, points[:, 0], points[:, 1]), dtype=bool)
+    return within(points, None if area is None else shapely.union_all(area.polygons))
 
 
 def check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:

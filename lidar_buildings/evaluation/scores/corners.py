@@ -7,11 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.evaluation.scores.polygons import limits_of, open_rings, simplified, valid_polygons
+from lidar_buildings.evaluation.scores.polygons import (
+    limits_of,
+    open_rings,
+    simplified,
+    valid_polygons,
+    within,
+)
 from lidar_buildings.evaluation.scores.statistics import mean, ratio
 
 #: How far a corner may lie from the one that it stands for: two spacings of dense surveys, one of sparse [m].
@@ -63,7 +68,8 @@ def score_corners(
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
     limits = limits_of(area)
-    mine, theirs = (_inside(corners_of(valid_polygons(side)), limits) for side in (result, reference))
+    corners = (corners_of(valid_polygons(side)) for side in (result, reference))
+    mine, theirs = (own[within(own, limits)] for own in corners)
     distances = _matched_distances(mine, theirs, tolerance)
     return CornerScore(
         n_result=len(mine),
@@ -99,13 +105,6 @@ def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     before = np.roll(after, 1, axis=0)
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
-
-
-def _inside(corners: NDArray[np.float64], limits: shapely.Geometry | None) -> NDArray[np.float64]:
-    if limits is None:
-        return corners
-    shapely.prepare(limits)
-    return corners[shapely.intersects_xy(limits, corners[:, 0], corners[:, 1])]
 
 
 def _matched_distances(

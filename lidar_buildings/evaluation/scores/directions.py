@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.evaluation.scores.polygons import open_rings, simplified, spots_along
+from lidar_buildings.core.model.outline import ring_walls
+from lidar_buildings.evaluation.scores.polygons import open_rings, simplified, spots_along, within
 from lidar_buildings.evaluation.scores.statistics import ratio
 
 #: Step between samples along a wall: finer than any point spacing resolves [m].
@@ -55,9 +56,10 @@ def score_directions(
     """
     angles, lengths = [np.empty(0)], [np.empty(0)]
     for mine, theirs in zip(result, simplified(reference), strict=True):
-        walls = _walls(mine).inside(limits)
+        walls = _walls(mine)
+        walls = walls[within(walls.mean(axis=1), limits)]
         angles.append(_angles(walls, _walls(theirs), reach))
-        lengths.append(walls.length)
+        lengths.append(np.hypot(*(walls[:, 1] - walls[:, 0]).T))
     angle, length = np.concatenate(angles), np.concatenate(lengths)
     matched = np.isfinite(angle)
     return DirectionScore(
@@ -67,52 +69,19 @@ def score_directions(
     )
 
 
-class _Walls(NamedTuple):
-    """The walls of an outline, from one vertex to the next."""
-
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-
-    @property
-    def ends(self) -> NDArray[np.float64]:
-        """Of shape (n_walls, 2, 2) [m]."""
-        return np.stack((self.start, self.end), axis=1)
-
-    @property
-    def length(self) -> NDArray[np.float64]:
-        return np.asarray(np.hypot(*(self.end - self.start).T))
-
-    @property
-    def direction(self) -> NDArray[np.float64]:
-        """Angle to the x axis [rad]."""
-        step = self.end - self.start
-        return np.asarray(np.arctan2(step[:, 1], step[:, 0]))
-
-    def inside(self, limits: shapely.Geometry | None) -> _Walls:
-        """Return the walls with their middle in the area of interest."""
-        if limits is None:
-            return self
-        x, y = ((self.start + self.end) / 2).T
-        rows = shapely.intersects_xy(limits, x, y)
-        return _Walls(self.start[rows], self.end[rows])
+def _walls(polygon: shapely.Geometry) -> NDArray[np.float64]:
+    """Return the ends of all walls of one outline that have a length, shape (n_walls, 2, 2) [m]."""
+    ends = ring_walls(open_rings(np.array([polygon], dtype=object)))
+    return ends[(ends[:, 0] != ends[:, 1]).any(axis=1)]
 
 
-def _walls(polygon: shapely.Geometry) -> _Walls:
-    """Return all walls of one outline that have a length."""
-    rings = open_rings(np.array([polygon], dtype=object))
-    start = np.concatenate([*rings, np.empty((0, 2))])
-    end = np.concatenate([*(np.roll(ring, -1, axis=0) for ring in rings), np.empty((0, 2))])
-    solid = (start != end).any(axis=1)
-    return _Walls(start[solid], end[solid])
-
-
-def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
+def _angles(mine: NDArray[np.float64], theirs: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     """Return the angle of each wall to the one that it stands for [deg], NaN where there is none."""
-    angle = np.full(len(mine.start), np.nan)
-    if not (len(mine.start) and len(theirs.start)):
+    angle = np.full(len(mine), np.nan)
+    if not (len(mine) and len(theirs)):
         return angle
-    owner, spots = spots_along(mine.ends, STEP)
-    tree = shapely.STRtree(shapely.linestrings(theirs.ends))
+    owner, spots = spots_along(mine, STEP)
+    tree = shapely.STRtree(shapely.linestrings(theirs))
     (sample, wall), distance = tree.query_nearest(
         shapely.points(spots), return_distance=True, all_matches=False
     )
@@ -120,7 +89,8 @@ def _angles(mine: _Walls, theirs: _Walls, reach: float) -> NDArray[np.float64]:
     nearest, distance = wall[order], distance[order]
     share_near = np.bincount(owner, distance <= reach) / np.bincount(owner)
     partner = _most_frequent(owner, nearest)
-    difference = np.rad2deg(mine.direction - theirs.direction[partner])
+    own, other = (np.arctan2(*(walls[:, 1] - walls[:, 0]).T[::-1]) for walls in (mine, theirs))
+    difference = np.rad2deg(own - other[partner])
     folded = np.abs((difference + 90.0) % 180.0 - 90.0)
     return np.where(share_near >= 0.5, folded, np.nan)
 

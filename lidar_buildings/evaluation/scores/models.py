@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
-from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
+from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons, within
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
 from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
@@ -206,10 +206,7 @@ def _parts(side: Sequence[Solids]) -> list[Any]:
 
 
 def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
-    if limits is None:
-        return frame
-    shapely.prepare(limits)
-    kept = np.asarray(shapely.intersects_xy(limits, frame.corners[:, 0], frame.corners[:, 1]), dtype=bool)
+    kept = within(frame.corners, limits)
     rows = np.cumsum(kept) - 1
     edges = kept[frame.edges].all(axis=1)
     return Wireframe(frame.corners[kept], rows[frame.edges[edges]], frame.is_ridge[edges])

@@ -28,6 +28,14 @@ def limits_of(area: ArrayLike | None) -> shapely.Geometry | None:
     return None if area is None else shapely.union_all(valid_polygons(area))
 
 
+def within(places: NDArray[np.float64], limits: shapely.Geometry | None) -> NDArray[np.bool_]:
+    """Tell which places, shape (n, 2) or (n, 3), lie in limits or on their edge; all where there are none."""
+    if limits is None:
+        return np.ones(len(places), dtype=bool)
+    shapely.prepare(limits)
+    return np.asarray(shapely.intersects_xy(limits, places[:, 0], places[:, 1]), dtype=bool)
+
+
 def cut_to(
     polygons: NDArray[Any], limits: shapely.Geometry | None
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
