@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
@@ -19,18 +20,9 @@ from lidar_buildings.io.results.cloud_sample import cloud_sample, every_stretch
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
 
+_COLUMNS = ("classification", "height_above_ground", "facade", "building_id", "plane_id", "edge")
 #: What is known of a point; `known` is 0 for points that no finished tile holds.
-RESULT = np.dtype(
-    [
-        ("known", "u1"),
-        ("classification", "u1"),
-        ("height_above_ground", "<f4"),
-        ("facade", "u1"),
-        ("building_id", "<u4"),
-        ("plane_id", "<u2"),
-        ("edge", "u1"),
-    ]
-)
+RESULT = np.dtype([("known", "u1"), *((name, COLUMNS[name]) for name in _COLUMNS)])
 #: Records written at a time when the table is made (13 MB).
 _BLOCK = 1 << 20
 
@@ -93,32 +85,16 @@ class PointResults:
         """
         left_out = np.array(sorted(without), dtype=np.uint32)
         paths = list(fragments)
-        steps: tuple[tuple[str, Callable[[NDArray[Any]], None]], ...] = (
-            ("core", self._enter_core),
-            ("edges", self._enter_edges),
-            ("roofs", self._enter_roofs),
-        )
-        for name, enter in steps:
+        for name in ("core", "edges", "roofs"):
             for path in paths:
                 rows = load_rows(path, name, source)
                 mine = rows.compress(rows["index"] < len(self._table))
                 if name == "roofs" and len(left_out):
                     mine = mine.compress(~np.isin(mine["building_id"], left_out))
-                if len(mine):
-                    enter(mine)
-
-    def _enter_core(self, rows: NDArray[Any]) -> None:
-        self._table["known"][rows["index"]] = 1
-        for name in ("classification", "height_above_ground", "facade"):
-            self._table[name][rows["index"]] = rows[name]
-
-    def _enter_edges(self, rows: NDArray[Any]) -> None:
-        self._table["edge"][rows["index"]] = rows["edge"]
-
-    def _enter_roofs(self, rows: NDArray[Any]) -> None:
-        """Enter building and plane ids, and the edge labels that go with them."""
-        for name in ("building_id", "plane_id", "edge"):
-            self._table[name][rows["index"]] = rows[name]
+                if name == "core":
+                    self._table["known"][mine["index"]] = 1
+                for column in set(mine.dtype.names or ()).intersection(RESULT.names or ()):
+                    self._table[column][mine["index"]] = mine[column]
 
 
 class _Job(NamedTuple):
