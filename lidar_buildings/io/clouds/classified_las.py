@@ -11,7 +11,6 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.io.clouds.classified_header import (
     DIMENSIONS,
     OutputFormat,
@@ -23,7 +22,7 @@ from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
-from lidar_buildings.io.files.atomic_files import CheckedFile, atomic_file, write_error
+from lidar_buildings.io.files.atomic_files import checked_file
 from lidar_buildings.io.files.locations import open_binary
 
 #: Bits of the class in the class byte of point formats 0 to 5; above stand the flags.
@@ -87,32 +86,24 @@ def write_classified(
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)
-    with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
-        file = CheckedFile(plain)
-        try:
-            writer = laspy.LasWriter(
-                file,
-                out.header,
-                do_compress=path.suffix == ".laz",
-                laz_backend=laz_backend(),
-                closefd=False,
-            )
-            first = 0
-            for chunk in cloud.chunks():
-                points = _classified(chunk, rows(first, first + len(chunk)), out, cloud)
-                per_class += np.bincount(_classes(points, cloud), minlength=256)
-                writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
-                on_chunk(first, points)
-                first += len(chunk)
-            _finish(writer, file, cloud)
-            _restore_header(plain, cloud.raw, out, writer.header)
-            plain.flush()
-        except LidarBuildingsError:
-            raise
-        except Exception as error:
-            if file.error is None:
-                raise
-            raise write_error(path, file.error) from error
+    with checked_file(path) as file:
+        writer = laspy.LasWriter(
+            file,
+            out.header,
+            do_compress=path.suffix == ".laz",
+            laz_backend=laz_backend(),
+            closefd=False,
+        )
+        first = 0
+        for chunk in cloud.chunks():
+            points = _classified(chunk, rows(first, first + len(chunk)), out, cloud)
+            per_class += np.bincount(_classes(points, cloud), minlength=256)
+            writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
+            on_chunk(first, points)
+            first += len(chunk)
+        _finish(writer, file, cloud)
+        _restore_header(file, cloud.raw, out, writer.header)
+        file.flush()
     return per_class
 
 

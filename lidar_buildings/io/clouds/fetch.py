@@ -23,7 +23,7 @@ from lidar_buildings.io.clouds.find_inputs import find_inputs
 from lidar_buildings.io.clouds.input_file import changed
 from lidar_buildings.io.clouds.las import chunks_within, open_cloud
 from lidar_buildings.io.clouds.las_reader import laz_backend, reported
-from lidar_buildings.io.files.atomic_files import CheckedFile, atomic_file, write_error
+from lidar_buildings.io.files.atomic_files import atomic_file, checked_file
 from lidar_buildings.io.files.locations import is_url, open_binary, state_of
 
 #: Files that are fetched at the same time: a single stream fills few lines.
@@ -152,26 +152,18 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
     header.vlrs[:] = [one for one in header.vlrs if one.user_id not in ("copc", "laszip encoded")]
     kept = [one for one in cloud.raw.evlrs if is_kept(one) and one.data]
     n_points = 0
-    with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
-        file = CheckedFile(plain)
-        try:
-            with laspy.LasWriter(
-                file, header, do_compress=True, laz_backend=laz_backend(), closefd=False,
-                encoding_errors="ignore",
-            ) as writer:  # fmt: skip
-                for _, points in chunks_within(cloud, bounds):
-                    writer.write_points(points)
-                    n_points += len(points)
-                if kept:
-                    own = (
-                        laspy.VLR(one.user_id.decode("ascii", "ignore"), one.record_id, "", one.data)
-                        for one in kept
-                    )
-                    writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(list(own)))
-        except InputError:
-            raise
-        except Exception as error:
-            if file.error is None:
-                raise
-            raise write_error(path, file.error) from error
+    with (
+        checked_file(path) as file,
+        laspy.LasWriter(
+            file, header, do_compress=True, laz_backend=laz_backend(), closefd=False, encoding_errors="ignore"
+        ) as writer,
+    ):
+        for _, points in chunks_within(cloud, bounds):
+            writer.write_points(points)
+            n_points += len(points)
+        if kept:
+            own = (
+                laspy.VLR(one.user_id.decode("ascii", "ignore"), one.record_id, "", one.data) for one in kept
+            )
+            writer.write_evlrs(laspy.vlrs.vlrlist.VLRList(list(own)))
     return n_points

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.io.files.captured_stderr import one_line
 
 
@@ -88,22 +88,36 @@ def write_error(path: Path, error: BaseException) -> OutputError:
     )
 
 
-class CheckedFile:
+@contextmanager
+def checked_file(path: Path) -> Iterator[Any]:
     """
-    A binary file that remembers why writing failed, since compiled writers hide it.
+    Give a binary file for compiled writers, which hide why writing failed; it appears as of `atomic_file`.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
     """
+    with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
+        file = _CheckedFile(plain)
+        try:
+            yield file
+        except LidarBuildingsError:
+            raise
+        except Exception as error:
+            if file.error is None:
+                raise
+            raise write_error(path, file.error) from error
+
+
+class _CheckedFile:
+    """A binary file that remembers why writing failed."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.error: OSError | None = None
 
     def write(self, data: Any) -> int:
-        """Write, and remember a failure."""
         try:
             return self._file.write(data)
         except OSError as error:
