@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.scene import VirtualScene
 
@@ -65,9 +65,9 @@ def write_truth_layers(path: Path, scene: VirtualScene) -> None:
     """Write the roofprints with their attributes, and the roof faces in 3D."""
     outlines = [_polygon(b.outline.rings, scene) for b in scene.buildings]
     faces = [_polygon(face.rings_3d, scene) for b in scene.buildings for face in b.faces]
-    with GeoPackageWriter(path, scene.frame.crs) as file:
-        file.append(VectorLayer("outlines", outlines, OUTLINE_COLUMNS, building_attributes(scene)))
-        file.append(VectorLayer("roof_faces", faces, FACE_COLUMNS, _face_rows(scene), is_3d=True))
+    with geopackage_file(path, scene.frame.crs) as add:
+        add(VectorLayer("outlines", outlines, OUTLINE_COLUMNS, building_attributes(scene)))
+        add(VectorLayer("roof_faces", faces, FACE_COLUMNS, _face_rows(scene), is_3d=True))
 
 
 def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:

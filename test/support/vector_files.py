@@ -6,13 +6,13 @@ import numpy as np
 import pyogrio
 import shapely
 
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter
+from lidar_buildings.io.vectors.geopackage import geopackage_file
 
 
 def write_geopackage(path, layers, crs):
-    with GeoPackageWriter(path, crs) as writer:
+    with geopackage_file(path, crs) as add:
         for layer in layers:
-            writer.append(layer)
+            add(layer)
 
 
 def write_vectors(path, shapes, *, crs="EPSG:28992", kind="Polygon", columns=None, **options):

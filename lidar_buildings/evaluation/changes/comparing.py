@@ -17,7 +17,7 @@ from lidar_buildings.evaluation.changes.cells import Limits, judge_cells, offset
 from lidar_buildings.evaluation.changes.surfaces import CellPlan, see
 from lidar_buildings.evaluation.readers.labelled_points import read_class_chunks
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
 
 #: Side of a cell [spacings of the sparser survey], rounded up to the step and at least the smallest [m].
 _CELL_SPACINGS, _CELL_STEP, _SMALLEST_CELL = 1.5, 0.25, 0.5
@@ -92,14 +92,14 @@ class Comparison:
             If it cannot be written.
         """
         places = shapely.transform([one.place for one in self.changes], lambda xy: xy / self.new.unit)
-        with GeoPackageWriter(path, self.new.crs) as writer:
+        with geopackage_file(path, self.new.crs) as add:
             parts, owner = shapely.get_parts(places, return_index=True)
             rows = self.rows()
-            writer.append(VectorLayer("changes", parts, _FIELDS, [rows[k] for k in owner]))
+            add(VectorLayer("changes", parts, _FIELDS, [rows[k] for k in owner]))
             for name, side, words in zip(("old", "new"), (self.old, self.new), self.words, strict=True):
                 polygons = shapely.transform(side.polygons, lambda xy, unit=side.unit: xy / unit)
                 own = [{_ID: int(one), "change": word} for one, word in zip(_ids(side), words, strict=True)]
-                writer.append(VectorLayer(name, list(polygons), {_ID: int, "change": str}, own))
+                add(VectorLayer(name, list(polygons), {_ID: int, "change": str}, own))
 
 
 def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Comparison:

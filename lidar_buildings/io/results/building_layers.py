@@ -18,7 +18,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, READABLE_ID
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer, write_flatgeobuf
+from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file, write_flatgeobuf
 from lidar_buildings.io.vectors.geoparquet import geoparquet_file
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
@@ -72,8 +72,8 @@ def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
     OutputError
         If the file cannot be written.
     """
-    with GeoPackageWriter(path, frame.crs) as file:
-        layers = _BuildingLayers(file.append, frame, _PORTION)
+    with geopackage_file(path, frame.crs) as append:
+        layers = _BuildingLayers(append, frame, _PORTION)
         yield layers.add
         layers.write_all()
 

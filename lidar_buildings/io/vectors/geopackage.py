@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,60 +50,44 @@ class VectorLayer:
     kind: str = "Polygon"  #: ``Polygon`` or ``LineString``
 
 
-class GeoPackageWriter:
+@contextmanager
+def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
     """
-    Writes layers in any number of portions; the file appears when all is written.
+    Give a function that adds a layer to a file, or geometries to a layer that is there.
 
     Parameters
     ----------
-    path : str or Path
-        An existing file is replaced.
+    path : Path
+        It appears when the block ends well.
     crs : str
         ``"EPSG:28992"``, a WKT text, or empty if unknown.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
     """
+    counts: dict[str, int] = {}
+    with atomic_file(path, has_rivals=True) as temporary:
 
-    def __init__(self, path: str | Path, crs: str) -> None:
-        self._path = Path(path)
-        name = f".{self._path.stem}.{os.getpid()}.{threading.get_ident()}.partial.gpkg"
-        self._partial = self._path.with_name(name)
-        self._crs = crs
-        self._counts: dict[str, int] = {}
+        def add(layer: VectorLayer) -> None:
+            with _reported(path), _fixed_options():
+                write_layer(temporary, layer, crs, append=bool(counts))
+            counts[layer.name] = counts.get(layer.name, 0) + len(layer.geometries)
 
-    def append(self, layer: VectorLayer) -> None:
-        """
-        Add a layer, or geometries to a layer that is there.
+        yield add
+        with _reported(path):
+            check_complete(temporary, counts)
 
-        Raises
-        ------
-        OutputError
-            If the file cannot be written.
-        """
-        with self._reported(), _fixed_options():
-            write_layer(self._partial, layer, self._crs, append=bool(self._counts))
-        self._counts[layer.name] = self._counts.get(layer.name, 0) + len(layer.geometries)
 
-    def __enter__(self) -> GeoPackageWriter:
-        return self
-
-    def __exit__(self, error: object, *_: object) -> None:
-        """Give the file its name if all went well, else leave nothing behind."""
-        try:
-            if error is None:
-                with self._reported():
-                    check_complete(self._partial, self._counts)
-                    os.replace(self._partial, self._path)
-        finally:
-            for left in self._path.parent.glob(f"{self._partial.name}*"):
-                left.unlink(missing_ok=True)
-
-    @contextmanager
-    def _reported(self) -> Iterator[None]:
-        try:
-            yield
-        except FAILURES as error:
-            raise OutputError(
-                f"{self._path}: cannot be written: {error}: check the folder and the free space"
-            ) from error
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except FAILURES as error:
+        raise OutputError(
+            f"{path}: cannot be written: {error}: check the folder and the free space"
+        ) from error
 
 
 def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:

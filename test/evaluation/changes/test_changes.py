@@ -12,7 +12,7 @@ from lidar_buildings.cli import main
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.changes import ChangeConfig, cells, compare_runs
-from lidar_buildings.io.vectors.geopackage import GeoPackageWriter, VectorLayer
+from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
 
 #: Point spacing and noise of both surveys [m].
 SPACING, NOISE = 0.3, 0.03
@@ -47,8 +47,8 @@ def survey(folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0)
         {"building_id": 100 + k, "point_spacing": SPACING, "outline_sigma": 0.1} for k in range(len(roofs))
     ]
     outlines = shapely.transform([one for one, _ in roofs], lambda xy: xy + ORIGIN[:2] + shift[:2])
-    with GeoPackageWriter(folder / "buildings.gpkg", crs) as writer:
-        writer.append(VectorLayer("outlines", list(outlines), fields, rows))
+    with geopackage_file(folder / "buildings.gpkg", crs) as add:
+        add(VectorLayer("outlines", list(outlines), fields, rows))
     return folder
 
 

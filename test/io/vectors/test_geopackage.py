@@ -205,13 +205,14 @@ def test_a_real_base_map_is_read(data_folder):
 def test_the_number_of_cores_changes_no_byte(tmp_path):
     script = """
 import os, sys
+from pathlib import Path
 os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
 import shapely
-from lidar_buildings.io.vectors.geopackage import VectorLayer, GeoPackageWriter
-with GeoPackageWriter(sys.argv[2], "EPSG:28992") as file:
+from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
+with geopackage_file(Path(sys.argv[2]), "EPSG:28992") as add:
     for numbers in ([], range(9)):
         polygons = [shapely.box(i, 0, i + 1, 1) for i in numbers]
-        file.append(VectorLayer("outlines", polygons, {"n": int}, [{"n": i} for i in numbers]))
+        add(VectorLayer("outlines", polygons, {"n": int}, [{"n": i} for i in numbers]))
 """
     paths = [tmp_path / f"{n}.gpkg" for n in (1, 2)]
     for n, path in enumerate(paths, start=1):
