@@ -15,7 +15,7 @@ from bench.outlines.chain import Building, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.truth import tile_of
 from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
-from lidar_buildings.evaluation.scores.adjustment import AdjustmentScore, score_adjustment
+from lidar_buildings.evaluation.scores.outlines import AdjustmentScore, score_adjustment
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
 
 #: Buildings per data set, as in the paper.

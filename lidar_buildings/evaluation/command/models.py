@@ -17,9 +17,8 @@ from lidar_buildings.evaluation.command.options import BUILDING, ScoreOptions, c
 from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import has_clouds, read_roof_points
 from lidar_buildings.evaluation.scores.model_points import WITHIN, score_model_points
-from lidar_buildings.evaluation.scores.models import ModelScore, score_models
+from lidar_buildings.evaluation.scores.models import ModelScore, same_roof_type, score_models
 from lidar_buildings.evaluation.scores.roof_surfaces import Solids
-from lidar_buildings.evaluation.scores.roof_types import same_roof_type
 from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio
 
 #: The levels whose shares are told.

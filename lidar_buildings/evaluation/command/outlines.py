@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 
 from lidar_buildings.evaluation.command.options import ScoreOptions, check_same_system
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
-from lidar_buildings.evaluation.scores.adjustment import score_adjustment
 from lidar_buildings.evaluation.scores.blocks import merge_touching
 from lidar_buildings.evaluation.scores.corners import score_corners
 from lidar_buildings.evaluation.scores.directions import score_directions
-from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_coverage, score_outlines
+from lidar_buildings.evaluation.scores.outlines import (
+    MIN_IOU,
+    score_adjustment,
+    score_coverage,
+    score_outlines,
+)
 from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons
 
 #: Attributes of a run's outlines that Table 1 is made of.

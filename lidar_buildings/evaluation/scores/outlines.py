@@ -1,4 +1,4 @@
-"""How well outlines agree with a reference: as objects, as area, and along their boundaries."""
+"""How well outlines agree with a reference: as objects, as area, along boundaries; and with their points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lidar_buildings.evaluation.scores.polygons import (
     valid_polygons,
     vertex_counts,
 )
-from lidar_buildings.evaluation.scores.statistics import mean, ratio
+from lidar_buildings.evaluation.scores.statistics import mean, ratio, root_mean_square
 
 #: An object counts as found from this intersection over union on (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5
@@ -189,3 +189,54 @@ def score_coverage(
     n_buildings = int(np.count_nonzero(counted))
     n_covered = int(np.count_nonzero(counted & (covered >= MIN_COVERED)))
     return CoverageScore(n_buildings, n_covered, ratio(n_covered, n_buildings), covered)
+
+
+@dataclass(frozen=True)
+class AdjustmentScore:
+    """
+    Means over buildings with straight or curved walls; NaN if there are none.
+
+    `doc/scores.md` says what the figures are.
+    """
+
+    n_buildings: int
+    n_as_traced: int
+    spacing: float
+    max_offset: float
+    sigma: float
+    max_offset_share: float
+    sigma_share: float
+
+
+def score_adjustment(spacing: ArrayLike, sigma: ArrayLike, max_offset: ArrayLike) -> AdjustmentScore:
+    """
+    Average what the least squares adjustment says of its buildings, as the paper does.
+
+    Parameters
+    ----------
+    spacing, sigma, max_offset : array_like of shape (n_buildings,)
+        Per building [m]; NaN where unknown, σ = 0 where the outline is the traced one.
+
+    Raises
+    ------
+    ValueError
+        If the lengths differ.
+    """
+    columns = [np.asarray(column, dtype=np.float64) for column in (spacing, sigma, max_offset)]
+    if len({column.shape for column in columns}) > 1:
+        shapes = [column.shape for column in columns]
+        raise ValueError(f"spacing, sigma and max_offset have shapes {shapes}: must be one per building")
+    known = np.isfinite(columns).all(axis=0)
+    fitted = known & (columns[1] > 0)
+    count = int(fitted.sum())
+    spacings, sigmas, offsets = (column[fitted] for column in columns)
+    means = mean(spacings), mean(offsets), root_mean_square(sigmas)
+    return AdjustmentScore(
+        n_buildings=count,
+        n_as_traced=int((known & ~fitted).sum()),
+        spacing=means[0],
+        max_offset=means[1],
+        sigma=means[2],
+        max_offset_share=ratio(means[1], means[0]),
+        sigma_share=ratio(means[2], means[0]),
+    )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lidar_buildings.evaluation.scores.adjustment import score_adjustment
+from lidar_buildings.evaluation.scores.outlines import score_adjustment
 
 
 def test_sigma_comes_from_the_mean_variance_and_the_rest_are_means():

@@ -9,7 +9,7 @@ import numpy as np
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.solids.raising.level_cut import cut_at
 from lidar_buildings.core.stages.building_model.cell_costs import ABOVE
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 
 
 def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:

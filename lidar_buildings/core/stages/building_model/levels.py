@@ -12,7 +12,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.output_grid import elevation_on_grid, repaired_outlines
 from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
 LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"

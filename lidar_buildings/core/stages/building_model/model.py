@@ -39,8 +39,7 @@ from lidar_buildings.core.stages.building_model.levels import (
 from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.point_order import rows_in_order
 from lidar_buildings.core.stages.building_model.quality import measure_model
-from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFaces
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch, RoofFaces
 from lidar_buildings.core.stages.roof_topology import RoofTopology, find_topology
 
 _log = logging.getLogger(__name__)

@@ -18,7 +18,7 @@ from lidar_buildings.core.stages.building_model.faces import (
     parts_of_one_height,
 )
 from lidar_buildings.core.stages.building_model.noding import extend_segments
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.

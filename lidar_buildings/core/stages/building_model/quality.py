@@ -11,7 +11,7 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 #: Spots farther than this from any point are without data [spacings].

@@ -19,7 +19,7 @@ from lidar_buildings.core.stages.building_model.level_tops import with_level_top
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.quality import outline_coverage
-from lidar_buildings.core.stages.building_model.roof_face import RoofFacePatch
+from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
