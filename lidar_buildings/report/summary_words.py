@@ -122,7 +122,7 @@ def _came_in(result: Result) -> str:
     inputs = run.get("inputs", ())
     names = ", ".join(Path(one["path"]).name for one in inputs[:3]) + (", …" if len(inputs) > 3 else "")
     raster = next(iter(run.get("rasters", {}).values()), None)
-    words = [f"{run.get('n_points', 0):,} points in {_counted(len(inputs), 'file')} ({names})"]
+    words = [f"{run.get('n_points', 0):,} points in {counted(len(inputs), 'file')} ({names})"]
     words.append(result.frame.crs.split(",")[0] or "no reference system named")
     if raster:
         side = raster["cell"] * result.frame.horizontal_unit
@@ -147,7 +147,7 @@ def _came_out(result: Result) -> str:
     if not statuses:
         return "no buildings"
     counts = ", ".join(f"{n:,} {status}" for status, n in statuses.most_common())
-    words = [f"{_counted(statuses.total(), 'building')} ({counts})"]
+    words = [f"{counted(statuses.total(), 'building')} ({counts})"]
     levels = Counter(one.attributes.get("lod") or "" for one in result.buildings)
     if levels.keys() - {""}:
         ordered = sorted(levels.items(), reverse=True)
@@ -181,7 +181,7 @@ def _how_long(run: Mapping[str, Any]) -> str:
     if "wall" in seconds:
         rate = run.get("n_points", 0) / max(seconds["wall"], 1e-3)
         words.append(f"{seconds['wall']:,.1f} s, {rate:,.0f} points/s")
-    words.append(_counted(run.get("n_tiles", 0), "tile"))
+    words.append(counted(run.get("n_tiles", 0), "tile"))
     if stages:
         name, most = max(stages, key=lambda one: one[1])
         total = sum(taken for _, taken in stages)
@@ -205,5 +205,6 @@ def _unit_of(result: Result, name: str) -> float:
     return {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}.get(name, 1.0)
 
 
-def _counted(number: int, what: str) -> str:
+def counted(number: int, what: str) -> str:
+    """Write how many there are of something."""
     return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.outline import Outline, signed_area
+from lidar_buildings.core.model.outline import Outline
 
 #: Faces meet on this grid [m]: far finer than any noise, far coarser than float64.
 GRID = 1e-4
@@ -106,18 +106,12 @@ class Building:
 def building_of(roof_type: str, faces: tuple[RoofFace, ...]) -> Building:
     """Return the building with these faces; their union is its outline."""
     union = shapely.union_all([face.polygon for face in faces], grid_size=GRID)
-    return Building(roof_type, faces, _outline([_corners(ring) for ring in _open_rings(union)]))
+    return Building(roof_type, faces, _outline([_corners(ring) for ring in Outline.of(union).rings]))
 
 
 def face_over(polygon: shapely.Polygon, plane: tuple[float, float, float]) -> RoofFace:
     """Return the roof face with this plane over a polygon."""
-    return RoofFace(tuple(_corners(ring) for ring in _open_rings(polygon)), plane)
-
-
-def _open_rings(polygon: shapely.Polygon) -> list[NDArray[np.float64]]:
-    """Return the rings without their repeated vertex: outer counter-clockwise first, holes clockwise."""
-    rings = [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-    return [ring if (signed_area(ring) > 0) == (row == 0) else ring[::-1] for row, ring in enumerate(rings)]
+    return RoofFace(tuple(_corners(ring) for ring in Outline.of(polygon).rings), plane)
 
 
 def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:

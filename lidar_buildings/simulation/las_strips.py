@@ -12,14 +12,13 @@ import pyproj
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scanner import StripPoints
 
 #: Resolution of the coordinates [m].
 SCALE = 0.001
-#: Unit of the scan angle in point format 6 [deg].
-ANGLE_UNIT = 0.006
 #: What the writer raises when a file cannot be written.
 _FAILURES = (OSError, laspy.errors.LaspyException, RuntimeError)
 #: Extra dimension → its type, member of `StripPoints` and description (at most 32 bytes).
@@ -59,7 +58,7 @@ def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], 
             record.scan_direction_flag = strip.scan_direction
             record.edge_of_flight_line = strip.edge_of_flight_line
             record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
-            record.scan_angle = np.round(strip.scan_angle / ANGLE_UNIT).astype(np.int16)
+            record.scan_angle = np.round(strip.scan_angle / SCAN_ANGLE_STEP).astype(np.int16)
             record.point_source_id = strip.point_source_id
             record.gps_time = strip.gps_time
             for name, (_, member, _) in TRUTH_DIMENSIONS.items():

@@ -27,6 +27,7 @@ from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.octree import SAMPLE_BITS, Cube, Node, cells_of, nodes_of
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import with_heights
 
@@ -36,8 +37,6 @@ _FORMATS = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}
 _LARGEST = 4_000_000
 #: Deepest level whose cells are counted for that.
 _DEEPEST_CELLS = 7
-#: Degrees per step of the scan angle in formats 6 to 8 (LAS 1.4).
-_ANGLE_STEP = 0.006
 _INFO = struct.Struct("<5d2Q2d88x")
 _ENTRY = struct.Struct("<4iQ2i")
 _EVLR = struct.Struct("<2x16sHQ32s")
@@ -133,7 +132,8 @@ def _converted(chunk: laspy.ScaleAwarePointRecord, point_format: laspy.PointForm
     """Return points in the output's format."""
     points = laspy.PackedPointRecord.from_point_record(chunk, point_format)
     if "scan_angle_rank" in chunk.point_format.dimension_names:
-        points["scan_angle"] = np.rint(np.asarray(chunk["scan_angle_rank"]) / _ANGLE_STEP).astype(np.int16)
+        steps = np.asarray(chunk["scan_angle_rank"]) / SCAN_ANGLE_STEP
+        points["scan_angle"] = np.rint(steps).astype(np.int16)
     return points
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.result_folder import ReportedBuilding
+from lidar_buildings.report.summary_words import counted
 
 _NOISE = ("regularisation.noise", "regularisation.wall_cost", "regularisation.min_step")
 _JOINED = ("segmentation.window", "segmentation.min_neck", "segmentation.split_at_steps")
@@ -44,7 +45,7 @@ def outline_findings(building: ReportedBuilding, spacing: float, limits: Limits)
         return
     corners = shapely.get_coordinates(outline.exterior)[:-1]
     n_holes = len(outline.interiors)
-    yield Finding(f"{len(corners)} walls, {outline.area:,.1f} m², {_counted(n_holes, 'courtyard')}")
+    yield Finding(f"{len(corners)} walls, {outline.area:,.1f} m², {counted(n_holes, 'courtyard')}")
     if building.status == "traced_outline":
         yield Finding("The outline is the traced ring: it could not be regularised.", _NOISE)
     if traced is not None and not traced.is_empty:
@@ -85,7 +86,7 @@ def _moves(outline: shapely.Polygon, traced: shapely.Polygon, limits: Limits) ->
     n_traced = len(traced.exterior.coords) - 1
     noise = limits.value("regularisation.noise")
     yield Finding(
-        f"Traced with {n_traced} corners and {_counted(len(traced.interiors), 'courtyard')}; "
+        f"Traced with {n_traced} corners and {counted(len(traced.interiors), 'courtyard')}; "
         f"walls may leave out what scatters by {noise:.2f} m."
     )
     for wall in sorted(walls, key=lambda one: abs(one.worst), reverse=True)[:_MOST_WALLS]:
@@ -121,10 +122,6 @@ def _necks(outline: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
                 _JOINED,
             )
             return
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def shape_of(points: NDArray[np.float64], spacing: float) -> shapely.Geometry:
