@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.motion import place_points
-from lidar_buildings.core.scans.scan import Scan, mark_of, read_scan, stamp_of
+from lidar_buildings.core.scans.scan import PlacedScan, Scan, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.scans.transform_tree import (
@@ -22,11 +22,13 @@ from lidar_buildings.core.scans.transform_tree import (
     ClockWatch,
     TransformTree,
     frame_name,
+    why_no_way,
 )
 from lidar_buildings.core.scans.waiting import WaitingScans
 
 #: Why points are left out, in words; those of `scan` beside.
 NO_POSE = "no pose at their time"
+WHY_NO_POSE = "two poses further apart than scan_assembler.max_pose_gap, or of another clock"
 NO_WAY = "no pose leads from their frame to another one"
 WAITED = "waited too long for poses"
 #: Why messages are left out, and what else they tell, in words.
@@ -44,28 +46,6 @@ _BATCH = 1_000_000
 _MAX_MARKS = 10_000
 
 
-class PlacedScan(NamedTuple):
-    """
-    Points of a scan in the map.
-
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        Map frame [m].
-    times : ndarray of int64, shape (n,)
-        [ns]
-    columns : dict
-        Our column → values.
-    sensor : ndarray of shape (3,) or None
-        Where the sensor was at the end of the scan; None if no pose is needed.
-    """
-
-    points: NDArray[np.float64]
-    times: NDArray[np.int64]
-    columns: dict[str, NDArray[Any]]
-    sensor: NDArray[np.float64] | None = None
-
-
 class ScanPlacer:
     """
     Places scans in the map.
@@ -80,6 +60,8 @@ class ScanPlacer:
         How.
     seen : SeenPoints, optional
         What leaves out the points of our own tiles that were in an earlier sending of them.
+    frames : TransformTree, optional
+        All frames that will be told of, where that is known beforehand: scans are placed in the last of them.
 
     Attributes
     ----------
@@ -91,13 +73,20 @@ class ScanPlacer:
         Why the last scan was refused that could not be read or has no pose, empty if none was.
     """
 
-    def __init__(self, config: ScanConfig | None = None, seen: SeenPoints | None = None) -> None:
+    def __init__(
+        self,
+        config: ScanConfig | None = None,
+        seen: SeenPoints | None = None,
+        frames: TransformTree | None = None,
+    ) -> None:
         self.config = config or ScanConfig()
         self.tree = TransformTree(self.config.max_pose_gap, self.config.max_speed)
         self.left_out: Counter[str] = Counter()
         self.n_scans = 0
         self.refusal = ""
         self._seen = seen
+        self._frames = frames
+        self._targets: OrderedDict[str, str] = OrderedDict()
         self._messages: Counter[str] = Counter()
         self._waiting = WaitingScans()
         self._of_before: list[PlacedScan] = []
@@ -195,9 +184,19 @@ class ScanPlacer:
         return poses.apply(np.array([self.config.antenna_place()]))[0] if poses.is_known[0] else None
 
     def target_of(self, frame: str) -> str:
-        """Return the frame in which scans of a frame are placed."""
+        """
+        Return the frame in which scans of a frame are placed, itself if there is none yet.
+
+        It is one for all of them: the map frame, if it is told of when the first is placed, else the last one
+        on the way up. What nothing moves in lies still, and is no place but in the map.
+        """
         wanted = frame_name(self.config.map_frame)
-        return wanted if self.tree.has_way(frame, wanted) else self.tree.root_of(frame)
+        target = self._targets.get(frame)
+        if target is None:
+            known = self.tree if self._frames is None else self._frames
+            target = wanted if known.has_way(frame, wanted) else known.root_of(frame)
+        is_told = self.tree.has_way(frame, target) and (target == wanted or self.tree.moves(frame, target))
+        return target if is_told else frame
 
     def _add_pose(self, header: Any, child: str, pose: Pose) -> None:
         stamp = stamp_of(header)
@@ -241,7 +240,8 @@ class ScanPlacer:
         child = self._odometry_child
         if self._mounting is not None and child and child != frame and self._mounted in ("", frame):
             self._mounted = frame
-            self.tree.set_fixed(child, frame, self._mounting)
+            for tree in filter(None, (self.tree, self._frames)):
+                tree.set_fixed(child, frame, self._mounting)
 
     def _place(self, scan: Scan) -> PlacedScan:
         if self._is_placed(scan):
@@ -250,9 +250,10 @@ class ScanPlacer:
         target = self.target_of(scan.frame)
         if target == scan.frame:
             self._leave_out(NO_WAY, len(scan.times))
-            self.refusal = self._no_way_from(scan.frame)
+            self.refusal = why_no_way(scan.frame, self.tree)
             none = np.zeros(0, dtype=np.intp)
             return PlacedScan(scan.points[none], scan.times[none], {})
+        _keep(self._targets, scan.frame, target, MAX_FRAMES)
         points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
         stamps = self.tree.stamps(scan.frame, target)
         look_up = partial(self.tree.poses, scan.frame, target)
@@ -267,14 +268,6 @@ class ScanPlacer:
         self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
         columns = {name: values.compress(is_known) for name, values in scan.columns.items()}
         return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns, sensor)
-
-    def _no_way_from(self, frame: str) -> str:
-        known = ", ".join(self.tree.frames) or "none"
-        return (
-            f"no pose leads from the scans' frame {frame!r} to another one (frames with poses: {known}): "
-            "give the odometry or /tf of it; or scan_assembler.mounting, if fixed to one of those; or "
-            "scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map already"
-        )
 
     def _leave_out(self, reason: str, n_points: Any) -> None:
         if n_points:

@@ -59,6 +59,28 @@ class Scan(NamedTuple):
     columns: dict[str, NDArray[Any]]
 
 
+class PlacedScan(NamedTuple):
+    """
+    Points of a scan in the map.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n, 3)
+        Map frame [m].
+    times : ndarray of int64, shape (n,)
+        [ns]
+    columns : dict
+        Our column → values.
+    sensor : ndarray of shape (3,) or None
+        Where the sensor was at the end of the scan; None if no pose is needed.
+    """
+
+    points: NDArray[np.float64]
+    times: NDArray[np.int64]
+    columns: dict[str, NDArray[Any]]
+    sensor: NDArray[np.float64] | None = None
+
+
 def read_scan(
     message: Any, config: ScanConfig, left_out: Counter[str], seen: SeenPoints | None = None
 ) -> Scan:

@@ -67,6 +67,11 @@ class Pose(NamedTuple):
         is_place = all(abs(one) <= MAX_COORDINATE for one in self.translation)
         return is_place and abs(math.hypot(*self.quaternion) - 1.0) <= _MAX_NORM_ERROR
 
+    def inverted(self) -> Pose:
+        """Return the pose of the one frame in the other."""
+        back = self.at(np.zeros(1, dtype=np.int64)).inverted()
+        return Pose(tuple(back.translation[0].tolist()), tuple(back.quaternion[0].tolist()))
+
     def at(self, times: NDArray[np.int64]) -> Poses:
         """Return the pose for each time."""
         n = len(times)

@@ -55,7 +55,11 @@ class TransformTree:
     def add_static(self, parent: str, child: str, pose: Pose) -> None:
         """Take a transform of /tf_static."""
         parent, child = frame_name(parent), frame_name(child)
-        if child not in self._fixed and self._is_taken(child, pose):
+        if child in self._fixed or not self._is_taken(child, pose):
+            return
+        if self._parents.get(child) != parent and isinstance(self._edges.get(child), Trajectory):
+            self._hang(parent, child, pose)
+        else:
             self._parents[child], self._edges[child] = parent, pose
 
     def add(self, parent: str, child: str, stamp: int, pose: Pose) -> None:
@@ -65,9 +69,16 @@ class TransformTree:
             return
         edge = self._edges.get(child)
         if not isinstance(edge, Trajectory) or self._parents[child] != parent:
+            if isinstance(edge, Pose) and self._parents[child] != parent:
+                self._hang(self._parents[child], child, edge)
             edge = self._edges[child] = Trajectory(*self._limits)
             self._parents[child] = parent
         edge.add(stamp, pose)
+
+    def _hang(self, frame: str, child: str, pose: Pose) -> None:
+        """Fix a frame under its child, which moves in another one: a frame has one parent."""
+        if frame not in self._parents:
+            self._parents[frame], self._edges[frame] = child, pose.inverted()
 
     def is_set_back(self, child: str, stamp: int) -> bool:
         """Whether a pose of a frame says that the clock was set back."""
@@ -98,6 +109,10 @@ class TransformTree:
     def has_way(self, source: str, target: str) -> bool:
         """Whether the two frames are connected."""
         return self.root_of(source) == self.root_of(target)
+
+    def moves(self, source: str, target: str) -> bool:
+        """Whether poses by time lie on the way between two frames."""
+        return any(True for _ in self._moving(source, target))
 
     def known_until(self, source: str, target: str) -> int | None:
         """Return up to when the moving transforms between two frames are known [ns]; None if none moves."""
@@ -159,6 +174,17 @@ class TransformTree:
 def frame_name(name: Any) -> str:
     """Return a frame's name as ROS 2 writes it, without the slash of ROS 1."""
     return str(name).lstrip("/")
+
+
+def why_no_way(frame: str, tree: TransformTree) -> str:
+    """Say what a tree lacks so that scans of a frame can be placed, and what can be done."""
+    known = ", ".join(tree.frames) or "none"
+    return (
+        f"no pose leads from the scans' frame {frame!r} to one in which it moves (frames with poses: "
+        f"{known}): give the odometry or /tf of it; or a static transform from scan_assembler.map_frame, if "
+        "it stood still; or scan_assembler.mounting, if fixed to one of those; or "
+        "scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map already"
+    )
 
 
 class ClockWatch:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
 from lidar_buildings.io.bags import is_bag
 from lidar_buildings.io.bags.bag_config import BagConfig
 
@@ -100,4 +101,7 @@ def _line(bag: Path, record: dict[str, Any]) -> str:
     out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
     said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
     problem = f"; {record['problem']}" if record["problem"] else ""
-    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}{problem}"
+    line = f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}{problem}"
+    if record["left_out"].get(NO_POSE, 0) <= record["n_points"]:
+        return line
+    return f"{line} ({WHY_NO_POSE})"

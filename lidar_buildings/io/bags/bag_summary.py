@@ -14,7 +14,7 @@ from lidar_buildings.io.bags.bag import ODOMETRY, Bag, TopicContent, topic_conte
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
 
-#: Messages of a topic that are looked at for the tree of frames; wide margin: most tell of all frames.
+#: Messages of odometry that are looked at for the tree of frames; wide margin: one tells both.
 _FIRST = 100
 
 
@@ -59,7 +59,7 @@ def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str
     """Say how the scans would be placed."""
     frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
     map_frame = ScanConfig().map_frame
-    placer = _with_poses(bag, taken)
+    placer = with_frames(bag, taken)
     notes = [] if taken.origin or taken.fix else ["no map_origin: the outputs carry no reference system"]
     if frame == map_frame:
         return [f"the scans are in frame {map_frame}: they are taken as they are", *notes]
@@ -75,14 +75,13 @@ def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str
     ]
 
 
-def _with_poses(bag: Bag, taken: BagTopics) -> ScanPlacer:
-    """Return a placer that knows the frames that poses tell of."""
-    placer = ScanPlacer()
+def with_frames(bag: Bag, taken: BagTopics, config: ScanConfig | None = None) -> ScanPlacer:
+    """Return a placer that knows the frames that all transforms, and the first poses, tell of."""
+    placer = ScanPlacer(config)
     for topic in (*taken.transforms, *filter(None, [taken.odometry])):
-        is_static = topic.endswith("static")
-        for message in islice(bag.messages([topic]), None if is_static else _FIRST):
+        for message in islice(bag.messages([topic]), None if topic in taken.transforms else _FIRST):
             if message.type == ODOMETRY:
                 placer.add_odometry(message.message)
             else:
-                placer.add_transforms(message.message, is_static=is_static)
+                placer.add_transforms(message.message, is_static=topic.endswith("static"))
     return placer

@@ -10,10 +10,11 @@ from pathlib import Path
 
 from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer
+from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage
 from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_summary import with_frames
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
@@ -51,7 +52,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     bag, problem = open_bag(bag_path)
     with bag, atomic_file(path) as temporary:
         topics = choose_topics(bag, choice.topic, choice.odometry)
-        placer = ScanPlacer(config, SeenPoints())
+        placer = ScanPlacer(config, SeenPoints(), with_frames(bag, topics, config).tree)
         file = PlacedLaz(temporary)
         place = MapPlace()
         try:
@@ -96,7 +97,7 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
         said = "".join(f"; {number:,} {what}" for what, number in placer.messages.items())
         raise InputError(
             f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at their "
-            f"times (two poses further apart than scan_assembler.max_pose_gap, or of another clock){said}"
+            f"times ({WHY_NO_POSE}){said}"
         )
 
 

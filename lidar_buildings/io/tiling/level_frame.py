@@ -10,7 +10,7 @@ import numpy as np
 import pyproj
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up
 
 #: Points within this of the origin are placed to 2 cm, those within a tenth of it to 2 mm [m].

@@ -18,7 +18,8 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer
+from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
@@ -125,7 +126,7 @@ class LiveFeed:
         return {
             "scans": self._placer.n_scans,
             "points": survey.n_points if survey else 0,
-            "points_waiting": self._inbox.n_points,
+            "points_waiting": self._inbox.n_points + self._placer.n_waiting,
             "tiles_waiting": survey.n_waiting if survey else 0,
             "clouds_waiting": self._n_clouds_left,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},

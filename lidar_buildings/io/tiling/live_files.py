@@ -12,7 +12,7 @@ import numpy as np
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_frame import MapPlace

@@ -9,7 +9,8 @@ import numpy as np
 import pyproj
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.placing import PlacedScan, ScanPlacer, stamp_of
+from lidar_buildings.core.scans.placing import ScanPlacer, stamp_of
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 
 #: Coordinates of the map beyond this lose more than a centimetre in float32: the origin is moved [m].

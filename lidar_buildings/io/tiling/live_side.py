@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 from lidar_buildings.core.neighbours.point_spacing import rounded_spacing
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.point_log import records_of
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES

@@ -11,7 +11,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.atomic_files import write_error
 from lidar_buildings.io.tiling.spool import BLOCK, RECORD, append_records
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of

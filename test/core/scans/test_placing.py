@@ -289,3 +289,67 @@ def test_hours_of_a_feed_take_no_memory(monkeypatch):
         sizes.append((len(edge), len(drive.placer._marks), len(drive.placer._last), drive.placer.n_waiting))
     assert sizes[200] == sizes[-1]
     assert sizes[-1][0] < 50
+
+
+def static(child, parent="base", place=(0, 0, 0)):
+    return transforms((0, parent, child, place))
+
+
+def test_a_scan_without_a_way_to_what_moves_is_left_out_wherever_poses_begin():
+    drive = Drive()
+    drive.placer.add_transforms(static("lidar"), is_static=True)
+    drive.scan(0.2)
+    assert drive.found == []
+    for second in np.arange(2.0, 4.0, 0.05):
+        drive.placer.add_odometry(odometry(stamp(second), (SPEED * second, 0, 0), child="base"))
+    drive.scan(3.0)
+    assert drive.end() == [3.0] * 3
+    assert drive.placer.left_out == {NO_POSE: 3}
+
+
+def test_frames_that_nothing_moves_are_no_place_but_in_the_map():
+    placer = ScanPlacer()
+    placer.add_transforms(static("lidar"), is_static=True)
+    placer.add_scan(scan(T0, POINTS))
+    assert sum(len(one.points) for one in placer.placed(is_end=True)) == 0
+    assert placer.left_out == {NO_WAY: 3}
+    assert "in which it moves (frames with poses: base, lidar)" in placer.refusal
+    tripod = ScanPlacer()
+    tripod.add_transforms(static("lidar", "map", (0, 0, 7)), is_static=True)
+    tripod.add_scan(scan(T0, POINTS))
+    assert [one.points[:, 2].tolist() for one in tripod.placed()] == [[7] * 3]
+
+
+@pytest.mark.parametrize("is_static_first", [True, False])
+def test_a_frame_that_odometry_moves_keeps_what_is_fixed_to_it_as_its_parent(is_static_first):
+    """As some drivers and odometries together tell it: lidar and imu fixed in the sensor, the imu moving."""
+    placer = ScanPlacer()
+    fixed = transforms((0, "sensor", "imu", (0, 0, 3)), (0, "sensor", "lidar", (0, 0, 5)))
+    if is_static_first:
+        placer.add_transforms(fixed, is_static=True)
+    for second in (0.0, 0.3):
+        placer.add_odometry(odometry(stamp(second), (1, 0, 0), child="imu"))
+    placer.add_transforms(fixed, is_static=True)
+    placer.add_scan(scan(T0, POINTS))
+    [found] = placer.placed()
+    np.testing.assert_allclose(found.points, POINTS + np.array([1, 0, 2]), atol=1e-9)
+
+
+def test_all_scans_are_placed_in_one_frame_though_the_map_comes_late():
+    def placed(frames):
+        placer, found = ScanPlacer(frames=frames), []
+        for k in range(20):
+            second = 0.1 * k
+            placer.add_odometry(odometry(stamp(second), (0, 0, 0), child="lidar"))
+            if second > 0.95:
+                placer.add_transforms(transforms((stamp(second), "map", "odom", (0, 0, 50))), is_static=False)
+            placer.add_scan(scan(stamp(second - 0.15), POINTS))
+            found += [z for one in placer.placed() for z in one.points[:, 2]]
+        found += [z for one in placer.placed(is_end=True) for z in one.points[:, 2]]
+        return placer, found
+
+    first, found = placed(None)
+    assert set(found) == {0.0}
+    later, found = placed(first.tree)
+    assert set(found) == {50.0}
+    assert later.left_out[NO_POSE] > 0

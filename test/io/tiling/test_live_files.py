@@ -7,7 +7,7 @@ from support.live_feeds import Running, points
 from support.scan_messages import T0, scan
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling import live_files, live_survey
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.live_side import FeedScale, scale_of
 
 BUFFER = 75.0

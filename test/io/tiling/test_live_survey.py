@@ -7,7 +7,7 @@ import pytest
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.placing import PlacedScan
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling import live_survey, point_log, spool
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 from lidar_buildings.io.tiling.tile_room import CROWDED, TOO_MANY, VOXEL
