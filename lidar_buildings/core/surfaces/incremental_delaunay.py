@@ -17,9 +17,7 @@ ON_CIRCLE = 1e-12
 
 
 @kernel
-def insert_vertex(  # type: ignore[no-untyped-def]
-    vertex, triangle, n_triangles, vertices, triangles, neighbours, changed, mark
-):
+def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
     """
     Insert a vertex into the triangle that holds it; flip sides until all are Delaunay again (Lawson 1977).
 
@@ -35,10 +33,6 @@ def insert_vertex(  # type: ignore[no-untyped-def]
         Coordinates [m].
     triangles, neighbours : ndarray of shape (m, 3), int32
         The mesh; changed in place.
-    changed : ndarray of shape (m,), int8 or int32
-        Set to `mark` for every triangle that is new or has another shape.
-    mark : int
-        See `changed`.
 
     Returns
     -------
@@ -47,7 +41,6 @@ def insert_vertex(  # type: ignore[no-untyped-def]
     """
     first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)
-    changed[triangle], changed[first], changed[second] = mark, mark, mark
     suspect = triangle
     while True:
         beyond = neighbours[suspect, 0]
@@ -56,7 +49,6 @@ def insert_vertex(  # type: ignore[no-untyped-def]
             if _has_to_flip(suspect, triangles[beyond, k], vertices, triangles):
                 # The suspect keeps its number, and the other one comes after it round the vertex.
                 _flip(suspect, beyond, k, triangles, neighbours)
-                changed[suspect], changed[beyond] = mark, mark
                 continue
         suspect = neighbours[suspect, 1]
         if suspect == triangle:

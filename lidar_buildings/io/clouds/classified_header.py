@@ -75,7 +75,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
     header.set_version_and_point_format(written_version(header), point_format)
     header.system_identifier = header.generating_software = ""  # laspy refuses other than ASCII
-    records = _with_entries(cloud, header, names, undocumented, missing)
+    records = _with_entries(cloud, names, undocumented, missing)
     header.vlrs[:] = [_placeholder(record) for record in records]
     return OutputFormat(header, records, point_format.dtype())
 
@@ -119,7 +119,6 @@ def _undocumented_size(cloud: Cloud, header: laspy.LasHeader) -> int:
 
 def _with_entries(
     cloud: Cloud,
-    header: laspy.LasHeader,
     names: dict[str, str],
     undocumented: int,
     missing: Sequence[_Dimension],

@@ -126,10 +126,9 @@ def grown_mesh(points):
     n_triangles = len(tin.triangles)
     triangles = with_room(tin.triangles, n_triangles + 2 * len(points))
     neighbours = with_room(tin.neighbours, n_triangles + 2 * len(points))
-    changed = np.zeros(len(triangles), dtype=np.int32)
     for p in range(n_start, len(vertices)):
         here = walk(vertices[p, 0], vertices[p, 1], 0, vertices, triangles, neighbours)
-        n_triangles = insert_vertex(p, here, n_triangles, vertices, triangles, neighbours, changed, p)
+        n_triangles = insert_vertex(p, here, n_triangles, vertices, triangles, neighbours)
     return vertices, triangles[:n_triangles], neighbours[:n_triangles]
 
 

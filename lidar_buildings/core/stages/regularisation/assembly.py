@@ -98,22 +98,11 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     for i in range(m):
         # Walls begin in the first round, so that merged ones end in the second, as far as the sums reach.
         first[i], last[i] = first[i] % n, first[i] % n + last[i] - first[i]
-        fit_wall(points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
+        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
     joints = np.zeros((m, 2, 2))
     while True:
         m = _merge_parallels(
-            points,
-            weights,
-            bears,
-            sums,
-            first,
-            last,
-            kind,
-            shape,
-            m,
-            angles,
-            direction_weight,
-            min_step,
+            points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
         )
         if m == 1 and shape[0, RADIUS] != 0 and last[0] - first[0] >= len(points):
             break
@@ -145,7 +134,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
 
 @inner_kernel
 def _merge_parallels(  # type: ignore[no-untyped-def]
-    points, weights, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
+    points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
     """
     Make consecutive parallel walls one where the step between them is too small; return how many are left.
@@ -162,7 +151,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
         while end <= first[i]:
             end += n
         last[i] = end
-        fit_wall(points, weights, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
+        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
         m = close_rows(first, last, kind, shape, m, k)
         i = max(i - 1, 0) if k else 0
     return m

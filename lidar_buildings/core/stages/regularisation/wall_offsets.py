@@ -25,7 +25,9 @@ def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> Wa
     Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
     all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
     """
-    offsets = _mean_offsets(samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:4])
+    offsets = _mean_offsets(
+        samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:2], walled.shape
+    )
     return _drawn_anew(samples, walled, fit, offsets)
 
 
@@ -45,7 +47,7 @@ def _drawn_anew(
 
 
 @kernel
-def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, kind, shape):  # type: ignore[no-untyped-def]
+def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # type: ignore[no-untyped-def]
     """Return how far outside each wall its points lie in the mean, negative inside [m]."""
     n = len(ring)
     offsets = np.zeros(len(first))

@@ -17,7 +17,7 @@ _CIRCLE_ROUNDS = 8
 
 
 @kernel
-def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_weight, shape):  # type: ignore[no-untyped-def]
+def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, shape):  # type: ignore[no-untyped-def]
     """
     Fit the line or arc of one wall.
 
@@ -27,7 +27,7 @@ def fit_wall(points, weights, bears, sums, first, last, kind, angles, direction_
 
     Parameters
     ----------
-    points, weights : ndarray
+    points : ndarray
         Samples of the ring about the building's centre [m].
     bears : ndarray of bool, shape (n_samples,)
         Whether a sample is a point of the ring: only these lie on an arc, bridges cut it short.

@@ -42,13 +42,13 @@ def grow_plainly(growth, limits, excluded):
                 best[here] = (score, i)
         if not best:
             return
+        before = triangles.copy()
         for here, (_, i) in sorted(best.items()):
             p = n_start + i
             growth.home[i] = within = walk(*vertices[p, :2], here, *mesh)
-            growth.n_triangles = insert_vertex(
-                p, within, growth.n_triangles, vertices, triangles, neighbours, changed, turn
-            )
+            growth.n_triangles = insert_vertex(p, within, growth.n_triangles, vertices, triangles, neighbours)
             growth.joined[i] = True
+        changed[(triangles != before).any(axis=1)] = turn
 
 
 @pytest.mark.parametrize("seed", range(4))

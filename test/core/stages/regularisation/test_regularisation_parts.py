@@ -67,7 +67,7 @@ def fitted(points, kind, angles=(), weight=100.0):
     weights, bears = np.ones(len(points)), np.ones(len(points), dtype=bool)
     sums = running_sums(points, weights)
     shape = np.empty(N_SHAPE)
-    fit_wall(points, weights, bears, sums, 0, len(points), kind, np.array(angles), weight, shape)
+    fit_wall(points, bears, sums, 0, len(points), kind, np.array(angles), weight, shape)
     return shape
 
 

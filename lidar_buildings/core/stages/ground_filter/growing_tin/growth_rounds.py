@@ -91,7 +91,6 @@ def join_in_rounds(
     # Those to evaluate: they have not been yet, or their triangle changed.
     pending, n_pending = rows.copy(), len(rows)
     border, fresh = np.zeros(0, dtype=np.int32), _at_frame(mesh, np.arange(n_triangles, dtype=np.int32))
-    marks = np.zeros(len(mesh.triangles), dtype=np.int8)
     while True:
         if len(fresh):
             border = _at_frame(mesh, np.union1d(border, fresh))
@@ -104,7 +103,7 @@ def join_in_rounds(
             break
         best = _take_best(waiting, facets)
         joined[best] = True
-        n_triangles, n_pending, fresh = _insert(mesh, n_triangles, facets, best, waiting, pending, marks)
+        n_triangles, n_pending, fresh = _insert(mesh, n_triangles, facets, best, waiting, pending)
     return n_triangles
 
 
@@ -178,7 +177,7 @@ def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: ignore[no-untyped-def]
+def _insert(mesh, n_triangles, facets, best, waiting, pending):  # type: ignore[no-untyped-def]
     """
     Insert the best candidate of each facet; candidates of triangles that change become pending.
 
@@ -190,7 +189,7 @@ def _insert(mesh, n_triangles, facets, best, waiting, pending, marks):  # type: 
         p = n_start + best[k]
         # Insertions of this round may have cut the point's triangle off this number.
         within = walk(vertices[p, 0], vertices[p, 1], facets[k], vertices, triangles, neighbours)
-        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, marks, 1)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours)
         waiting.home[best[k]] = within
         # What changed are the triangles round the new vertex, which is corner 0 of each.
         triangle = within

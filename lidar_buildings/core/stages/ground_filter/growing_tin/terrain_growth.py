@@ -136,11 +136,10 @@ def start_growth(
 @kernel
 def _insert_all(rows, mesh, n_triangles, joined, home):  # type: ignore[no-untyped-def]
     vertices, triangles, neighbours, _, n_start, _ = mesh
-    marks = np.zeros(len(triangles), dtype=np.int8)
     for i in rows:
         p = n_start + i
         within = walk(vertices[p, 0], vertices[p, 1], home[i], vertices, triangles, neighbours)
-        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours, marks, 1)
+        n_triangles = insert_vertex(p, within, n_triangles, vertices, triangles, neighbours)
         joined[i], home[i] = True, within
     return n_triangles
 
