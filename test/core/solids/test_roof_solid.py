@@ -223,21 +223,6 @@ def test_nothing_gives_nothing():
     assert roof_solid([flat(np.empty((0, 2)), 3.0)], 0.0).faces == ()
 
 
-@pytest.mark.parametrize(
-    ("given", "ground", "word"),
-    [
-        ([flat(SQUARE, 3.0)], np.nan, "ground_elevation"),
-        ([flat(SQUARE, np.inf)], 0.0, "plane"),
-        ([piece(SQUARE, (0.0, 3.0))], 0.0, "plane"),
-        ([flat(np.zeros((4, 3)), 3.0)], 0.0, "rings"),
-        ([flat(SQUARE * np.nan, 3.0)], 0.0, "rings"),
-    ],
-)
-def test_what_is_no_roof_is_refused(given, ground, word):
-    with pytest.raises(ValueError, match=word):
-        roof_solid(given, ground)
-
-
 def test_what_cannot_be_one_solid_comes_with_its_codes():
     apart = [flat(rectangle(0, 0, 5, 5), 3.0), flat(rectangle(7, 0, 12, 5), 4.0)]
     solid, codes = checked_roof_solid(apart, 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -14,7 +13,7 @@ from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded
 from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
 from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
-from lidar_buildings.core.solids.raising.roof_piece import RoofPiece, check_pieces
+from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face, Solid
 from lidar_buildings.core.solids.validity import MAX_PLANE_DISTANCE, check_solid
 from lidar_buildings.core.solids.validity.checking import check_faces, codes_of_upward_faces
@@ -49,11 +48,6 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
         Ground faces, roof faces and walls, outer ones and those at height steps, with all coordinates on the
         output grid. Empty if there are no pieces with an area.
 
-    Raises
-    ------
-    ValueError
-        If the elevation, a plane or a ring is not finite or has another shape.
-
     Notes
     -----
     The solid is checked. If it is not valid, folded faces are cut into triangles and details are left out,
@@ -71,9 +65,6 @@ def checked_roof_solid(
 
     With `join_equal` pieces of one plane are one, without edges between them.
     """
-    if not math.isfinite(ground_elevation):
-        raise ValueError(f"ground_elevation = {ground_elevation}: must be finite")
-    check_pieces(pieces)
     ground = round(ground_elevation / GRID)
     pieces = with_minimum_height(pieces, ground * GRID)
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
