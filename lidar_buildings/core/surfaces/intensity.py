@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -16,8 +15,6 @@ HIGH_PERCENTILE = 95.0
 HIGH_ANCHOR = 200.0
 #: The brightest normalised intensity; the scale begins at 0.
 BRIGHTEST = 255.0
-#: Whole numbers within such a range are counted, not sorted.
-LARGEST_RANGE = 65_535
 #: A strip with fewer pulses tells nothing of its own scale.
 MIN_PULSES = 500
 
@@ -31,22 +28,7 @@ class IntensityScale(NamedTuple):
 
 def measure_scale(intensity: NDArray[np.floating]) -> IntensityScale:
     """Return the scale of some pulses of one strip; there has to be one at least."""
-    with np.errstate(invalid="ignore"):
-        whole = intensity.astype(np.int64)
-    if (whole != intensity).any() or np.ptp(whole) > LARGEST_RANGE:
-        return IntensityScale(*np.percentile(intensity, [LOW_PERCENTILE, HIGH_PERCENTILE]).tolist())
-    lowest = int(whole.min())
-    n_up_to = np.cumsum(np.bincount(whole - lowest))
-    return IntensityScale(*(_percentile(lowest, n_up_to, one) for one in (LOW_PERCENTILE, HIGH_PERCENTILE)))
-
-
-def _percentile(lowest: int, n_up_to: NDArray[np.int64], share: float) -> float:
-    """Return the same as numpy of whole numbers of which it is known how many are up to each."""
-    place = (int(n_up_to[-1]) - 1) * (share / 100.0)
-    around = math.floor(place), math.ceil(place)
-    lower, upper = (lowest + np.searchsorted(n_up_to, around, side="right")).tolist()
-    part = place - math.floor(place)
-    return float(lower + (upper - lower) * part if part < 0.5 else upper - (upper - lower) * (1.0 - part))
+    return IntensityScale(*np.percentile(intensity, [LOW_PERCENTILE, HIGH_PERCENTILE]).tolist())
 
 
 def strip_scales(
@@ -79,7 +61,7 @@ def strip_scales(
     common = measure_scale(single)
     of = strip[is_single]
     scales = {}
-    for number in _distinct(strip).tolist():
+    for number in np.unique(strip).tolist():
         mine = single[of == number]
         scales[number] = measure_scale(mine) if len(mine) >= MIN_PULSES else common
     return scales
@@ -111,18 +93,10 @@ def normalised_intensity(
         0 to 255; 0 throughout a strip of constant intensity.
     """
     normalised = np.zeros(len(intensity), dtype=np.float32)
-    for number in _distinct(strip).tolist():
+    for number in np.unique(strip).tolist():
         scale = scales.get(number, other)
         if scale is not None and scale.high > scale.low:
             mine = strip == number
             gain = HIGH_ANCHOR / (scale.high - scale.low)
             normalised[mine] = np.clip((intensity[mine] - scale.low) * gain, 0.0, BRIGHTEST)
     return normalised
-
-
-def _distinct(strip: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the strips' numbers, rising; they mostly lie close together, and are counted."""
-    if not len(strip) or int(strip.max()) - int(strip.min()) > len(strip):
-        return np.unique(strip).astype(np.int64)
-    low = int(strip.min())
-    return np.flatnonzero(np.bincount(strip.astype(np.int64, copy=False) - low)) + low
