@@ -26,9 +26,9 @@ TABLE_II = {
     7: (5, 13, 106, 1827, 234041, 29957322),
     8: (6, 17, 177, 4570, 1170207, 299573226),
 }
-#: Section III: points of each class; roads are parted from the terrain's.
+#: Section III: points of each class; the roads were parted from the terrain's 361,086.
 COUNTS = {
-    PointClass.GROUND: 361_086,
+    PointClass.GROUND: 361_086 - 185_430,
     PointClass.ROAD_SURFACE: 185_430,
     PointClass.LOW_VEGETATION: 50_543,
     PointClass.MEDIUM_VEGETATION: 331_291,
