@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
+from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.report.explain.finding import Finding, Limits
@@ -80,7 +81,15 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
     if building.shape is not None and not building.shape.is_empty and result.clouds():
         site = read_site(result.clouds(), frame, _box(building.shape.bounds))
         roof = site.roof_of(building.building_id)
-        if len(roof.points):
+        is_top = (site.building_id == building.building_id) & (site.facade == Facade.BARE)
+        if is_top.any():
+            sections["Roof"] = [
+                Finding(
+                    f"Closed behind its walls: {is_top.sum():,} points of the tops of bare walls and "
+                    f"{len(roof.points):,} of its roof, which was not seen whole: one height, no planes."
+                )
+            ]
+        elif len(roof.points):
             model = model_arrays(result.lines({building.name}), [building.name], _MANY)
             sections["Roof"] = list(roof_findings(roof, model, spacing, frame, limits))
             if result.has(GPKG):
