@@ -37,7 +37,7 @@ _OF_BOTH = {
 _OF_BAGS = {"topic": str, "odometry": str, "start": float, "duration": float}
 SOURCE_ARGUMENTS = {"tile_player": _OF_BOTH | _OF_BAGS | {"rate": float}, "scan_assembler": _OF_BOTH}
 #: Topics of a feed that may have other names.
-FEED_TOPICS = ("scan", "odometry")
+FEED_TOPICS = ("scan", "odometry", "fix")
 
 ARGUMENTS = (
     DeclareLaunchArgument(
@@ -57,6 +57,7 @@ ARGUMENTS = (
         default_value="",
         description="Topic of the poses; empty: odometry of a live feed, the only one of a bag.",
     ),
+    DeclareLaunchArgument("fix", default_value="fix", description="Topic of a live feed's NavSatFix."),
     DeclareLaunchArgument("topic", default_value="", description="Topic of a bag's scans, if several."),
     DeclareLaunchArgument("start", default_value="", description="Begin so late in a bag [s]."),
     DeclareLaunchArgument("duration", default_value="", description="Read so much of a bag [s]."),

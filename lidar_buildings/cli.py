@@ -139,6 +139,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--odometry", metavar="TOPIC", help="the poses (default: odometry; a bag's only one; /tf beside it)"
     )
+    parser.add_argument("--fix", metavar="TOPIC", help="positions of satellites (default: fix)")
     parser.add_argument(
         "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and end with it"
     )

@@ -27,6 +27,8 @@ DONE, IN_PART, LEFT = 0, 2, 130
 #: Period of looking at the nodes, and of telling how far they are [s].
 _TICK, _TELL = 0.1, 5.0
 _NODE = "scan_assembler"
+#: Type of the messages that scanners publish.
+_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def live_command(options: argparse.Namespace) -> int:
@@ -62,7 +64,7 @@ def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:
 
 def _ros_arguments(options: argparse.Namespace) -> list[str]:
     """Return the names of the feed's topics, and their quality of service, as arguments of ROS."""
-    names = {"scan": options.topic, "odometry": options.odometry}
+    names = {"scan": options.topic, "odometry": options.odometry, "fix": options.fix}
     words = [word for topic, name in names.items() if name for word in ("-r", f"{topic}:={name}")]
     if options.reliable:
         namespace = f"/{(options.namespace or '').strip('/')}".rstrip("/")
@@ -114,7 +116,23 @@ def _watch(
 
 def _come(source: ScanAssembler) -> str:
     counts = source.tiles.counts()
-    return ", ".join(f"{number:,} {name}" for name, number in counts.items() if number) or "no scan has come"
+    told = ", ".join(f"{number:,} {name}" for name, number in counts.items() if number)
+    return told or _no_scan(source)
+
+
+def _no_scan(source: ScanAssembler) -> str:
+    """Say on which topic no scan has come, and on which others clouds are published."""
+    from lidar_buildings.nodes.table import NODE_TABLE  # needs the nodes' configs, which load slowly
+
+    names = {"scan", *(topic.name for card in NODE_TABLE for topic in card.publishes)}
+    own = {source.resolve_topic_name(name) for name in names}
+    clouds = sorted(
+        name
+        for name, types in source.get_topic_names_and_types()
+        if _CLOUD in types and name not in own and source.count_publishers(name)
+    )
+    others = f"; clouds are published on {', '.join(clouds)}: --scan TOPIC" if clouds else ""
+    return f"no scan has come on {source.resolve_topic_name('scan')}{others}"
 
 
 @contextmanager
