@@ -64,12 +64,20 @@ def threads_used(others):
     (folder / f"{os.getpid()}").touch()
     while len(list(folder.iterdir())) < n_others:
         time.sleep(0.001)
-    used = set()
-    for_row_blocks(lambda first, last: used.add(threading.get_ident()), 1000, 1)
+    used, own, has_other, waited = set(), threading.get_ident(), threading.Event(), []
+
+    def block(first, last):
+        used.add(threading.get_ident())
+        if threading.get_ident() != own:
+            has_other.set()
+        elif not waited:  # else one thread may have done all before others wake
+            waited.append(has_other.wait(1.0))
+
+    for_row_blocks(block, 1000, 1)
     (folder / f"{os.getpid()} done").touch()
     while len(list(folder.glob("* done"))) < n_others:
         time.sleep(0.001)
-    return used != {threading.get_ident()}
+    return used != {own}
 
 
 def is_alive(process):
