@@ -89,7 +89,19 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
         _tell("finishing: Ctrl-C again leaves the rest for the next time")
         n_saved = writer.n_saved
         source.tiles.flush()
-        _watch(composition, source, writer, lambda: n_interruptions() > 1 or writer.n_saved > n_saved)
+
+        def is_empty() -> bool:
+            return writer.is_over and not source.tiles.tile_count
+
+        _watch(
+            composition,
+            source,
+            writer,
+            lambda: n_interruptions() > 1 or writer.n_saved > n_saved or is_empty(),
+        )
+        if is_empty():
+            _tell(f"{_come(source)}; nothing to write: no point was placed")
+            return IN_PART
         if writer.n_saved == n_saved:
             _tell("left: the same command goes on from here")
             return LEFT

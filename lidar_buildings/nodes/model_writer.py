@@ -49,10 +49,10 @@ class ModelWriter(StageNode):
 
     Attributes
     ----------
-    n_saved : int
-        How often files were made.
-    last_words : str
-        What was made last.
+    is_over : bool
+        Whether the source has said that the survey is done.
+    n_saved, last_words : int, str
+        How often files were made, and what was made last.
     n_clouds_left : int
         Classified clouds that have still to be written.
     """
@@ -107,7 +107,7 @@ class ModelWriter(StageNode):
         if before is None:
             self._report_tiles_on_disk()
             self._store_all(self._tiles.take_ready())
-            if self._is_over:
+            if self.is_over:
                 self._make_files_soon()
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
@@ -141,7 +141,7 @@ class ModelWriter(StageNode):
 
     def on_survey_done(self, _: Header) -> None:
         """Make the files as soon as it is known where they lie and what the nodes say of the last tiles."""
-        self._is_over = True
+        self.is_over = True
         if self._survey.frame is not None:
             self._make_files_soon()
 
@@ -179,7 +179,7 @@ class ModelWriter(StageNode):
 
     def _begin(self) -> None:
         """Wait for tiles, and say which are on disk."""
-        self._is_over = False
+        self.is_over = False
         self._written: set[int] = set()
         self._tiles = TileGathering(self._topics, self._rasterised, lambda: self._survey.frame is not None)
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)

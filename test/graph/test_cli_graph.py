@@ -214,3 +214,31 @@ def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_p
     assert finished.returncode == 0
     assert all(PROGRESS.fullmatch(line) for line in finished.stderr.splitlines())
     assert contents(out) == contents(result)
+
+
+def test_a_feed_of_which_nothing_could_be_placed_ends_when_it_is_interrupted(tmp_path):
+    out = tmp_path / "out"
+    program = [
+        sys.executable,
+        "-m",
+        "lidar_buildings.cli",
+        "live",
+        "--output",
+        str(out),
+        "--namespace",
+        "still",
+    ]
+    running = subprocess.Popen(
+        program,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert any("listening" in line for line in running.stderr)
+    running.send_signal(signal.SIGINT)
+    said = running.communicate(timeout=120)[1]
+    assert running.returncode == 2
+    assert said.splitlines()[-1].endswith(
+        "no scan has come on /still/scan; nothing to write: no point was placed"
+    )
