@@ -69,18 +69,7 @@ def build_models(
     needed = tile.with_columns(**dict.fromkeys(tile.columns.keys() - _NEEDED))
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
-    jobs = [
-        _Job(
-            one.building_id,
-            part.points[_tell_height(part)] if _is_closed(part, one) else part.points,
-            one.outline,
-            None if _is_closed(part, one) else part.plane_id,
-            _ground_elevation(part, one),
-            _is_closed(part, one),
-            config,
-        )
-        for one, part in zip(ordered, buildings, strict=True)
-    ]
+    jobs = [_job(part, one, config) for one, part in zip(ordered, buildings, strict=True)]
     models = map_buildings(pool, _built, jobs, [len(part) for part in buildings], _lost)
     return tuple(map(_with_attributes, buildings, ordered, models))
 
@@ -106,6 +95,14 @@ class _Job(NamedTuple):
     ground_elevation: float | None
     is_closed: bool
     config: BuildingModelConfig
+
+
+def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> _Job:
+    points, plane_id, is_closed = building.points, building.plane_id, _is_closed(building, one)
+    if is_closed:
+        points, plane_id = points[_tell_height(building)], None
+    ground = _ground_elevation(building, one)
+    return _Job(one.building_id, points, one.outline, plane_id, ground, is_closed, config)
 
 
 def _built(job: _Job) -> BuildingModel:

@@ -32,8 +32,6 @@ MIN_STRAIGHT = 0.75
 MAX_GROUND = 0.25
 #: Smallest share within an outline of what was not seen at all: with less of it the roof tells the outline.
 MIN_UNSEEN = 0.05
-#: Share of an outline along which walls or roofs have to be seen: two sides of a house, less what hides them.
-MIN_SEEN = 0.3
 #: Length of an outline along which walls have to be bare: it is by these that the roof is known to go on [m].
 MIN_BARE = 3.0
 #: Narrower parts are no building: garden walls, and sides of which hardly anything was seen [m].
@@ -108,12 +106,8 @@ def _is_closed(
     n_seen = np.count_nonzero(shapely.contains_xy(shape, within))
     if n_seen * GROUND_CELL**2 > (1.0 - MIN_UNSEEN) * shape.area:
         return False
-    off_seen, off_bare = _distances(shape, seen), _distances(shape, bare)
-    return bool(
-        off_seen.max() <= MAX_DEPTH
-        and np.mean(off_seen <= GROUND_CELL) >= MIN_SEEN
-        and np.count_nonzero(off_bare <= GROUND_CELL) * _STEP >= MIN_BARE
-    )
+    by_bare = np.count_nonzero(_distances(shape, bare) <= GROUND_CELL) * _STEP
+    return bool(_distances(shape, seen).max() <= MAX_DEPTH and by_bare >= MIN_BARE)
 
 
 def _turn(angle: float) -> NDArray[np.float64]:
