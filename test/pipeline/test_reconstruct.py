@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.pipeline import reconstruct
 
 
@@ -67,3 +69,21 @@ def test_what_is_cut_off_outside_the_core_is_its_neighbours(part_of_a_hall):
         x = part_of_a_hall.points[:, 0]
         tile = replace(part_of_a_hall, buffer=(x < core[0]) | (x > core[1]))
         assert reconstruct.reconstruct_tile(tile, until="ground_filter").clipped == clipped
+
+
+@pytest.mark.parametrize("n_again", [0, 40_000])
+def test_a_house_is_whole_however_often_a_standing_scanner_measured_its_front(n_again):
+    """A gable roof seen ever more sparsely to its rear, whose front was measured again and again."""
+    random = np.random.default_rng(5)
+    x, y = random.uniform((0.0, 0.0), (9.0, 12.0), (60_000, 2)).T
+    rays = np.flatnonzero(random.random(len(x)) < np.exp(-y / 4.0))
+    rays = np.concatenate([rays, random.choice(rays[y[rays] < 5.0], n_again)])
+    roof = np.column_stack([x, y, 7.5 - np.abs(x - 4.5)])[rays]
+    ground = np.column_stack([random.uniform(-15.0, 25.0, (40_000, 2)), np.zeros(40_000)])
+    truth = shapely.box(0.0, 0.0, 9.0, 12.0)
+    points = np.vstack([roof, ground[~shapely.contains_xy(truth, *ground[:, :2].T)]])
+    points += random.normal(0.0, 0.01, points.shape)
+    result = reconstruct.reconstruct_tile(PointTile(points, point_spacing=steady_spacing(points, None)))
+    assert len(result.outlines) == 1
+    polygon = shapely.Polygon(result.outlines[0].outline.exterior)
+    assert polygon.intersection(truth).area / polygon.union(truth).area > 0.95

@@ -29,6 +29,8 @@ MAX_STRAY = 3.0
 #: Points of the strips that positions are sorted in, on average, and the most that are sorted by insertion.
 POINTS_A_STRIP, LARGE_STRIP = 8, 64
 
+#: What is measured more densely is taken for as dense as this [m]: no building has details so fine.
+FINEST = 2.0**-3.25
 #: A spacing within this factor of the expected one is taken for it: two strips on one another are √2 denser.
 MAX_DEVIATION = 1.6
 #: One within this factor by the points in cells of so many spacings is within that one when measured.
@@ -175,11 +177,11 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
         Spacing [m].
     """
     if expected is not None and _has_plainly(checked_points(points), expected):
-        return expected
+        return max(expected, FINEST)
     measured = measure_spacing(points)
     if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
-        return expected
-    return rounded_spacing(measured)
+        return max(expected, FINEST)
+    return max(rounded_spacing(measured), FINEST)
 
 
 def _has_plainly(points: NDArray[np.float64], spacing: float) -> bool:

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours import point_spacing
-from lidar_buildings.core.neighbours.point_spacing import measure_spacing, steady_spacing
+from lidar_buildings.core.neighbours.point_spacing import FINEST, measure_spacing, steady_spacing
 from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -35,6 +35,10 @@ def test_few_points_tell_nothing_of_the_survey():
 def test_a_tile_takes_the_expected_spacing_unless_its_own_is_quite_another():
     assert steady_spacing(lattice(0.5), 0.45) == 0.45
     assert steady_spacing(lattice(0.5), 2.0) == pytest.approx(0.5, rel=0.2)
+
+
+def test_what_is_finer_than_any_detail_of_a_building_counts_as_no_finer():
+    assert [steady_spacing(lattice(0.02, 5.0), one) for one in (None, 0.02, 2.0)] == [FINEST] * 3
 
 
 def beside(fine, coarse):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.columns import Columns, by_column
+from lidar_buildings.core.neighbours.crowds import without_crowds
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
 from lidar_buildings.core.stages.roof_selection.candidates import (
@@ -178,14 +179,16 @@ def select_roofs(
     columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
     rows = rows[columns.rows]
     is_roof, facade = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=np.uint8)
-    own = (height[rows], is_last[rows], is_only[rows])
+    is_chosen, place = without_crowds(columns)
+    columns, chosen = columns.select(is_chosen), rows[is_chosen]
+    own = (height[chosen], is_last[chosen], is_only[chosen])
     low = points.take(np.flatnonzero(is_low), axis=0)
-    is_roof[rows], is_wall = _roofs(columns, *own, low, spacing, config)
+    roof, wall = _roofs(columns, *own, low, spacing, config)
+    is_roof[rows] = roof[place]
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
-    classes[rows], facade[rows] = _open_classes(
-        columns, own[0], is_roof[rows], is_wall, own[1], spacing, config
-    )
+    of_chosen = _open_classes(columns, own[0], is_roof[chosen], wall, own[1], spacing, config)
+    classes[rows], facade[rows] = (values[place] for values in of_chosen)
     if config.road_method == "grey_values":
         if intensity is not None:
             grey = checked_column("intensity", intensity, len(points), np.float32)

@@ -143,3 +143,15 @@ def test_walls_below_a_roof_are_told_from_bare_ones():
     assert np.mean(own[raised & (x < 9.0)] == Facade.BELOW_ROOF) > 0.9
     assert not (own[raised & (x < 9.0)] == Facade.BARE).any()
     assert not result.facade[of == 0][: len(roof)].any()
+
+
+def test_a_place_that_was_measured_a_thousand_times_changes_nothing_elsewhere():
+    random = np.random.default_rng(6)
+    points, of = street(random, [wall(random, 10.0, 6.0), wall(random, 12.0, 3.8)])
+    again = random.normal(0.0, 0.02, (40_000, 3)) + points[of == 0][random.integers(0, 40, 40_000)]
+    crowd = again[again[:, 2] > 0.05]
+    alone, is_facade = selected(points)
+    classes, is_facade_too = selected(np.vstack([points, crowd]))
+    np.testing.assert_array_equal(classes[: len(points)], alone)
+    np.testing.assert_array_equal(is_facade_too[: len(points)], is_facade)
+    assert (classes[len(points) :][crowd[:, 2] > 1.0] == BUILDING).all()

@@ -1,0 +1,76 @@
+"""Crowds: places measured again and again, as by a scanner that stands still; few points tell all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.neighbours.columns import Columns
+
+#: Voxels along a column's side: nine centimetres for the columns of a dense cloud.
+VOXELS_A_COLUMN = 4
+#: Points that stand for a voxel: on an even surface one voxel of a thousand has more.
+MOST = 2
+
+
+def without_crowds(columns: Columns) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """
+    Choose points that stand for all: of each voxel at most `MOST`, spread evenly over its heights.
+
+    Pairs of neighbours grow with the square of the points at a place; of the chosen ones they do not.
+
+    Parameters
+    ----------
+    columns : Columns
+        The points [m].
+
+    Returns
+    -------
+    is_chosen : ndarray of bool, shape (n_points,)
+        Which stand for all.
+    place : ndarray of int64, shape (n_points,)
+        Which one of the chosen, in their order, stands for each point: itself, or one of its voxel.
+    """
+    is_chosen = np.empty(len(columns.points), dtype=np.bool_)
+    place = np.empty(len(columns.points), dtype=np.int64)
+    _choose(columns.points, columns.first, columns.size, is_chosen, place)
+    return is_chosen, (np.cumsum(is_chosen) - 1)[place]
+
+
+@kernel
+def _choose(points, first, size, is_chosen, place):  # type: ignore[no-untyped-def]
+    """Write which points are chosen, and the row of the one that stands for each."""
+    voxel, count = np.empty(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
+    newest = np.empty(VOXELS_A_COLUMN * VOXELS_A_COLUMN, dtype=np.int64)
+    layer, n_voxels = np.empty(len(newest)), 0
+    for k in range(len(first) - 1):
+        newest[:] = -1
+        for i in range(first[k], first[k + 1]):
+            # The points of a column rise, and so do the voxels of each stack in it.
+            stack = 0
+            for axis in range(2):
+                part = math.floor(VOXELS_A_COLUMN * (points[i, axis] / size))
+                part -= VOXELS_A_COLUMN * math.floor(part / VOXELS_A_COLUMN)
+                stack = stack * VOXELS_A_COLUMN + np.int64(part)
+            height = math.floor(VOXELS_A_COLUMN * (points[i, 2] / size))
+            if newest[stack] < 0 or layer[stack] != height:
+                newest[stack], layer[stack] = n_voxels, height
+                n_voxels += 1
+            voxel[i] = newest[stack]
+            count[voxel[i]] += 1
+    n_seen = np.zeros(n_voxels, dtype=np.int64)
+    row = np.empty((n_voxels, MOST), dtype=np.int64)
+    for i in range(len(points)):
+        n = count[voxel[i]]
+        n_shares = min(n, MOST)
+        share = n_seen[voxel[i]] * n_shares // n
+        is_chosen[i] = n_seen[voxel[i]] == (2 * share + 1) * n // (2 * n_shares)
+        if is_chosen[i]:
+            row[voxel[i], share] = i
+        n_seen[voxel[i]] += 1
+        place[i] = share
+    for i in range(len(points)):
+        place[i] = row[voxel[i], place[i]]
