@@ -8,7 +8,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
 from lidar_buildings.core.surfaces.tin import walk
 
-LIMITS = GrowthLimits(np.radians(9.0), 0.5, 1.4, 1.0)
+LIMITS = GrowthLimits(np.radians(9.0), 0.5, 1.4)
 
 
 def started(n=400, seed=0):

@@ -22,11 +22,11 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     """
     Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
 
-    Infinity where it may not join: neither as it is nor mirrored, or since its facet is small enough.
+    Infinity where it may not join, neither as it is nor mirrored.
     """
     a, b, c = corners_of(triangle, vertices, triangles)
     point = place_of(p, vertices)
-    if _squared_longest_side(a, b, c) < limits[3] or _far_above(point, a, b, c, limits[2]):
+    if _far_above(point, a, b, c, limits[2]):
         return np.inf
     score = _facet_score(point, a, b, c, limits)
     if score == np.inf:
@@ -59,7 +59,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
 
     Below the facet the distance to it, negative; above it the largest angle at a corner.
     """
-    angle, gain, distance, _ = limits
+    angle, gain, distance = limits
     slope = plane_slope(a, b, c)
     above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.sqrt(1.0 + slope * slope)
     if above < -FLAT_DISTANCE:
@@ -77,7 +77,7 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
 
     Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are ground.
     """
-    angle, _, distance, _ = limits
+    angle, _, distance = limits
     if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
         return np.inf
     x, y, z = place_of(p, vertices)
@@ -112,14 +112,6 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
         if away < least:
             nearest, least = v, away
     return nearest
-
-
-@inner_kernel
-def _squared_longest_side(a, b, c):  # type: ignore[no-untyped-def]
-    ab = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
-    bc = (c[0] - b[0]) ** 2 + (c[1] - b[1]) ** 2
-    ca = (a[0] - c[0]) ** 2 + (a[1] - c[1]) ** 2
-    return max(ab, bc, ca)
 
 
 @inner_kernel

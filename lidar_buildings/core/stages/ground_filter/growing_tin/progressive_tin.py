@@ -20,8 +20,6 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import
 from lidar_buildings.core.surfaces.tin import Tin
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
-#: Facets whose longest side is shorter are not refined [m].
-MIN_FACET_SIDE = 2.0
 #: Iteration angle [deg] and its gain by the facet's slope while landforms are looked for.
 LANDFORM_ANGLE, LANDFORM_SLOPE_GAIN = 20.0, 0.8
 #: By how much the tolerance of ground grows per unit of slope [m], and up to which slope: walls have none.
@@ -74,8 +72,7 @@ def _grown(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> TerrainGrowth:
     terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
-    angle, squared_side = math.radians(config.iteration_angle), MIN_FACET_SIDE**2
-    limits = GrowthLimits(angle, config.slope_gain, config.iteration_distance, squared_side)
+    limits = GrowthLimits(math.radians(config.iteration_angle), config.slope_gain, config.iteration_distance)
     terrain.grow(limits)
     if config.landform_distance > config.iteration_distance:
         _add_landforms(terrain, candidates, limits, spacing, config)
@@ -103,8 +100,7 @@ def _add_landforms(
 ) -> None:
     ground = near_terrain(*terrain.height_and_slope(), config)
     trial = terrain.copy()
-    angle = math.radians(LANDFORM_ANGLE)
-    trial.grow(GrowthLimits(angle, LANDFORM_SLOPE_GAIN, config.landform_distance, limits.squared_side))
+    trial.grow(GrowthLimits(math.radians(LANDFORM_ANGLE), LANDFORM_SLOPE_GAIN, config.landform_distance))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
     landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
     terrain.insert(landform)

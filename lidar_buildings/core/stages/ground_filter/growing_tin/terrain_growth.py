@@ -29,14 +29,11 @@ class GrowthLimits(NamedTuple):
         By how much of a facet's own slope that angle grows.
     distance : float
         Largest distance above the facet [m].
-    squared_side : float
-        Facets whose longest side is shorter than the root of this are left as they are [m²].
     """
 
     angle: float
     slope_gain: float
     distance: float
-    squared_side: float
 
 
 @dataclass(eq=False)
