@@ -31,8 +31,6 @@ WIDTH = 1.7
 AGREEMENT = 0.1
 #: Cells with no more points keep all of them; of the others the lowest is looked at first.
 SPARSE = 3
-#: Ground further above the first trend is left out of the second: the roofs among it [m].
-MAX_ABOVE_TREND = 1.0
 #: Passes err less where the slope is taken off: so much less agreement is asked of them.
 LESS_ON_TREND = 0.1
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
@@ -119,9 +117,7 @@ def _label_candidates(
     ground = net_votes(profiles, z, config) > AGREEMENT
     ground = grow_ground(profiles, z, ground, spacing, config)
     if radius > 0 and ground.any():
-        first = fit_trend(points, ground, radius).elevation_at(points)
-        low = ground & (z - first < MAX_ABOVE_TREND)
-        height = z - fit_trend(points, low, radius).elevation_at(points)
+        height = z - fit_trend(points, ground, radius).elevation_at(points)
         ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
         ground = grow_ground(profiles, z, ground, spacing, config)
     return reject_outliers(profiles, z, ground, spacing, config)
