@@ -169,15 +169,6 @@ class GroundFilterConfig(StageConfig):
         maximum=5.0,
         advanced=True,
     )
-    opening_cell: float = parameter(
-        1.0,
-        "Side of the cells whose lowest points the morphological filter opens, doubled where most would be "
-        "empty: raising it makes the filter faster and coarser.",
-        unit="m",
-        minimum=0.1,
-        maximum=100.0,
-        advanced=True,
-    )
     opening_radius: float = parameter(
         18.0,
         "Radius of the largest disc that cuts off whatever rises above it: raising it removes wider objects, "
@@ -193,23 +184,5 @@ class GroundFilterConfig(StageConfig):
         "terrain, and lower objects.",
         minimum=0.0,
         maximum=5.0,
-        advanced=True,
-    )
-    opening_distance: float = parameter(
-        0.3,
-        "Points within this distance of the terrain that the openings leave are ground: raising it takes in "
-        "grass, kerbs and low walls.",
-        unit="m",
-        minimum=0.01,
-        maximum=5.0,
-        advanced=True,
-    )
-    opening_distance_slope: float = parameter(
-        1.25,
-        "By how much opening_distance grows per unit of slope of that terrain: raising it takes in more on "
-        "steep terrain.",
-        unit="m",
-        minimum=0.0,
-        maximum=10.0,
         advanced=True,
     )

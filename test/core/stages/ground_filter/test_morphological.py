@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.openings.morphological import label_ground
+from lidar_buildings.core.stages.ground_filter.openings.morphological import DISTANCE, label_ground
 from lidar_buildings.evaluation.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")
@@ -73,7 +73,7 @@ def test_what_shows_one_even_surface_is_all_ground(points):
 
 def test_points_on_one_vertical_leave_the_lowest_as_ground():
     points = np.column_stack((np.full((50, 2), 2.0), np.arange(50) / 5))
-    np.testing.assert_array_equal(label_ground(points, CONFIG), points[:, 2] <= CONFIG.opening_distance)
+    np.testing.assert_array_equal(label_ground(points, CONFIG), points[:, 2] <= DISTANCE)
 
 
 def test_a_stray_point_far_off_changes_nothing():
@@ -101,8 +101,8 @@ def test_a_tile_with_a_buffer_gets_the_labels_of_the_whole():
         assert (cut == whole)[core].mean() > 0.999
 
 
-def test_cells_grow_where_points_are_far_apart():
-    # A point every 15 m: with cells of 1 m no disc would find two of them.
+def test_objects_are_told_where_points_are_far_apart():
+    # A point every 15 m: only the largest discs find two of them.
     points = lattice(1500.0, 1500.0, 15.0)
     object_ = np.hypot(points[:, 0] - 700.0, points[:, 1] - 700.0) < 10.0
     points[object_, 2] += 30.0

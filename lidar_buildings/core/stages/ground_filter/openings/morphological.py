@@ -12,10 +12,12 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
 
+#: Side of the cells whose lowest points are opened [m].
+CELL = CANDIDATE_SPACING
 #: Side of the blocks that are worked on at a time, in cells: bounds the memory; wide margin.
 BLOCK = 512
 #: How far beyond the discs' reach a block looks at the terrain that its holes are filled from, in cells.
@@ -23,10 +25,10 @@ FILL_REACH = 32
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes` where no source is named.
 #: Rise that is terrain whatever the radius [m].
 STEP = 0.2
-#: Cells are doubled until this share is occupied of those in occupied squares of `SQUARE` by `SQUARE` cells.
-MIN_OCCUPIED, SQUARE = 0.08, 8
 #: Discs grow by so much [m].
 RADIUS_STEP = 1.0
+#: Points this near the terrain that the openings leave are ground; so much more per unit of its slope [m].
+DISTANCE, DISTANCE_SLOPE = 0.3, 1.25
 
 
 class CellMinima(NamedTuple):
@@ -43,15 +45,12 @@ class CellMinima(NamedTuple):
         Row and column of the south-western cell in the grid that starts at (0, 0).
     shape : tuple of two int
         Rows and columns from the first to the last occupied cell.
-    cell : float
-        Side of a cell [m].
     """
 
     numbers: NDArray[np.int64]
     elevation: NDArray[np.float64]
     first: tuple[float, float]
     shape: tuple[int, int]
-    cell: float
 
 
 def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
@@ -70,14 +69,14 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     -----
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
-    beyond has no influence, but for the doubling of cells in sparse clouds.
+    beyond has no influence.
     """
     ground = np.zeros(len(points), dtype=np.bool_)
     if len(points) == 0:
         return ground
-    minima = _cell_minima(points, config.opening_cell)
-    order = cell_order(points, BLOCK * minima.cell)
-    starts = np.flatnonzero(np.diff(cell_numbers(points, BLOCK * minima.cell)[order], prepend=-1, append=-1))
+    minima = _cell_minima(points)
+    order = cell_order(points, BLOCK * CELL)
+    starts = np.flatnonzero(np.diff(cell_numbers(points, BLOCK * CELL)[order], prepend=-1, append=-1))
     for_row_blocks(
         lambda k, _: _label_block(points, order[starts[k] : starts[k + 1]], minima, config, ground),
         len(starts) - 1,
@@ -86,24 +85,15 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     return ground
 
 
-def _cell_minima(points: NDArray[np.float64], cell: float) -> CellMinima:
-    lowest = points[lowest_per_cell(points, cell)]
-    while _occupied(lowest, cell) < MIN_OCCUPIED:
-        cell *= 2.0
-        lowest = lowest[lowest_per_cell(lowest, cell)]
-    place = np.floor(lowest[:, 1::-1] / cell)
+def _cell_minima(points: NDArray[np.float64]) -> CellMinima:
+    lowest = points[lowest_per_cell(points, CELL)]
+    place = np.floor(lowest[:, 1::-1] / CELL)
     first = extent_of(place)[0]
     row, column = (place - first).astype(np.int64).T
     shape = int(row.max()) + 1, int(column.max()) + 1
     numbers = row * shape[1] + column
     order = np.argsort(numbers, kind="stable")
-    return CellMinima(numbers[order], lowest[order, 2], (float(first[0]), float(first[1])), shape, cell)
-
-
-def _occupied(lowest: NDArray[np.float64], cell: float) -> float:
-    """Return the share of cells that hold a point, of those in squares that do; 1 for a single square."""
-    n_squares = len(lowest_per_cell(lowest, SQUARE * cell))
-    return len(lowest) / (n_squares * SQUARE**2) if n_squares > 1 else 1.0
+    return CellMinima(numbers[order], lowest[order, 2], (float(first[0]), float(first[1])), shape)
 
 
 def _label_block(
@@ -113,30 +103,28 @@ def _label_block(
     config: GroundFilterConfig,
     ground: NDArray[np.bool_],
 ) -> None:
-    cell = minima.cell
-    radii = _radii(config.opening_radius, cell)
+    radii = _radii(config.opening_radius)
     halo = 2 * radii[-1] + FILL_REACH
     # The block's first cell, counted from the first occupied one.
-    block = np.floor(points[rows[0], 1::-1] / (BLOCK * cell)) * BLOCK - minima.first
+    block = np.floor(points[rows[0], 1::-1] / (BLOCK * CELL)) * BLOCK - minima.first
     south, west = (max(0, int(start) - halo) for start in block)
     north, east = (min(n, int(start) + BLOCK + halo) for start, n in zip(block, minima.shape, strict=True))
     lowest = np.full((north - south, east - west), np.inf)
     _place(minima.numbers, minima.elevation, minima.shape[1], south, west, lowest)
-    ground_cells = _ground_cells(lowest, cell, radii, config)
+    ground_cells = _ground_cells(lowest, radii, config)
     window = minima.first[0] + south, minima.first[1] + west
     terrain = filled(lowest, ground_cells, (int(window[0]), int(window[1])))
-    limits = config.opening_distance, config.opening_distance_slope
-    _label(points, rows, terrain, _slope(terrain, cell), window, cell, limits, ground)
+    _label(points, rows, terrain, _slope(terrain), window, ground)
 
 
-def _radii(largest: float, cell: float) -> list[int]:
+def _radii(largest: float) -> list[int]:
     """Return the discs' radii in cells, rising: by steps up to the largest [m]."""
     radii = [*np.arange(RADIUS_STEP, largest, RADIUS_STEP).tolist(), largest]
-    return sorted({max(1, round(radius / cell)) for radius in radii})
+    return sorted({max(1, round(radius / CELL)) for radius in radii})
 
 
 def _ground_cells(
-    lowest: NDArray[np.float64], cell: float, radii: list[int], config: GroundFilterConfig
+    lowest: NDArray[np.float64], radii: list[int], config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
@@ -144,7 +132,7 @@ def _ground_cells(
     before = lowest
     for radius in radii:
         after = opened(before, radius)
-        objects |= _sunk(before, after, known, config.opening_slope * radius * cell + STEP)
+        objects |= _sunk(before, after, known, config.opening_slope * radius * CELL + STEP)
         before = after
     ground = known & ~objects
     return ground if ground.any() else known
@@ -168,28 +156,28 @@ def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[
 
 
 @kernel
-def _slope(terrain, cell):  # type: ignore[no-untyped-def]
+def _slope(terrain):  # type: ignore[no-untyped-def]
     n_rows, n_columns = terrain.shape
     slope = np.zeros(terrain.shape)
     for y in range(n_rows):
         south, north = max(y - 1, 0), min(y + 1, n_rows - 1)
         for x in range(n_columns):
             west, east = max(x - 1, 0), min(x + 1, n_columns - 1)
-            along = (terrain[y, east] - terrain[y, west]) / (max(east - west, 1) * cell)
-            across = (terrain[north, x] - terrain[south, x]) / (max(north - south, 1) * cell)
+            along = (terrain[y, east] - terrain[y, west]) / (max(east - west, 1) * CELL)
+            across = (terrain[north, x] - terrain[south, x]) / (max(north - south, 1) * CELL)
             slope[y, x] = math.hypot(along, across)
     return slope
 
 
 @kernel
-def _label(points, rows, terrain, slope, window, cell, limits, ground):  # type: ignore[no-untyped-def]
-    """Set which points lie within a distance of the terrain that grows with its slope; `limits` are both."""
+def _label(points, rows, terrain, slope, window, ground):  # type: ignore[no-untyped-def]
+    """Set which points lie within a distance of the terrain that grows with its slope."""
     for p in rows:
         # Values belong to the middles of cells.
-        y = min(max(points[p, 1] / cell - window[0] - 0.5, 0.0), terrain.shape[0] - 1.0)
-        x = min(max(points[p, 0] / cell - window[1] - 0.5, 0.0), terrain.shape[1] - 1.0)
+        y = min(max(points[p, 1] / CELL - window[0] - 0.5, 0.0), terrain.shape[0] - 1.0)
+        x = min(max(points[p, 0] / CELL - window[1] - 0.5, 0.0), terrain.shape[1] - 1.0)
         distance = abs(points[p, 2] - _between(terrain, y, x))
-        ground[p] = distance <= limits[0] + limits[1] * _between(slope, y, x)
+        ground[p] = distance <= DISTANCE + DISTANCE_SLOPE * _between(slope, y, x)
 
 
 @inner_kernel
