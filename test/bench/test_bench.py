@@ -128,8 +128,8 @@ def test_relief_is_bright_where_it_is_high_and_empty_where_nothing_is_near():
 
 def test_parameters_given_are_used_and_unknown_ones_refused():
     assert arguments.settings_of(["ground_distance=0.5"]) == {"ground_distance": 0.5}
-    assert arguments.settings_of(["profile_rounds=3", "kept_classes=[water, noise]"]) == {
-        "profile_rounds": 3,
+    assert arguments.settings_of(["seed_cell=30", "kept_classes=[water, noise]"]) == {
+        "seed_cell": 30.0,
         "kept_classes": ("water", "noise"),
     }
     with pytest.raises(SystemExit, match="ground_distance"):

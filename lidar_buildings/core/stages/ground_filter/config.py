@@ -112,9 +112,9 @@ class GroundFilterConfig(StageConfig):
     )
     profile_directions: int = parameter(
         4,
-        "Number of directions in which bidirectional_slope cuts profiles beside the scan lines, 0 for scan "
-        "lines alone: raising it makes labels surer, and slower.",
-        minimum=0,
+        "Number of directions in which bidirectional_slope cuts profiles beside the scan lines: raising it "
+        "makes labels surer, and slower.",
+        minimum=1,
         maximum=16,
         advanced=True,
     )
@@ -142,31 +142,6 @@ class GroundFilterConfig(StageConfig):
         unit="m",
         minimum=1.0,
         maximum=1000.0,
-        advanced=True,
-    )
-    profile_trend_radius: float = parameter(
-        20.0,
-        "Distance over which the terrain is smoothed before its slope is taken off for the second labelling, "
-        "0 for no second: raising it keeps more of the terrain's own shape in the profiles.",
-        unit="m",
-        minimum=0.0,
-        maximum=500.0,
-        advanced=True,
-    )
-    profile_rounds: int = parameter(
-        25,
-        "How often points next to the ground are tried again by regression, 0 for never: raising it lets the "
-        "ground spread further from where the passes found it.",
-        minimum=0,
-        maximum=1000,
-        advanced=True,
-    )
-    profile_tolerance: float = parameter(
-        0.2,
-        "A point no further above the ground's lines is ground: raising it takes in grass and low objects.",
-        unit="m",
-        minimum=0.01,
-        maximum=5.0,
         advanced=True,
     )
     opening_radius: float = parameter(

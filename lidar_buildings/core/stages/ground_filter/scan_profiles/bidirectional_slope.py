@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression 
 )
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import Trend, fit_trend
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles, cut_profiles
-from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import ScanLines, find_scan_lines
+from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
 
 # Chosen with `bench.ground.isprs`.
 #: Width of the strips that are cut as profiles [multiples of the spacing].
@@ -31,8 +31,9 @@ WIDTH = 1.7
 AGREEMENT = 0.1
 #: Cells with no more points keep all of them; of the others the lowest is looked at first.
 SPARSE = 3
-#: Passes err less where the slope is taken off: so much less agreement is asked of them.
-LESS_ON_TREND = 0.1
+#: Distance over which the terrain is smoothed before its slope is taken off [m]; passes err less on what is
+#: left: so much less agreement is asked of them.
+TREND_RADIUS, LESS_ON_TREND = 20.0, 0.1
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
 LOCAL_RADIUS = 3.0
 
@@ -73,8 +74,6 @@ def label_ground(
     chosen = cells.rows[kept]
     spacing = quantised_spacing(points[chosen])
     lines = find_scan_lines(points, spacing, **scan)
-    if config.profile_directions == 0:
-        return _label_lines(points, lines, spacing, config)
     candidates = cells.points[kept]
     profiles = _strips(candidates, spacing, config.profile_directions)
     if lines is not None:
@@ -88,7 +87,7 @@ def label_candidates(
     candidates: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """Tell which points, at most one a cell and without gross errors, are ground, by strips alone."""
-    profiles = _strips(candidates, spacing, max(config.profile_directions, 1))
+    profiles = _strips(candidates, spacing, config.profile_directions)
     return _label_candidates(candidates, profiles, spacing, config)
 
 
@@ -96,30 +95,16 @@ def _strips(candidates: NDArray[np.float64], spacing: float, n_directions: int) 
     return [cut_profiles(candidates, WIDTH * spacing, 180.0 * k / n_directions) for k in range(n_directions)]
 
 
-def _label_lines(
-    points: NDArray[np.float64], lines: ScanLines | None, spacing: float, config: GroundFilterConfig
-) -> NDArray[np.bool_]:
-    """
-    Label every point along the scan lines alone, or along strips from west to east where there are none.
-    """
-    if lines is None:
-        profiles = cut_profiles(points, WIDTH * spacing, 0.0)
-    else:
-        profiles = lines.profiles(points, np.arange(len(points)))
-    return _label_candidates(points, [profiles], spacing, config)
-
-
 def _label_candidates(
     points: NDArray[np.float64], profiles: list[Profiles], spacing: float, config: GroundFilterConfig
 ) -> NDArray[np.bool_]:
     """Vote and grow; once more on heights above the trend that was found; then reject."""
-    z, radius = points[:, 2], config.profile_trend_radius
-    ground = net_votes(profiles, z, config) > AGREEMENT
-    ground = grow_ground(profiles, z, ground, spacing, config)
-    if radius > 0 and ground.any():
-        height = z - fit_trend(points, ground, radius).elevation_at(points)
+    z = points[:, 2]
+    ground = grow_ground(profiles, z, net_votes(profiles, z, config) > AGREEMENT, spacing)
+    if ground.any():
+        height = z - fit_trend(points, ground, TREND_RADIUS).elevation_at(points)
         ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
-        ground = grow_ground(profiles, z, ground, spacing, config)
+        ground = grow_ground(profiles, z, ground, spacing)
     return reject_outliers(profiles, z, ground, spacing, config)
 
 

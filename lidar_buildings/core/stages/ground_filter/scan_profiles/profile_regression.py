@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines import (
     MIN_SPREAD,
     NO_SUMS,
@@ -20,12 +19,15 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_lines impor
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
 
 # Chosen with `bench.ground.isprs`.
+#: How often points next to the ground are tried again, at most.
+ROUNDS = 25
 #: How far away a line through ground points may begin [multiples of the spacing].
 REACH = 6.0
 #: By how many lines ground has to lead to a point, more than half of those that lie well below it.
 SUPPORT = 2
-#: By how much the tolerance grows per unit of slope [m], and per standard deviation of the ground.
-TOLERANCE_SLOPE, ROUGHNESS = 0.3, 1.0
+#: Points this near a line are where it leads to [m]; by how much that grows per unit of slope [m], and per
+#: standard deviation of the ground.
+TOLERANCE, TOLERANCE_SLOPE, ROUGHNESS = 0.2, 0.3, 1.0
 #: Ground points on either side that a line is fitted to.
 POINTS = 4
 #: Steepest slope that is carried on beyond the points it was fitted to, rise over run.
@@ -42,7 +44,6 @@ def grow_ground(
     elevation: NDArray[np.float64],
     ground: NDArray[np.bool_],
     spacing: float,
-    config: GroundFilterConfig,
 ) -> NDArray[np.bool_]:
     """
     Return the ground with all points that lines through ground points beside them lead to.
@@ -54,16 +55,16 @@ def grow_ground(
     Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
     """
     ground = ground.copy()
-    limits = REACH * spacing, config.profile_tolerance
+    reach = REACH * spacing
     votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
     axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
     new = np.flatnonzero(ground)
 
     def judge(begin: int, end: int) -> None:
         for axis in axes[begin:end]:
-            axis.judge(new, limits)
+            axis.judge(new, reach)
 
-    for _ in range(config.profile_rounds):
+    for _ in range(ROUNDS):
         if not len(new):
             break
         for_row_blocks(judge, len(axes), 1)
@@ -91,14 +92,14 @@ class _Axis:
         #: Half votes for each row of the cloud.
         self.votes = votes
 
-    def judge(self, new: NDArray[np.intp], limits: tuple[float, ...]) -> None:
+    def judge(self, new: NDArray[np.intp], reach: float) -> None:
         """Add new ground and count the lines again of all points within its reach."""
         one = self.profiles
         changed = self.place[new]
         self.ground[changed] = True
         stale = np.zeros(len(self.z), dtype=np.bool_)
-        _mark_around(changed, one.along, self.line, self.ground, limits[0], stale)
-        _judge(one.along, self.z, one.first, self.line, self.ground, stale, limits, one.rows, self.votes)
+        _mark_around(changed, one.along, self.line, self.ground, reach, stale)
+        _judge(one.along, self.z, one.first, self.line, self.ground, stale, reach, one.rows, self.votes)
 
 
 @kernel
@@ -129,8 +130,7 @@ def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no
 
 
 @kernel
-def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: ignore[no-untyped-def]
-    reach, tolerance = limits
+def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: ignore[no-untyped-def]
     for i in range(len(rows)):
         if not stale[i]:
             continue
@@ -142,7 +142,7 @@ def _judge(along, z, first, line, ground, stale, limits, rows, votes):  # type: 
             if sums[0] < 2 or spread_of(sums) < MIN_SPREAD * sums[0]:
                 continue
             height, slope, sigma = fitted_line(sums, MAX_SLOPE)
-            margin = tolerance + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
+            margin = TOLERANCE + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
             if height < margin:
                 vote += FOR_WEIGHT
             elif height > AGAINST * margin:
