@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -29,17 +28,11 @@ class CourtyardRules:
         Smallest area [m²].
     min_band : float
         Width of the roof round most of it [m].
-    min_others : float
-        Points that are not roof and have to lie in it, at least [1/m²].
-    others : ndarray of shape (n_points, 2) or None
-        Points that are not roof; None = not known, and not asked for.
     """
 
     radius: float
     min_area: float
     min_band: float
-    min_others: float = 0.0
-    others: NDArray[np.float64] | None = None
 
     def refusal(self, ring: NDArray[np.float64], narrow_share: float) -> str | None:
         """
@@ -52,16 +45,10 @@ class CourtyardRules:
         narrow_share : float
             Share of the rim along which the roof round it is narrower than `min_band`.
         """
-        area = abs(signed_area(ring))
-        if area < self.min_area:
+        if abs(signed_area(ring)) < self.min_area:
             return ""
         if narrow_share > _MAX_NARROW_SHARE:
             return "only the rim of the roof has points: the empty place inside is taken for roof"
-        if self.others is not None:
-            near = ((self.others >= ring.min(axis=0)) & (self.others <= ring.max(axis=0))).all(axis=1)
-            n_others = int(shapely.contains_xy(shapely.polygons(ring), self.others[near]).sum())
-            if n_others < max(1.0, self.min_others * area):
-                return "an empty place without points below is taken for roof"
         return None
 
 

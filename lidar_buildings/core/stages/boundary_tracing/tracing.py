@@ -35,9 +35,6 @@ _MAX_WINDOW = 20.0
 #: Width of the disc that has to fit into a courtyard: gaps left by chance or by wet patches are narrower
 #: [spacings].
 _MIN_COURTYARD_WIDTH = 8.0
-#: Other points in a courtyard, at least, as a share of what the building's spacing makes expect: ground in
-#: a yard is scanned through the same opening, while glass and wet felt return next to nothing.
-_MIN_OTHER_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +66,6 @@ def trace_boundary(
     *,
     pattern: ScanPattern | None = None,
     point_spacing: float | None = None,
-    other_points: ArrayLike | None = None,
 ) -> TracedBoundary:
     """
     Trace the ring round one building's points, and the rims of its courtyards.
@@ -92,8 +88,6 @@ def trace_boundary(
         nothing tells how a square should be turned, unless `config.neighbourhood` wants one.
     point_spacing : float, optional
         The spacing of the building's points [m]; that of the pattern, or measured, if not given.
-    other_points : array_like of shape (n_points, 2 or more), optional
-        Points that are not roof [m]. If given, an empty place is a courtyard only if some of them lie in it.
 
     Returns
     -------
@@ -112,7 +106,6 @@ def trace_boundary(
     """
     config = config or BoundaryTracingConfig()
     cloud = checked_points(points)
-    others = None if other_points is None else _plan(other_points)
     spacing = _spacing(cloud, pattern, point_spacing)
     known, is_rectangle = pattern or ScanPattern.isotropic(spacing), config.neighbourhood == "rectangle"
     known = known if is_rectangle else _widened(known)
@@ -125,8 +118,6 @@ def trace_boundary(
         radius=_MIN_COURTYARD_WIDTH * spacing / 2,
         min_area=config.min_courtyard_area,
         min_band=config.min_courtyard_band * spacing,
-        min_others=_MIN_OTHER_SHARE / spacing**2,
-        others=others,
     )
     rules = yards if config.courtyards else None
     outline, reasons = _traced(grid, config, rules)
@@ -159,14 +150,6 @@ def _traced(
     if rules is not None:
         tracer.trace_courtyards(rules)
     return tracer.outline(), tracer.reasons
-
-
-def _plan(other_points: ArrayLike) -> NDArray[np.float64]:
-    """Return x and y of points that are not roof."""
-    array = np.asarray(other_points, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] < 2:
-        raise ValueError(f"other_points has shape {array.shape}: must be (n_points, 2) or (n_points, 3)")
-    return array[:, :2]
 
 
 def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spacing: float | None) -> float:

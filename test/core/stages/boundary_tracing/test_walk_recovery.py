@@ -137,18 +137,6 @@ def test_a_roof_with_points_along_its_rim_only_is_filled_with_a_reason(rows):
     assert rows == 1 or len(kept.outline.holes) == 1
 
 
-def test_an_empty_place_without_points_below_is_none_if_others_are_known():
-    xy = without(scattered(20, 20), (7, 7, 13, 13))
-    below = scattered(5, 5, at=(7.5, 7.5), seed=3)
-    outside = scattered(5, 5, at=(30.0, 0.0), seed=3)
-    assert len(trace_boundary(cloud(xy), point_spacing=0.35, other_points=cloud(below)).outline.holes) == 1
-    filled = trace_boundary(cloud(xy), point_spacing=0.35, other_points=outside)
-    assert filled.outline.holes == ()
-    assert "without points below" in filled.reason
-    with pytest.raises(ValueError, match="other_points"):
-        trace_boundary(cloud(xy), other_points=np.zeros(3))
-
-
 def test_an_island_near_the_rim_is_joined_to_it_and_one_far_off_fills_the_courtyard():
     roof = without(scattered(40, 40), (10, 10, 30, 30))
     near, far = scattered(4, 4, at=(12.0, 18.0), seed=2), scattered(4, 4, at=(18.0, 18.0), seed=2)
