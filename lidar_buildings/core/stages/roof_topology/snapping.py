@@ -9,7 +9,6 @@ import numpy as np
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
-from lidar_buildings.core.stages.roof_topology.step_corners import onto_ridges
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, extents_of, step_segments
 
 #: Ends move along their line to what they cross within so many spacings; others may end as far off.
@@ -20,9 +19,9 @@ _PAST_POINTS = 0.25
 _REACH, _PARALLEL_DEG = 4.0, 4.0
 
 
-def snapped(steps: StepLines, walls: FloatArray, ridges: FloatArray, spacing: float) -> StepLines:
+def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     """
-    Move lines onto outline walls that they continue, else into corners that they end near or onto ridges.
+    Move lines onto outline walls that they continue, else into corners that they end near.
 
     Where in the gap between the points of both roofs a step lies is not known: what it continues tells.
 
@@ -31,25 +30,22 @@ def snapped(steps: StepLines, walls: FloatArray, ridges: FloatArray, spacing: fl
     steps : StepLines
     walls : ndarray of shape (n_walls, 2, 2)
         Ends of the outline's edges about the centre [m].
-    ridges : ndarray of shape (n, 2, 2)
-        Ends of the pieces of intersection lines about the centre [m].
     spacing : float
         Point spacing [m].
     """
     if not len(steps.angle):
         return steps
     angle, offset = steps.angle.copy(), steps.offset.copy()
-    is_on_wall = _onto_walls(angle, offset, *extents_of(steps), steps.gap, walls, spacing)
+    _onto_walls(angle, offset, *extents_of(steps), steps.gap, walls, spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
-    return onto_ridges(steps._replace(angle=angle, offset=offset, t=t), is_on_wall, ridges, spacing)
+    return steps._replace(angle=angle, offset=offset, t=t)
 
 
 @kernel
 def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[no-untyped-def]
-    """Move lines in place; return which were moved onto walls."""
-    is_on_wall = np.zeros(len(angle), dtype=np.bool_)
+    """Move lines in place."""
     past, reach = _PAST_POINTS * spacing, _REACH * spacing
     for k in range(len(angle)):
         if not low[k] < high[k]:
@@ -77,7 +73,6 @@ def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[
         if is_moved:
             angle[k] = angle[k] + _difference(best_angle, angle[k])
             offset[k] = best_offset
-            is_on_wall[k] = True
             continue
         best = gap[k] + past
         for m in range(len(walls)):
@@ -87,7 +82,6 @@ def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[
                 best, best_offset, is_moved = abs(r - offset[k]), r, True
         if is_moved:
             offset[k] = best_offset
-    return is_on_wall
 
 
 @inner_kernel

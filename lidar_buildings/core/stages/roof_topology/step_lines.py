@@ -76,10 +76,3 @@ def extents_of(steps: StepLines) -> tuple[FloatArray, FloatArray]:
     np.minimum.at(low, steps.line, steps.t[:, 0])
     np.maximum.at(high, steps.line, steps.t[:, 1])
     return low, high
-
-
-def line_ends(steps: StepLines) -> FloatArray:
-    """Return where each line's first piece begins and its last one ends, shape (2, n_lines, 2) [m]."""
-    along = np.column_stack([np.cos(steps.angle), np.sin(steps.angle)])
-    foot = steps.offset[:, None] * np.column_stack([-along[:, 1], along[:, 0]])
-    return np.stack([foot + t[:, None] * along for t in extents_of(steps)])

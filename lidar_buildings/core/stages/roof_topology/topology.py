@@ -77,7 +77,7 @@ def find_topology(
     ends = piece_ends(pieces, gradients)
     scale = max(spacing, _LEAST_DETAIL)
     lines = find_step_lines(borders, pieces.on_line, points, gradients, area, walls, centre, scale)
-    lines = extended(snapped(lines, about, ends, scale), ends, about, scale)
+    lines = extended(snapped(lines, about, scale), ends, about, scale)
     segments = step_segments(lines)
     intersections = finished(pieces, gradients, centre, about, segments, adjustment.vertices, spacing)
     steps = step_edges(lines, segments, gradients, centre)
