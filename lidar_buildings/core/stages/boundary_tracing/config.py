@@ -46,14 +46,6 @@ class BoundaryTracingConfig(StageConfig):
         unit="m²",
         minimum=0.0,
     )
-    min_courtyard_band: float = parameter(
-        3.0,
-        "Width of the roof round most of a courtyard; raising it takes more rims for roofs without returns.",
-        unit="spacings",
-        minimum=0.0,
-        maximum=40.0,
-        advanced=True,
-    )
 
 
 #: The walk of Sampath & Shan (2007): a window slightly larger than twice the spacing, and no courtyards.

@@ -35,6 +35,8 @@ _MAX_WINDOW = 20.0
 #: Width of the disc that has to fit into a courtyard: gaps left by chance or by wet patches are narrower
 #: [spacings].
 _MIN_COURTYARD_WIDTH = 8.0
+#: Width of the roof round most of a courtyard: wet roofs return one to three rows along rims [spacings].
+_MIN_COURTYARD_BAND = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +119,7 @@ def trace_boundary(
     yards = CourtyardRules(
         radius=_MIN_COURTYARD_WIDTH * spacing / 2,
         min_area=config.min_courtyard_area,
-        min_band=config.min_courtyard_band * spacing,
+        min_band=_MIN_COURTYARD_BAND * spacing,
     )
     rules = yards if config.courtyards else None
     outline, reasons = _traced(grid, config, rules)

@@ -62,14 +62,6 @@ class SegmentationConfig(StageConfig):
         maximum=100.0,
         advanced=True,
     )
-    min_tower_area: float = parameter(
-        100.0,
-        "Smallest area of a part that stands amid another roof and is a building of its own; raising it "
-        "gives more penthouses and plant rooms back to their buildings.",
-        unit="m²",
-        minimum=0.0,
-        advanced=True,
-    )
 
 
 #: As Sampath and Shan (2007) describe it: a window slightly larger than two spacings, and a least

@@ -13,8 +13,9 @@ from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.segmentation.part_shape import rectangle_width, spread_width
 
-#: A part with less than this share of its perimeter in the open stands on another roof.
-MIN_FREE_SHARE = 0.1
+#: A part with less than this share of its perimeter in the open stands on another roof, and is a building of
+#: its own, not a penthouse or plant room, from this area on [m²].
+MIN_FREE_SHARE, MIN_TOWER_AREA = 0.1, 100.0
 #: A perimeter counted in cell sides is longer than the line itself by 4/π, on average over directions.
 STAIRS = 1.27
 
@@ -143,7 +144,6 @@ def merge_parts(
     *,
     min_area: float,
     min_width: float,
-    min_tower_area: float,
     sums: NDArray[np.float64] | None = None,
 ) -> NDArray[np.int64]:
     """
@@ -161,9 +161,8 @@ def merge_parts(
         Of each part [m²].
     block : ndarray of int64, shape (n_parts,)
         Parts of different blocks never merge.
-    min_area, min_width, min_tower_area : float
-        Least area, least width of the rectangle of a part's area and perimeter, and least area of a part amid
-        another [m²], [m], [m²].
+    min_area, min_width : float
+        Least area, and least width of the rectangle of a part's area and perimeter [m²], [m].
     sums : ndarray of shape (n_parts, 6), optional
         See `part_shape.plan_sums`: if given, a part's points must scatter as over the least width, too.
     """
@@ -175,7 +174,7 @@ def merge_parts(
         size, number = heapq.heappop(waiting)
         if into[number] != number or size != parts.area[number]:
             continue
-        if parts.is_building(number, min_area, min_width, min_tower_area):
+        if parts.is_building(number, min_area, min_width):
             continue
         target = parts.neighbour(number)
         if target is None:
@@ -213,11 +212,11 @@ class _Parts:
             else:
                 self.free[one] += length
 
-    def is_building(self, number: int, min_area: float, min_width: float, min_tower_area: float) -> bool:
+    def is_building(self, number: int, min_area: float, min_width: float) -> bool:
         """Whether a part is large, wide and free enough to be one."""
         perimeter = self.free[number] + sum(self.shared[number].values())
         is_free = self.free[number] >= MIN_FREE_SHARE * perimeter
-        is_large = self.area[number] >= (min_area if is_free else max(min_area, min_tower_area))
+        is_large = self.area[number] >= (min_area if is_free else max(min_area, MIN_TOWER_AREA))
         if not is_large or rectangle_width(self.area[number], perimeter) < min_width:
             return False
         return self.sums is None or spread_width(self.sums[number]) >= min_width

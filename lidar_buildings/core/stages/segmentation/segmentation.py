@@ -124,7 +124,6 @@ def segment_buildings(
             spacing,
             min_step_height=config.min_step_height,
             min_area=config.min_area,
-            min_tower_area=config.min_tower_area,
         )
     ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.

@@ -37,7 +37,6 @@ def split_blocks(
     *,
     min_step_height: float,
     min_area: float,
-    min_tower_area: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     Number the parts of blocks that steps in height part from each other.
@@ -58,7 +57,7 @@ def split_blocks(
         Number of blocks.
     spacing : float
         1/√density [m].
-    min_step_height, min_area, min_tower_area : float
+    min_step_height, min_area : float
         See `SegmentationConfig` [m], [m²].
 
     Returns
@@ -83,7 +82,6 @@ def split_blocks(
             block_of_linked,
             min_area=min_area,
             min_width=MIN_PART_WIDTH,
-            min_tower_area=min_tower_area,
             sums=plan_sums(some, linked, n_linked),
         )
         kept, linked = np.unique(into[linked], return_inverse=True)

@@ -11,7 +11,12 @@ from bench.scenes.buildings import GALLERY
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import AS_PUBLISHED, BoundaryTracingConfig, trace_boundary
+from lidar_buildings.core.stages.boundary_tracing import (
+    AS_PUBLISHED,
+    BoundaryTracingConfig,
+    trace_boundary,
+    tracing,
+)
 
 
 def cloud(*parts):
@@ -120,7 +125,7 @@ def test_a_courtyard_with_a_band_of_roof_of_five_metres_is_one_at_two_to_thirty_
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])
-def test_a_roof_with_points_along_its_rim_only_is_filled_with_a_reason(rows):
+def test_a_roof_with_points_along_its_rim_only_is_filled_with_a_reason(rows, monkeypatch):
     step = 0.25
     u, v = np.meshgrid(np.arange(0, 5 + step, step), np.arange(0, 7 + step, step))
     xy = np.column_stack([u.ravel(), v.ravel()])
@@ -133,7 +138,8 @@ def test_a_roof_with_points_along_its_rim_only_is_filled_with_a_reason(rows):
     assert traced.outline.holes == ()
     assert "taken for roof" in traced.reason
     assert polygon(traced.outline).area == pytest.approx(35.0, rel=0.06)
-    kept = trace_boundary(cloud(xy), BoundaryTracingConfig(min_courtyard_band=0.0), point_spacing=step)
+    monkeypatch.setattr(tracing, "_MIN_COURTYARD_BAND", 0.0)
+    kept = trace_boundary(cloud(xy), point_spacing=step)
     assert rows == 1 or len(kept.outline.holes) == 1
 
 

@@ -147,7 +147,7 @@ def test_parts_merge_the_smallest_first_and_never_across_blocks():
     part = np.repeat([0, 1, 2], [800, 80, 1520])
     borders = measure_borders(points, part, 3, 1.0)
     area = np.array([100.0, 10.0, 190.0])
-    limits = {"min_area": 6.0, "min_width": 2.5, "min_tower_area": 100.0}
+    limits = {"min_area": 6.0, "min_width": 2.5}
     assert borders.shared[0, 1] == pytest.approx(10.0, rel=0.3)
     assert merge_parts(borders, area, np.zeros(3, dtype=np.int64), **limits).tolist() == [0, 2, 2]
     assert merge_parts(borders, area, np.array([0, 0, 1]), **limits).tolist() == [0, 0, 2]
