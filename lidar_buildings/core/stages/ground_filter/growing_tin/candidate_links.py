@@ -53,12 +53,12 @@ def nearest_by_sector(
 
 
 @kernel
-def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[no-untyped-def]
+def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-def]
     """
     Return the part of each row: the lowest of the rows that it is connected with.
 
     Neighbours, the `links` of `nearest_by_sector`, are connected if they rise by no more than `max_slope`
-    over their distance, or by `min_rise` at all [m].
+    over their distance.
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
     part = np.empty(len(rows), dtype=np.int64)
@@ -69,7 +69,7 @@ def level_parts(candidates, rows, links, max_slope, min_rise):  # type: ignore[n
             if j < 0 or place[j] < 0:
                 continue
             rise, length = rise_and_length(candidates[j], candidates[rows[r]])
-            if abs(rise) <= max(max_slope * length, min_rise):
+            if abs(rise) <= max_slope * length:
                 link(part, r, place[j])
     flatten(part)
     return part

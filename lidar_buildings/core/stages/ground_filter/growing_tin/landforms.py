@@ -35,14 +35,10 @@ class PartRules(NamedTuple):
 
     Attributes
     ----------
-    max_link_slope, min_link_rise : float
-        Points of one part rise by no more than this over their distance in plan, or by this at all [m].
-    steep_slope, steep_rise : float
-        A link is steep if it rises by more than this over its length, and at all [m]: walls do, banks do not.
-    level_slope, max_rising_share : float
-        A cliff's rim is level with the ground on one side: so many links may rise by more than this slope.
-    prior_links : float
-        So many steep links are added to each part's: with few links, chance would decide.
+    max_link_slope : float
+        Points of one part rise by no more than this over their distance in plan.
+    steep_slope : float
+        A link is steep if it rises by more than this over its length: walls do, banks do not.
     min_part, min_open_part : float
         Smallest part that is judged as a whole, among objects and in open terrain [candidates].
     excluded_share, min_excluded_part : float
@@ -50,12 +46,7 @@ class PartRules(NamedTuple):
     """
 
     max_link_slope: float = 0.7
-    min_link_rise: float = 0.3
     steep_slope: float = 0.85
-    steep_rise: float = 0.3
-    level_slope: float = 0.3
-    max_rising_share: float = 0.3
-    prior_links: float = 2.0
     min_part: float = 15.0
     min_open_part: float = 2.0
     excluded_share: float = 0.7
@@ -99,7 +90,7 @@ def find_landforms(
     density = object_density(candidates, ~(ground | gained))[rows]
     openness = np.clip((BUILT_SHARE - density) / (BUILT_SHARE - OPEN_SHARE), 0.0, 1.0)
     rules = PartRules()
-    part = level_parts(candidates, rows, links, rules.max_link_slope, rules.min_link_rise)
+    part = level_parts(candidates, rows, links, rules.max_link_slope)
     counts = _count_links(candidates, rows, links, ground, part, rules)
     kept, certain = _judge(counts, np.bincount(part, openness, len(rows)).astype(np.float64), config, rules)
     landform, excluded = np.zeros_like(ground), np.zeros_like(ground)
@@ -113,21 +104,19 @@ def find_landforms(
 def _judge(
     counts: NDArray[np.float64], openness: NDArray[np.float64], config: GroundFilterConfig, rules: PartRules
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    size, n_links, n_steep, n_rising = counts.T
+    size, n_links, n_steep = counts.T
     is_open = openness / np.maximum(size, 1.0)
-    steep = (n_steep + rules.prior_links) / (n_links + rules.prior_links)
-    rising = (n_rising + rules.prior_links) / (n_links + rules.prior_links)
     allowed = config.max_steep_share + is_open * (config.max_open_steep_share - config.max_steep_share)
     large = size >= rules.min_part + is_open * (rules.min_open_part - rules.min_part)
-    kept = large & ((steep <= allowed) | (rising <= rules.max_rising_share))
+    kept = large & (n_links > 0.0) & (n_steep <= allowed * n_links)
     walled = n_steep >= rules.excluded_share * np.maximum(n_links, 1.0)
     return kept, ~kept & walled & (size >= rules.min_excluded_part)
 
 
 @kernel
 def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[no-untyped-def]
-    """Return each part's size, its links to the ground, and how many of them are steep, and rise at all."""
-    counts = np.zeros((len(rows), 4))
+    """Return each part's size, its links to the ground, and how many of them are steep."""
+    counts = np.zeros((len(rows), 3))
     for r in range(len(rows)):
         count = counts[part[r]]
         count[0] += 1.0
@@ -136,8 +125,7 @@ def _count_links(candidates, rows, links, ground, part, rules):  # type: ignore[
                 continue
             rise, length = rise_and_length(candidates[j], candidates[rows[r]])
             count[1] += 1.0
-            count[2] += 1.0 if rise > max(rules.steep_slope * length, rules.steep_rise) else 0.0
-            count[3] += 1.0 if rise > rules.level_slope * length else 0.0
+            count[2] += 1.0 if rise > rules.steep_slope * length else 0.0
     return counts
 
 
