@@ -12,8 +12,8 @@ from lidar_buildings.core.neighbours.columns import Columns
 
 #: Voxels along a column's side: nine centimetres for the columns of a dense cloud.
 VOXELS_A_COLUMN = 4
-#: Points that stand for a voxel: on an even surface one voxel of a thousand has more.
-MOST = 2
+#: Points that stand for a voxel: with fewer, strays count as much as the surface that they lie beside.
+MOST = 4
 
 
 def without_crowds(columns: Columns) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
@@ -67,7 +67,7 @@ def _choose(points, first, size, is_chosen, place):  # type: ignore[no-untyped-d
         n = count[voxel[i]]
         n_shares = min(n, MOST)
         share = n_seen[voxel[i]] * n_shares // n
-        is_chosen[i] = n_seen[voxel[i]] == (2 * share + 1) * n // (2 * n_shares)
+        is_chosen[i] = n_seen[voxel[i]] == -(-share * n // n_shares)  # the first of its share
         if is_chosen[i]:
             row[voxel[i], share] = i
         n_seen[voxel[i]] += 1

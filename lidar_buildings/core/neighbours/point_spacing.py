@@ -162,7 +162,7 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     Return the expected spacing where the points bear it out, else their own, quantised.
 
     With one expectation for a whole survey neighbouring tiles use the same spacing, and a tile of another
-    density still its own.
+    density still its own. None is less than `FINEST`.
 
     Parameters
     ----------
@@ -176,12 +176,16 @@ def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     float
         Spacing [m].
     """
+    return max(_of_survey_or_own(points, expected), FINEST)
+
+
+def _of_survey_or_own(points: ArrayLike, expected: float | None) -> float:
     if expected is not None and _has_plainly(checked_points(points), expected):
-        return max(expected, FINEST)
+        return expected
     measured = measure_spacing(points)
     if expected is not None and 1 / MAX_DEVIATION <= measured / expected <= MAX_DEVIATION:
-        return max(expected, FINEST)
-    return max(rounded_spacing(measured), FINEST)
+        return expected
+    return rounded_spacing(measured)
 
 
 def _has_plainly(points: NDArray[np.float64], spacing: float) -> bool:

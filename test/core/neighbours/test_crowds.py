@@ -33,7 +33,8 @@ def test_a_voxel_keeps_few_points_spread_over_its_heights():
     full = (voxels(columns.points) == voxels(CROWD[:1])).all(axis=1)
     heights = np.sort(columns.points[full, 2])
     kept = np.sort(columns.points[full & is_chosen, 2])
-    np.testing.assert_allclose(kept, heights[[len(heights) // 4, 3 * len(heights) // 4]], atol=1e-3)
+    firsts = np.ceil(np.arange(MOST) * len(heights) / MOST).astype(int)
+    np.testing.assert_allclose(kept, heights[firsts], atol=1e-3)
 
 
 def test_the_order_of_the_points_does_not_matter():
@@ -48,7 +49,7 @@ def test_the_order_of_the_points_does_not_matter():
 def test_places_far_from_the_origin_and_no_points_are_taken_alike(shift):
     columns = by_column(CROWD + shift, SIZE)
     is_chosen, place = without_crowds(columns)
-    assert 0 < is_chosen.sum() < 0.05 * len(CROWD)
+    assert 0 < is_chosen.sum() < 0.15 * len(CROWD)
     assert place.max() == is_chosen.sum() - 1
     none = without_crowds(by_column(np.zeros((0, 3)), SIZE))
     assert [len(one) for one in none] == [0, 0]
