@@ -9,12 +9,12 @@ from lidar_buildings.core.surfaces.surface_patches import connected_columns, pla
 CELL = 0.4
 
 
-def wide(points, config=None):
+def wide(points, config=None, **kind):
     """Return which points are on wide levels, in their order."""
     columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
     part = connected_columns(columns, LEVEL_STEP)
     area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
-    found[columns.rows] = wide_levels(columns, part, area, config or RoofSelectionConfig())
+    found[columns.rows] = wide_levels(columns, part, area, config or RoofSelectionConfig(), **kind)
     return found
 
 
@@ -49,6 +49,21 @@ def kept(part, house=HOUSE, config=None):
 )
 def test_what_is_narrow_on_its_level_goes_unless_it_stands_on_a_roof_or_leans_on_one(part, share):
     assert kept(part) == (share, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("part", "is_kept"),
+    [
+        (box((20.4, 34), (4, 6.3), 4.0), False),
+        (box((30, 44), (4, 6.3), 4.0), True),
+        (box((4, 10), (12, 13.5), 5.0), True),
+    ],
+    ids=["lorry at a dock", "lorry in the yard", "balcony"],
+)
+def test_before_roofs_are_complete_only_what_touches_one_with_an_end_goes(part, is_kept):
+    found = wide(np.vstack([HOUSE, part]), is_bare=True)
+    assert found[: len(HOUSE)].all()
+    assert found[len(HOUSE) :].all() if is_kept else not found[len(HOUSE) :].any()
 
 
 def test_the_order_of_points_and_how_far_others_are_do_not_matter():

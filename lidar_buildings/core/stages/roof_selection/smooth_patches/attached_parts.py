@@ -31,7 +31,12 @@ CONTACT_REACH = 1.0
 
 
 def wide_levels(
-    columns: Columns, part: NDArray[np.int64], area: NDArray[np.float64], config: RoofSelectionConfig
+    columns: Columns,
+    part: NDArray[np.int64],
+    area: NDArray[np.float64],
+    config: RoofSelectionConfig,
+    *,
+    is_bare: bool = False,
 ) -> NDArray[np.bool_]:
     """
     Tell which roof points are of parts that are wide enough by themselves, or with what they stand on.
@@ -47,11 +52,14 @@ def wide_levels(
     config : RoofSelectionConfig
         `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that stand alone
         or only touch other roofs go if they are nowhere as wide as `min_building_width`.
+    is_bare : bool
+        Whether roofs have not taken in yet what stands on them: then only parts that touch others are judged,
+        by their width as buildings; all others may seem narrower than they are.
     """
     kept = np.ones(len(part), dtype=bool)
     size = columns.size
     # Of what is too coarse to be measured nothing is too narrow.
-    max_opened = config.max_part_area if config.min_roof_width >= MIN_CELLS * size else 0.0
+    max_opened = config.max_part_area if not is_bare and config.min_roof_width >= MIN_CELLS * size else 0.0
     min_width = config.min_building_width if config.min_building_width >= MIN_BUILDING_CELLS * size else 0.0
     chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
@@ -70,12 +78,15 @@ def wide_levels(
         rows, (y, x) = chosen[start:end], (places[start:end] - low).T
         own, (below, others) = np.zeros(shape, np.int32), np.zeros((2, *shape), np.uint8)
         _draw(*plan, y, x, low, top, own, below, others)
+        if is_bare and not others.any():
+            continue
         depth = square_distances(closed(below), 0, reach)
         if area[part[rows[0]]] < max_opened:
             kept[rows] = opened(depth, half)[y, x]
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
         if width < min_width and kept[rows].any():
-            kept[rows] &= _contact(own, others, size) > MAX_CONTACT
+            contact = _contact(own, others, size)
+            kept[rows] &= contact > MAX_CONTACT or (is_bare and contact == 0.0)
     return kept
 
 

@@ -14,7 +14,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes impor
 from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
-from lidar_buildings.core.surfaces.surface_patches import plan_areas
+from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 #: How far to look for roof around a part [m], and at least in neighbourhood radii.
 PART_REACH = 2.0
@@ -39,9 +39,10 @@ def find_roofs(
     """
     Tell which of the points above ground are roof, and which are walls, whether of these roofs or not.
 
-    Patches start roofs, which grow to their edges along tangent planes, whichever the return, and take in
-    what stands on them: last returns with roof all around, and small parts. What is too narrow goes, on its
-    level and as a whole, and what is too small.
+    Patches start roofs, which grow to their edges along tangent planes, whichever the return. Vehicles that
+    touch one go before roofs take in what stands on them, last returns with roof all around and small parts:
+    the wall between a lorry and its dock would join the two. What is too narrow goes, on its level and as a
+    whole, and what is too small.
 
     Parameters
     ----------
@@ -65,6 +66,7 @@ def find_roofs(
         roof = ~is_steep & near_tangent_plane(
             columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
         )
+    roof = _levels(candidates, roof, config, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     roof |= stands & ~is_steep
@@ -97,16 +99,28 @@ def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
     """Take out of the roofs what is too narrow, in plan and on its level, and what is too small."""
-    plan = by_column(candidates.points[roof], max(MIN_PLAN_CELL, 0.5 * candidates.cell))
-    is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
-    rows, plan = np.flatnonzero(roof)[plan.rows[is_wide]], plan.select(is_wide)
-    label, n = candidates.parts(rows, max(LEVEL_STEP, candidates.radius))
-    part, found = label[rows], np.zeros(len(roof), dtype=bool)
-    area = plan_areas(part, n, plan.first, plan.size)
-    found[rows] = wide_levels(plan, part, area, config)
-    found = _ending(candidates, *candidates.buildings(found, config.min_building_area))
+    label, n = _levels(candidates, roof, config)
+    found = _ending(candidates, *candidates.buildings(label >= 0, config.min_building_area))
     found = _ending(candidates, np.where(found, label, -1), n)
     return candidates.of_buildings(found, config.min_building_area)
+
+
+def _levels(
+    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, *, is_bare: bool = False
+) -> tuple[NDArray[np.int64], int]:
+    """Return the level of each roof point, −1 where it is too narrow, or the plan of whole roofs is."""
+    rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
+    if not is_bare:
+        plan = by_column(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))
+        rows = rows[plan.rows]
+        is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
+        rows, plan = rows[is_wide], plan.select(is_wide)
+    part = connected_columns(plan, max(LEVEL_STEP, candidates.radius))
+    n = int(part.max(initial=-1)) + 1
+    is_wide = wide_levels(plan, part, plan_areas(part, n, plan.first, plan.size), config, is_bare=is_bare)
+    label = np.full(len(roof), -1)
+    label[rows] = np.where(is_wide, part, -1)
+    return label, n
 
 
 def _ending(candidates: Candidates, label: NDArray[np.int64], n_labels: int) -> NDArray[np.bool_]:
