@@ -58,6 +58,8 @@ class ScanAssembler(TileSender):
         self._tell_of_problems()
         if not self._has_frame and self.tiles.frame is not None:
             self._has_frame = True
+            if self.tiles.said:
+                self.get_logger().info(self.tiles.said)
             self.publish_frame(self.tiles.frame)
         super().on_tick()
         if self._n_flushed < self.tiles.n_flushed and not len(self._flow):

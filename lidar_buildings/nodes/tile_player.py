@@ -77,8 +77,8 @@ class TilePlayer(TileSender):
             config.input, folder, config, self.parameters[ScanConfig], self.get_logger().info
         )
         for record in records:
-            if record["problem"]:
-                self.warn(f"{record['bag']}: {record['problem']}")
+            for problem in filter(None, [record["problem"], *record["warnings"]]):
+                self.warn(f"{record['bag']}: {problem}")
         return with_clouds(config.input, folder)
 
 

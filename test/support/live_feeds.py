@@ -66,4 +66,6 @@ def fix(stamp, latitude, longitude, altitude, status=0):
         latitude=latitude,
         longitude=longitude,
         altitude=altitude,
+        position_covariance=[0.0] * 9,
+        position_covariance_type=0,
     )

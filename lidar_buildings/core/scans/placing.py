@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.config import ScanConfig
@@ -71,6 +70,8 @@ class ScanPlacer:
         Scans that came.
     refusal : str
         Why the last scan was refused that could not be read or has no pose, empty if none was.
+    odometry_child : str
+        The frame that odometry moves, empty if none has come.
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class ScanPlacer:
         self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
         self._last: OrderedDict[str, int] = OrderedDict()
         self._clocks = ClockWatch()
-        self._odometry_child = ""
+        self.odometry_child = ""
         self._mounting = self.config.mounting_pose()
         self._mounted = ""
 
@@ -101,6 +102,11 @@ class ScanPlacer:
     def n_waiting(self) -> int:
         """Points that wait for poses."""
         return self._waiting.n_points
+
+    @property
+    def target(self) -> str:
+        """The frame in which the last scan was placed, empty if none was."""
+        return next(reversed(self._targets.values()), "")
 
     @property
     def messages(self) -> Counter[str]:
@@ -111,7 +117,7 @@ class ScanPlacer:
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
         pose = message.pose.pose
-        self._odometry_child = frame_name(message.child_frame_id)
+        self.odometry_child = frame_name(message.child_frame_id)
         self._add_pose(message.header, message.child_frame_id, _pose(pose.position, pose.orientation))
 
     def add_transforms(self, message: Any, *, is_static: bool) -> None:
@@ -120,7 +126,7 @@ class ScanPlacer:
             pose = _pose(one.transform.translation, one.transform.rotation)
             if is_static:
                 self.tree.add_static(one.header.frame_id, one.child_frame_id, pose)
-            elif frame_name(one.child_frame_id) != self._odometry_child:
+            elif frame_name(one.child_frame_id) != self.odometry_child:
                 self._add_pose(one.header, one.child_frame_id, pose)
 
     def add_scan(self, message: Any) -> None:
@@ -174,14 +180,6 @@ class ScanPlacer:
             yield self._place(scan)
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
-
-    def antenna(self, stamp: int) -> NDArray[np.float64] | None:
-        """Return where the antenna of satellite positions was at a time [ns], None if that is not known."""
-        frame = self._odometry_child
-        if not frame or self.target_of(frame) == frame:
-            return None
-        poses = self.tree.poses(frame, self.target_of(frame), np.array([stamp]))
-        return poses.apply(np.array([self.config.antenna_place()]))[0] if poses.is_known[0] else None
 
     def target_of(self, frame: str) -> str:
         """
@@ -237,7 +235,7 @@ class ScanPlacer:
 
     def _mount(self, frame: str) -> None:
         """Fix the scanner where the parameter says; it holds for one: the first."""
-        child = self._odometry_child
+        child = self.odometry_child
         if self._mounting is not None and child and child != frame and self._mounted in ("", frame):
             self._mounted = frame
             for tree in filter(None, (self.tree, self._frames)):

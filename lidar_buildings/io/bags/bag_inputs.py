@@ -85,9 +85,13 @@ def _placed(
         "left_out": dict(sorted(count.left_out.items())),
         "messages": dict(sorted(count.messages.items())),
         "problem": count.problem,
+        "place": count.place,
+        "warnings": list(count.warnings),
     }
     note.write_text(json.dumps(record))
     tell(_line(bag, record))
+    for said in filter(None, [count.place, *(f"warning: {one}" for one in count.warnings)]):
+        tell(f"{bag}: {said}")
     return record
 
 

@@ -18,9 +18,13 @@ from lidar_buildings.io.bags.bag_summary import with_frames
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.tiling.fix_track import FixTrack
 from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.io.tiling.live_frame import Fix, MapPlace, place_by_fix
+from lidar_buildings.io.tiling.map_place import MapPlace
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
+
+#: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
+_BATCH = 100
 
 
 @dataclass
@@ -33,6 +37,8 @@ class PlacedCount:
     left_out: Counter[str] = field(default_factory=Counter)  #: reason → points
     messages: Counter[str] = field(default_factory=Counter)  #: what is to be said of messages → how many
     problem: str = ""  #: why only a part of the bag could be read, and which; empty if all could
+    place: str = ""  #: how satellites told where the map lies, empty if they did not
+    warnings: tuple[str, ...] = ()  #: what is doubtful
 
 
 def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConfig) -> PlacedCount:
@@ -52,13 +58,14 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     bag, problem = open_bag(bag_path)
     with bag, atomic_file(path) as temporary:
         topics = choose_topics(bag, choice.topic, choice.odometry)
-        placer = ScanPlacer(config, SeenPoints(), with_frames(bag, topics, config).tree)
+        frames = with_frames(bag, topics, config).tree
+        placer = ScanPlacer(config, SeenPoints(), frames)
         file = PlacedLaz(temporary)
         place = MapPlace()
         try:
             if topics.fix and not topics.origin:
                 poses = chosen_messages(bag, topics._replace(clouds=""), choice)
-                place = _place_by_fix(poses, ScanPlacer(config), file)
+                place = _place_by_fixes(poses, ScanPlacer(config, frames=frames), file)
             for message in chosen_messages(bag, topics, choice):
                 _take(placer, file, message)
                 for scan in placer.placed():
@@ -71,20 +78,24 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
             file.close()
         _check_any(bag_path, file.n_points, placer)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
-    return PlacedCount(placer.n_scans, file.n_points, left_out, placer.messages, problem)
+    return PlacedCount(
+        placer.n_scans, file.n_points, left_out, placer.messages, problem, place.said, place.warnings
+    )
 
 
-def _place_by_fix(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:
-    """Say, and return, where the map lies by the first fix that a pose stands beside."""
-    fix: Fix | None = None
+def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:
+    """Say, and return, where the map lies by the fixes that poses stand beside."""
+    fixes = FixTrack()
     for message in messages:
         hand_over(message, placer)
         if message.type == FIX:
-            fix = Fix.of(message.message) or fix
-        if fix is not None and (place := place_by_fix(fix, placer)) is not None:
-            file.place(place.frame.crs, place.frame.origin)
-            return place
-    return MapPlace()
+            fixes.take(message.message, placer)
+            if fixes.n_usable % _BATCH == 0:
+                fixes.pair(placer)
+    fixes.pair(placer)
+    place = fixes.place() or fixes.no_place()
+    file.place(place.frame.crs, place.frame.origin)
+    return place
 
 
 def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:

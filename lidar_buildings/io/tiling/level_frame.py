@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyproj
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from lidar_buildings.core.scans.scan import PlacedScan
+from lidar_buildings.core.scans.track_fit import TrackFit, fit_track
 from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up
 
 #: Points within this of the origin are placed to 2 cm, those within a tenth of it to 2 mm [m].
@@ -31,11 +32,11 @@ class Geodetic(NamedTuple):
 
 class LevelFrame:
     """
-    A Cartesian frame that touches the Earth: x points east, y to true north, z up at its origin (REP-103).
+    A Cartesian frame that touches the Earth: z points up at its origin, x east, y to true north (REP-103).
 
-    A map's grid is turned against it by the meridian convergence, is of another scale, and its heights follow
-    the Earth's curvature. The grid must be conformal: within reach of the origin it is a polynomial of
-    x + iy, fitted to what pyproj says.
+    It may be turned. A map's grid is turned against it by the meridian convergence, is of another scale, and
+    its heights follow the Earth's curvature. The grid must be conformal: within reach of the origin it is a
+    polynomial of x + iy, fitted to what pyproj says.
 
     Parameters
     ----------
@@ -43,10 +44,12 @@ class LevelFrame:
         Where it touches.
     crs : str
         A conformal reference system in metres, with heights above the ellipsoid.
+    yaw : float
+        Where x points, counter-clockwise from east [rad].
     """
 
-    def __init__(self, origin: Geodetic, crs: str) -> None:
-        self.origin, self.crs = origin, crs
+    def __init__(self, origin: Geodetic, crs: str, yaw: float = 0.0) -> None:
+        self.origin, self.crs, self.yaw = origin, crs, yaw
         self._to_grid = pyproj.Transformer.from_crs(GEODETIC, crs, always_xy=True)
         side = np.linspace(-_REACH, _REACH, _N_PROBES)
         probes = np.stack(np.meshgrid(side, side, [0.0]), axis=-1).reshape(-1, 3)
@@ -56,13 +59,36 @@ class LevelFrame:
         self._powers = np.linalg.lstsq(np.vander(plan, _DEGREE + 1), grid, rcond=None)[0]
 
     @classmethod
-    def through(cls, place: ArrayLike, seen: Geodetic, crs: str) -> LevelFrame:
-        """Return the frame in which a position seen by satellites has certain coordinates [m]."""
-        geocentric = _geocentric(seen)
-        origin = seen
+    def fitted(
+        cls, track: NDArray[np.float64], seen: Geodetic, sigma: NDArray[np.float64], crs: str
+    ) -> tuple[LevelFrame, TrackFit]:
+        """
+        Return the frame in which a track was told by positions that satellites saw at its times.
+
+        Parameters
+        ----------
+        track : ndarray of shape (n, 3)
+            In the frame [m].
+        seen : Geodetic
+            Arrays of shape (n,).
+        sigma : ndarray of shape (n,)
+            As for `fit_track`.
+        crs : str
+            Of the frame.
+        """
+        geocentric, origin = _geocentric(seen), middle_of(seen)
         for _ in range(_STEPS):
-            origin = Geodetic(*_to_geographic().transform(*(geocentric - np.asarray(place) @ _axes(origin))))
-        return cls(origin, crs)
+            axes = east_north_up(origin.longitude, origin.latitude)
+            fit = fit_track(track, (geocentric - _geocentric(origin)) @ axes.T, sigma)
+            origin = _geodetic(_geocentric(origin) + fit.shift @ axes)
+        return cls(origin, crs, fit.yaw), fit
+
+    @cached_property
+    def axes(self) -> NDArray[np.float64]:
+        """Directions of x, y and z in the geocentric frame, a row each."""
+        east, north, up = east_north_up(self.origin.longitude, self.origin.latitude)
+        cosine, sine = math.cos(self.yaw), math.sin(self.yaw)
+        return np.array([cosine * east + sine * north, cosine * north - sine * east, up])
 
     @cached_property
     def place(self) -> tuple[float, float, float]:
@@ -72,8 +98,7 @@ class LevelFrame:
 
     def geodetic(self, points: NDArray[np.float64]) -> Geodetic:
         """Return points of the frame, shape (n, 3) [m], as places: an array a member."""
-        geocentric = _geocentric(self.origin) + points @ _axes(self.origin)
-        return Geodetic(*_to_geographic().transform(*geocentric.T))
+        return _geodetic(_geocentric(self.origin) + points @ self.axes)
 
     def in_grid(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """
@@ -103,13 +128,18 @@ class LevelFrame:
         return ellipsoid.b / (1.0 - ellipsoid.es * sine * sine) + self.origin.height
 
 
-def _to_geographic() -> pyproj.Transformer:
-    return pyproj.Transformer.from_crs(GEOCENTRIC, GEODETIC, always_xy=True)
+def middle_of(places: Geodetic) -> Geodetic:
+    """Return the place amid others, arrays of shape (n,), of which less than half may be anywhere."""
+    return _geodetic(np.median(_geocentric(places), axis=0))
+
+
+def _geodetic(geocentric: NDArray[np.float64]) -> Geodetic:
+    to_geographic = pyproj.Transformer.from_crs(GEOCENTRIC, GEODETIC, always_xy=True)
+    longitude, latitude, height = to_geographic.transform(*geocentric.T)
+    return Geodetic(longitude, latitude, height)
 
 
 def _geocentric(place: Geodetic) -> NDArray[np.float64]:
-    return np.array(pyproj.Transformer.from_crs(GEODETIC, GEOCENTRIC, always_xy=True).transform(*place))
-
-
-def _axes(place: Geodetic) -> NDArray[np.float64]:
-    return east_north_up(place.longitude, place.latitude)
+    return np.stack(
+        pyproj.Transformer.from_crs(GEODETIC, GEOCENTRIC, always_xy=True).transform(*place), axis=-1
+    )

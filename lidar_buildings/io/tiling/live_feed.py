@@ -21,7 +21,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
-from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
+from lidar_buildings.io.tiling.live_frame import FrameSearch
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
 from lidar_buildings.io.tiling.live_side import scale_of
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
@@ -58,6 +58,8 @@ class LiveFeed:
         Why nothing can be written now, empty if it can.
     problems : Counter
         What was wrong with messages → how often.
+    said : str
+        How satellites told where the map lies, empty if they did not.
     n_flushed : int
         Flushes that are done.
     """
@@ -66,9 +68,8 @@ class LiveFeed:
 
     def __init__(self, tiling: LiveTilingConfig, scans: ScanConfig, frame: MapFrame | None = None) -> None:
         self.error: Exception | None = None
-        self.obstacle = ""
         self.problems: Counter[str] = Counter()
-        self.n_flushed = 0
+        self.n_flushed, self.obstacle, self.said = 0, "", ""
         self._tiling, self._scans, self._inbox = tiling, scans, LiveInbox()
         self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
         recorded = recorded_of(self.folder, tiling)
@@ -148,7 +149,7 @@ class LiveFeed:
 
     def add_fix(self, message: Any) -> None:
         """Take a sensor_msgs/NavSatFix."""
-        self._inbox.put(self._search.take_fix, message)
+        self._inbox.put(lambda one: self._search.take_fix(one, self._placer), message)
 
     def add_frame(self, frame: MapFrame) -> None:
         """Take what others say of where the map lies; too late once points are kept."""
@@ -217,6 +218,7 @@ class LiveFeed:
         self._keep_placed()
         self._settle_frame(time.monotonic())
         if self._survey is not None:
+            self.problems.update(self._search.doubts(self._recorded.given, self._placer))
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._is_flushing and self._survey.is_flushed):
                 self._has_work.set()
@@ -237,24 +239,22 @@ class LiveFeed:
             return
         if self._survey is None:
             n_points = sum(len(scan.points) for scan in self._early)
-            given = self._search.settled(self._placer, now, n_points)
-            if given is None:
+            if (given := self._search.settled(self._placer, now, n_points)) is None:
                 return
             is_end = self._search.is_over(now, n_points, _PATIENCE)
             if (scale := scale_of(self._early, self._tiling.buffer, is_end=is_end)) is None:
                 return
             scale = scale._replace(side=self._tiling.tile_size or scale.side)
-            first = given.placed(self._early[0]).points[0]
-            recorded = Recorded(scale, given, moved_origin(given.frame, first))
+            recorded = Recorded.beginning(scale, given, self._early[0])
             record(self.folder, self._tiling, recorded)
             self._open(recorded)
+            self.said = given.said
         while self._early:
             self._keep(self._early.pop(0))
 
     def _open(self, recorded: Recorded) -> None:
         """Begin to keep points."""
-        self._recorded = recorded
-        tiling = replace(self._tiling, tile_size=recorded.scale.side)
+        self._recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
         self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 
     def _flush(self, _: None) -> None:

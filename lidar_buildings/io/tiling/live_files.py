@@ -15,9 +15,10 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_frame import MapPlace
+from lidar_buildings.io.tiling.live_frame import moved_origin
 from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
+from lidar_buildings.io.tiling.map_place import MapPlace
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -34,6 +35,11 @@ class Recorded(NamedTuple):
     scale: FeedScale  #: side and point spacing of tiles
     given: MapPlace
     frame: MapFrame  #: the frame of tiles: the map's, with an origin near them
+
+    @classmethod
+    def beginning(cls, scale: FeedScale, given: MapPlace, scan: PlacedScan) -> Recorded:
+        """Return what a feed knows whose first points are a scan's, as placed by its poses."""
+        return cls(scale, given, moved_origin(given.frame, given.placed(scan).points[0]))
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""
@@ -55,7 +61,7 @@ def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
     with atomic_file(folder / _SURVEY) as temporary:
         frames = {"given": asdict(recorded.given.frame), "frame": asdict(recorded.frame)}
         level = recorded.given.level
-        frames["level"] = None if level is None else level.origin._asdict()
+        frames["level"] = None if level is None else level.origin._asdict() | {"yaw": level.yaw}
         temporary.write_text(json.dumps(_identity(tiling) | recorded.scale._asdict() | frames))
 
 
@@ -77,7 +83,7 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
         spacing = noted.get("spacing")
         scale = FeedScale(float(noted["side"]), None if spacing is None else float(spacing))
         given, level = _frame_of(noted["given"]), noted.get("level")
-        place = MapPlace(given, None if level is None else LevelFrame(Geodetic(**level), given.crs))
+        place = MapPlace(given, level and _level_of(given.crs, **level))
         recorded = Recorded(scale, place, _frame_of(noted["frame"]))
     except FileNotFoundError:
         return None
@@ -139,6 +145,11 @@ def _scan_of(records: Any) -> PlacedScan:
 
 def _identity(tiling: LiveTilingConfig) -> dict[str, float]:
     return {name: getattr(tiling, name) for name in ("tile_size", "buffer", "max_buffer")}
+
+
+def _level_of(crs: str, yaw: float = 0.0, **origin: float) -> LevelFrame:
+    """Return a level frame as noted; a feed of earlier versions has no yaw."""
+    return LevelFrame(Geodetic(**origin), crs, yaw)
 
 
 def _frame_of(noted: dict[str, Any]) -> MapFrame:

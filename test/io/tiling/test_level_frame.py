@@ -30,7 +30,11 @@ def test_points_lie_in_the_grid_where_pyproj_says(origin, crs, reach, tolerance)
 
 
 @pytest.mark.parametrize(("origin", "crs"), PLACES)
-def test_a_frame_is_found_by_one_of_its_points_seen_by_satellites(origin, crs):
-    place = np.array([3000.0, -2000.0, 50.0])
-    seen = LevelFrame(origin, crs).geodetic(place)
-    np.testing.assert_allclose(LevelFrame.through(place, seen, crs).place, LevelFrame(origin, crs).place)
+@pytest.mark.parametrize(("n_points", "yaw"), [(1, 0.0), (20, 0.0), (20, 2.5)])
+def test_a_frame_is_found_by_points_of_it_seen_by_satellites(origin, crs, n_points, yaw):
+    track = np.array([3000.0, -2000.0, 50.0]) + np.outer(np.arange(n_points), [10.0, 2.0, 0.5])
+    truth = LevelFrame(origin, crs, yaw)
+    found, fit = LevelFrame.fitted(track, truth.geodetic(track), np.ones(n_points), crs)
+    np.testing.assert_allclose(found.place, truth.place, atol=0.002)
+    np.testing.assert_allclose(found.in_grid(track), truth.in_grid(track), atol=0.002)
+    assert fit.yaw == pytest.approx(yaw, abs=1e-6)

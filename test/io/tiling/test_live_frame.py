@@ -5,13 +5,48 @@ import pyproj
 import pytest
 from support.level_truth import in_grid
 from support.live_feeds import Running, fix, points
-from support.scan_messages import SECOND, T0, odometry, scan
+from support.scan_messages import SECOND, T0, odometry, scan, transforms
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.io.tiling.fix_track import Fix, FixTrack
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_frame import Fix, FrameSearch, MapPlace, moved_origin, place_by_fix
+from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
+from lidar_buildings.io.tiling.map_place import MapPlace
+
+#: The frame of odometry that began along a street, in a zone of UTM.
+TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
+#: Along that street and then another, with five poses a second: 20 s at 5 m/s.
+DRIVE = np.array([[min(k, 60), max(k - 60, 0), 2.0] for k in range(101)])
+
+
+def place_by_fix(stamp, place, placer):
+    fixes = FixTrack()
+    fixes.take(fix(stamp, place.latitude, place.longitude, place.height), placer)
+    fixes.pair(placer)
+    return fixes.place()
+
+
+def driven(truth=TRUTH, noise=0.0, ahead=0, wrong=(), **more):
+    """Fixes of a drive, of which some are 60 m off; their clock may be ahead [s]."""
+    placer, fixes = ScanPlacer(), FixTrack()
+    random = np.random.default_rng(0)
+    for k, place in enumerate(DRIVE):
+        stamp = T0 + k * SECOND // 5
+        placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
+        seen = truth.geodetic((place + random.normal(0.0, noise, 3) + 60.0 * (k in wrong))[None])
+        message = fix(stamp + ahead * SECOND, seen.latitude[0], seen.longitude[0], seen.height[0])
+        vars(message).update(more)
+        fixes.take(message, placer)
+    fixes.pair(placer)
+    return fixes
+
+
+def off(place, truth=TRUTH):
+    """How far the drive is from where it was, at most [m]."""
+    drive = DRIVE.astype(float)
+    return np.abs(place.level.in_grid(drive) + place.frame.origin - truth.in_grid(drive) - truth.place).max()
 
 
 def placer_at(place):
@@ -26,7 +61,9 @@ def placer_at(place):
 )
 def test_a_fix_says_where_the_map_lies(latitude, longitude, crs):
     place = (12.0, -7.0, 1.5)
-    frame, level = place_by_fix(Fix(T0, Geodetic(longitude, latitude, 44.0)), placer_at(place))
+    found = place_by_fix(T0, Geodetic(longitude, latitude, 44.0), placer_at(place))
+    frame, level = found.frame, found.level
+    assert "too little" in found.said
     assert frame.crs == crs
     back = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     x, y, z = frame.to_source(level.in_grid(np.array([place])))[0]
@@ -34,13 +71,64 @@ def test_a_fix_says_where_the_map_lies(latitude, longitude, crs):
     assert z == pytest.approx(44.0)
 
 
-def test_poses_that_are_told_in_the_grid_are_not_turned():
+@pytest.mark.parametrize(
+    ("away", "origin"),
+    [((0.25, -0.5, 1.0), (0.0, 0.0, 0.0)), ((250.0, -500.0, -42.0), (-250.0, 500.0, 42.0))],
+)
+def test_poses_that_are_told_in_the_grid_are_not_turned_and_as_good_as_fixes(away, origin):
     to_grid = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32631", always_xy=True)
-    x, y = to_grid.transform(4.4, 52.0)
-    pose = (x + 0.25, y - 0.5, 2.0)
-    found = place_by_fix(Fix(T0, Geodetic(4.4, 52.0, 44.0)), placer_at(pose))
+    pose = (*to_grid.transform(4.4, 52.0), 44.0)
+    found = place_by_fix(T0, Geodetic(4.4, 52.0, 44.0), placer_at(np.add(pose, away)))
     assert found.level is None
-    np.testing.assert_allclose(found.frame.origin, (-0.25, 0.5, 42.0), atol=0.001)
+    np.testing.assert_allclose(found.frame.origin, origin, atol=0.001)
+
+
+@pytest.mark.parametrize("wrong", [(), (0,), range(0, 101, 3), range(0, 101, 5), range(60, 101)])
+def test_odometry_that_began_along_a_street_is_turned_by_its_fixes(wrong):
+    place = driven(wrong=wrong).place()
+    assert off(place) < 0.01
+    assert f"by {101 - len(wrong)} of 101 satellite fixes" in place.said
+    assert "40.00° north of east" in place.said
+    assert any("contradict" in one for one in place.warnings) == (3 * len(wrong) > 101)
+
+
+def test_noise_of_fixes_turns_no_odometry_that_points_east():
+    truth = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
+    place = driven(truth, noise=2.0).place()
+    assert place.level.yaw == 0.0
+    assert off(place, truth) < 0.8, "the mean of a hundred fixes, four standard errors"
+    assert not place.warnings
+
+
+@pytest.mark.parametrize("ahead", [18, -18, 37])
+def test_the_clock_of_gps_beside_utc_is_set_right_and_told(ahead):
+    place = driven(ahead=ahead).place()
+    assert off(place) < 0.01
+    assert f"{abs(ahead)} s {'ahead of' if ahead > 0 else 'behind'}" in place.warnings[0]
+
+
+def test_another_clock_is_told_by_how_far_fixes_are_from_the_poses():
+    assert any("m from the poses" in one for one in driven(ahead=-5).place().warnings)
+    fixes = driven(ahead=-100)
+    assert fixes.place() is None
+    assert "-100.0 s off" in fixes.no_place().warnings[0]
+
+
+def test_fixes_that_tell_how_good_they_are_are_held_to_it():
+    told = {"position_covariance_type": 2, "position_covariance": [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]}
+    assert not driven(noise=1.5).place().warnings
+    assert "usual is 1.0 m" in driven(noise=1.5, **told).place().warnings[0]
+
+
+def test_an_antenna_is_where_transforms_say_that_it_is():
+    placer, fixes = ScanPlacer(), FixTrack()
+    placer.add_transforms(transforms((0, "base_link", "gps", (2.0, 0.0, 1.0))), is_static=True)
+    for k, place in enumerate(DRIVE):
+        placer.add_odometry(odometry(T0 + k * SECOND, place, frame="odom", child="base_link"))
+        seen = TRUTH.geodetic(place[None] + [[2.0, 0.0, 1.0]])
+        fixes.take(fix(T0 + k * SECOND, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
+    fixes.pair(placer)
+    assert off(fixes.place()) < 0.01
 
 
 def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp_path):
@@ -64,8 +152,8 @@ def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp
 
 def test_a_fix_without_a_pose_says_nothing():
     there = Geodetic(4.4, 52.0, 0.0)
-    assert place_by_fix(Fix(T0 + 10 * SECOND, there), placer_at((0, 0, 0))) is None
-    assert place_by_fix(Fix(T0, there), ScanPlacer()) is None
+    assert place_by_fix(T0 + 10 * SECOND, there, placer_at((0, 0, 0))) is None
+    assert place_by_fix(T0, there, ScanPlacer()) is None
 
 
 @pytest.mark.parametrize("wrong", [{"status": -1}, {"latitude": np.nan}, {"longitude": 400.0}])
@@ -83,10 +171,28 @@ def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
     assert told.settled(ScanPlacer(), 0.0, 10) is None
     told.take_frame(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
     assert told.settled(ScanPlacer(), 0.1, 10) == MapPlace(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
-    by_fix = FrameSearch(None)
-    by_fix.take_fix(fix(T0, 52.0, 4.4, 0.0))
-    assert by_fix.settled(placer_at((0.0, 0.0, 0.0)), 0.0, 10).frame.crs == "EPSG:32631"
+    by_fix, placer = FrameSearch(None), placer_at((0.0, 0.0, 0.0))
+    by_fix.take_fix(fix(T0, 52.0, 4.4, 0.0), placer)
+    assert by_fix.settled(placer, 0.0, 10) is None
+    assert by_fix.settled(placer, 9.9, 10) is None, "it may move yet, and tell how it is turned"
+    assert by_fix.settled(placer, 10.0, 10).frame.crs == "EPSG:32631"
     assert FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == MapPlace(), "memory is bounded"
+
+
+def test_later_fixes_that_contradict_are_told_once():
+    search, placer = FrameSearch(None), ScanPlacer()
+    for k, place in enumerate(np.concatenate([DRIVE, DRIVE + np.array([0.0, 20.0, 0.0])])):
+        stamp = T0 + k * SECOND // 5
+        placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
+        seen = TRUTH.geodetic(DRIVE[k % 101][None])
+        search.take_fix(fix(stamp, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
+        if k == 100:
+            assert search.settled(placer, 0.0, 10) is None
+            settled = search.settled(placer, 3.0, 10)
+            assert "40.00° north of east" in settled.said, "as it has moved enough"
+    (said,) = search.doubts(settled, placer)
+    assert "20.0 m" in said
+    assert search.doubts(settled, placer) == []
 
 
 def test_an_origin_far_away_is_moved_so_that_float32_suffices():

@@ -1,0 +1,53 @@
+"""Where the antenna of satellite positions was in the frame in which scans are placed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.scans.placing import ScanPlacer
+
+#: What moves, where nothing but /tf tells of it (REP-105).
+_BODY = "base_link"
+_Place = tuple[float, float, float]
+
+
+class Antenna(NamedTuple):
+    """An antenna on what the poses move."""
+
+    frame: str  #: where it is fixed
+    target: str  #: the frame in which scans are placed
+    place: _Place  #: in its frame [m]
+
+    @classmethod
+    def of(cls, frame: str, placer: ScanPlacer) -> Antenna | None:
+        """
+        Return the antenna whose positions are told in a frame, None if nothing tells how that moves.
+
+        Parameters
+        ----------
+        frame : str
+            It counts if transforms tell of it and the parameter `antenna` says nothing else; else the antenna
+            is on what odometry moves, or in `base_link`.
+        placer : ScanPlacer
+            Knows the poses.
+        """
+        own = "" if placer.config.antenna.strip() else frame
+        for one in filter(None, (own, placer.odometry_child, _BODY)):
+            target = placer.target or placer.target_of(one)
+            if placer.tree.has_way(one, target) and placer.tree.moves(one, target):
+                return cls(one, target, placer.config.antenna_place())
+        return None
+
+    def places(
+        self, placer: ScanPlacer, times: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return where it was at some times [ns], shape (n, 3) [m], and whether that is known."""
+        poses = placer.tree.poses(self.frame, self.target, times)
+        return poses.apply(np.tile(self.place, (len(times), 1))), poses.is_known
+
+    def known_until(self, placer: ScanPlacer) -> int:
+        """Return the time of the last pose that tells of it [ns]."""
+        return placer.tree.known_until(self.frame, self.target) or 0
