@@ -20,7 +20,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.io.bags import is_bag
+from lidar_buildings.io.bags import bags_of
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
@@ -94,7 +94,7 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
 
 def _check_places(request: RunRequest) -> None:
     """Refuse what names no cloud, and a folder that cannot be used, before anything takes time."""
-    if not any(is_url(one) or is_bag(one) for one in request.inputs):
+    if not any(is_url(one) or bags_of(one) for one in request.inputs):
         search_inputs(request.inputs)
     check_folder(request.output, overwrite=request.overwrite or request.use is not Use.NONE)
 

@@ -10,19 +10,20 @@ from typing import Any
 
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
-from lidar_buildings.io.bags import is_bag
+from lidar_buildings.io.bags import bags_of
 from lidar_buildings.io.bags.bag_config import BagConfig
 
 
 def bags_among(inputs: Sequence[str]) -> list[Path]:
-    """Return the bags among inputs, each once."""
-    return list(dict.fromkeys(Path(one).resolve() for one in inputs if is_bag(one)))
+    """Return the bags among inputs, and in folders among them, each once."""
+    return list(dict.fromkeys(bag.resolve() for one in inputs for bag in bags_of(one)))
 
 
 def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:
     """Return inputs with the clouds that `place_bags` makes in a folder instead of the bags."""
     paths = {bag: str(_cloud(folder, number, bag)) for number, bag in enumerate(bags_among(inputs))}
-    return tuple(paths[Path(one).resolve()] if is_bag(one) else one for one in inputs)
+    with_bags = ([paths[bag.resolve()] for bag in bags_of(one)] or [one] for one in inputs)
+    return tuple(dict.fromkeys(path for named in with_bags for path in named))
 
 
 def place_bags(

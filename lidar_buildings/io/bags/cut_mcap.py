@@ -11,10 +11,13 @@ from typing import BinaryIO
 from rosbags.interfaces import Connection
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.bags import METADATA, split_files
 from lidar_buildings.io.bags.bag import Bag
 
+_MCAP = ".mcap"
 _MAGIC = b"\x89MCAP0\r\n"
 #: A record's operation code and length (MCAP specification).
 _RECORD = struct.Struct("<BQ")
@@ -50,7 +53,7 @@ class CutMcapReader(McapReader):
 
 class CutBagReader:
     """
-    Reads the MCAP files of a bag one after the other, of those that were cut off what is whole.
+    Reads the files of a bag one after the other, of MCAP files that were cut off what is whole.
 
     Parameters
     ----------
@@ -69,7 +72,7 @@ class CutBagReader:
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = paths
-        self._files: list[McapReader] = []
+        self._files: list[McapReader | Sqlite3Reader] = []
 
     def open(self) -> None:
         """
@@ -106,9 +109,9 @@ class CutBagReader:
                 yield from file.messages(own, start, stop)
 
 
-def _opened(path: Path) -> McapReader | None:
+def _opened(path: Path) -> McapReader | Sqlite3Reader | None:
     """Open a file as it is, else what is whole of it; None if that holds no message."""
-    for kind in (McapReader, CutMcapReader):
+    for kind in (McapReader, CutMcapReader) if path.suffix.lower() == _MCAP else (Sqlite3Reader,):
         reader = kind(path)
         with suppress(Exception):  # whatever is wrong with a file that was cut off
             reader.open()
@@ -162,14 +165,19 @@ def open_bag(path: Path) -> tuple[Bag, str]:
     try:
         return Bag(path), ""
     except InputError as error:
-        files, problem = sorted(path.glob("*.mcap")) if path.is_dir() else [path], error
-    if not all(file.suffix.lower() == ".mcap" for file in files):
+        files, problem = [path], error
+    is_unfinished = path.is_dir() and not (path / METADATA).exists()
+    if path.is_dir():
+        files = (split_files(path) if is_unfinished else []) or sorted(path.glob("*.mcap"))
+    elif path.suffix.lower() != _MCAP:
         raise problem
     reader = CutBagReader(files)
     try:
         bag = Bag(path, reader)
     except InputError:
         raise problem from None
+    if reader.share == 1.0 and is_unfinished:
+        return bag, ""  # nothing but its metadata is missing
     said = str(problem).removeprefix(f"{path}: ")
     of = "the file, the first" if len(files) == 1 else f"{len(files)} files,"
     return bag, f"{said}; read is what is whole: {reader.share:.0%} of {of} {bag.seconds:.1f} s"
