@@ -20,7 +20,7 @@ from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stamps import header_of
+from lidar_buildings.ros.stamps import FRAME_ID, header_of
 
 #: A warning of lost scans is repeated no sooner [s].
 _REMIND = 10.0
@@ -58,8 +58,7 @@ class ScanAssembler(TileSender):
         self._tell_of_problems()
         if not self._has_frame and self.tiles.frame is not None:
             self._has_frame = True
-            if self.tiles.said:
-                self.get_logger().info(self.tiles.said)
+            self._tell_place()
             self.publish_frame(self.tiles.frame)
         super().on_tick()
         if self._n_flushed < self.tiles.n_flushed and not len(self._flow):
@@ -131,6 +130,14 @@ class ScanAssembler(TileSender):
             self.get_logger().info("tf2_msgs is not installed: poses come by odometry only")
         losses = SubscriptionEventCallbacks(message_lost=self.on_lost)
         self.create_subscription(PointCloud2, "scan", self.on_scan, SENSOR, event_callbacks=losses, **options)
+
+    def _tell_place(self) -> None:
+        """Say where satellites lay the map, and where the poses' frame lies in that of our topics."""
+        recorded = self.tiles.recorded
+        if recorded is not None and recorded.given.said:
+            self.get_logger().info(recorded.given.said)
+            tell = self.warn if recorded.target == FRAME_ID else self.get_logger().info
+            tell(recorded.where_target_lies(FRAME_ID))
 
     def _tell_of_problems(self) -> None:
         """Log each problem once; as long as nothing can be written, diagnostics say so."""

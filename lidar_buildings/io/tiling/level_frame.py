@@ -135,8 +135,8 @@ def middle_of(places: Geodetic) -> Geodetic:
 
 def _geodetic(geocentric: NDArray[np.float64]) -> Geodetic:
     to_geographic = pyproj.Transformer.from_crs(GEOCENTRIC, GEODETIC, always_xy=True)
-    longitude, latitude, height = to_geographic.transform(*geocentric.T)
-    return Geodetic(longitude, latitude, height)
+    x, y, z = geocentric.T
+    return Geodetic(*to_geographic.transform(x, y, z))
 
 
 def _geocentric(place: Geodetic) -> NDArray[np.float64]:

@@ -58,8 +58,8 @@ class LiveFeed:
         Why nothing can be written now, empty if it can.
     problems : Counter
         What was wrong with messages → how often.
-    said : str
-        How satellites told where the map lies, empty if they did not.
+    recorded : Recorded or None
+        How points are placed, as soon as that is settled.
     n_flushed : int
         Flushes that are done.
     """
@@ -69,10 +69,10 @@ class LiveFeed:
     def __init__(self, tiling: LiveTilingConfig, scans: ScanConfig, frame: MapFrame | None = None) -> None:
         self.error: Exception | None = None
         self.problems: Counter[str] = Counter()
-        self.n_flushed, self.obstacle, self.said = 0, "", ""
+        self.n_flushed, self.obstacle = 0, ""
         self._tiling, self._scans, self._inbox = tiling, scans, LiveInbox()
         self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
-        recorded = recorded_of(self.folder, tiling)
+        self.recorded = recorded_of(self.folder, tiling)
         self._search = FrameSearch(frame)
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
@@ -85,8 +85,8 @@ class LiveFeed:
         self._made_lock = threading.Lock()
         self._has_work, self._stopping = threading.Event(), threading.Event()
         self._wake: Callable[[], None] = lambda: None
-        if recorded is not None:
-            self._open(recorded)
+        if self.recorded is not None:
+            self._open(self.recorded)
         self._threads = [threading.Thread(target=one, daemon=True) for one in (self._take_in, self._give_out)]
 
     def start(self, wake: Callable[[], None]) -> None:
@@ -217,8 +217,8 @@ class LiveFeed:
     def _tick(self, _: None) -> None:
         self._keep_placed()
         self._settle_frame(time.monotonic())
-        if self._survey is not None:
-            self.problems.update(self._search.doubts(self._recorded.given, self._placer))
+        if self._survey is not None and self.recorded is not None:
+            self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._is_flushing and self._survey.is_flushed):
                 self._has_work.set()
@@ -228,8 +228,8 @@ class LiveFeed:
             self._keep(scan)
 
     def _keep(self, scan: PlacedScan) -> None:
-        if self._survey is not None:
-            self._survey.add(self._recorded.placed(scan), time.monotonic())
+        if self._survey is not None and self.recorded is not None:
+            self._survey.add(self.recorded.placed(scan), time.monotonic())
         elif len(scan.points):
             self._early.append(scan)
 
@@ -245,16 +245,15 @@ class LiveFeed:
             if (scale := scale_of(self._early, self._tiling.buffer, is_end=is_end)) is None:
                 return
             scale = scale._replace(side=self._tiling.tile_size or scale.side)
-            recorded = Recorded.beginning(scale, given, self._early[0])
+            recorded = Recorded.beginning(scale, given, self._early[0], self._placer.target)
             record(self.folder, self._tiling, recorded)
             self._open(recorded)
-            self.said = given.said
         while self._early:
             self._keep(self._early.pop(0))
 
     def _open(self, recorded: Recorded) -> None:
         """Begin to keep points."""
-        self._recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
+        self.recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
         self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 
     def _flush(self, _: None) -> None:

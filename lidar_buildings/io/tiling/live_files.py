@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -35,11 +36,30 @@ class Recorded(NamedTuple):
     scale: FeedScale  #: side and point spacing of tiles
     given: MapPlace
     frame: MapFrame  #: the frame of tiles: the map's, with an origin near them
+    target: str = ""  #: the frame in which poses place scans, empty in a feed that goes on
 
     @classmethod
-    def beginning(cls, scale: FeedScale, given: MapPlace, scan: PlacedScan) -> Recorded:
+    def beginning(cls, scale: FeedScale, given: MapPlace, scan: PlacedScan, target: str) -> Recorded:
         """Return what a feed knows whose first points are a scan's, as placed by its poses."""
-        return cls(scale, given, moved_origin(given.frame, given.placed(scan).points[0]))
+        return cls(scale, given, moved_origin(given.frame, given.placed(scan).points[0]), target)
+
+    def where_target_lies(self, frame: str) -> str:
+        """Say where the frame of the poses lies in that of tiles, whose name in TF is given."""
+        points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+        (x, y, z), (east, north, _) = self.placed(
+            PlacedScan(points, np.zeros(2, np.int64), {})
+        ).points.tolist()
+        where = f"--x {x:.3f} --y {y:.3f} --z {z:.3f} --yaw {math.atan2(north - y, east - x):.6f}"
+        if self.target == frame:
+            return (
+                f"topics are in the grid, as frame {frame}, which is not the {frame} of the poses: that lies "
+                f"in it at {where}; name the frame of the poses otherwise, or publish map_origin if its axes "
+                "are those of a grid"
+            )
+        return (
+            f"topics are in the grid, as frame {frame}; for TF: ros2 run tf2_ros static_transform_publisher "
+            f"{where} --frame-id {frame} --child-frame-id {self.target}"
+        )
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""

@@ -10,9 +10,12 @@ from support.scan_messages import SECOND, T0, odometry, scan, transforms
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.fix_track import Fix, FixTrack
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
+from lidar_buildings.io.tiling.live_files import Recorded
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
+from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.map_place import MapPlace
 
 #: The frame of odometry that began along a street, in a zone of UTM.
@@ -148,6 +151,19 @@ def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp
                 assert tile.frame.crs == "EPSG:32631"
                 found[tile.index] = tile.frame.to_source(tile.points)
     np.testing.assert_allclose(found, in_grid(places, truth.origin, truth.crs), atol=0.003)
+
+
+def test_where_the_frame_of_the_poses_lies_in_that_of_the_topics_is_said():
+    place = driven().place()
+    scan_there = PlacedScan(DRIVE[-1:].astype(float), np.zeros(1, np.int64), {})
+    recorded = Recorded.beginning(FeedScale(100.0, None), place, scan_there, "odom")
+    said = recorded.where_target_lies("map")
+    assert said.endswith("--frame-id map --child-frame-id odom")
+    x, y, z, yaw = (float(said.split(f"--{name} ")[1].split()[0]) for name in ("x", "y", "z", "yaw"))
+    turned = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]) @ DRIVE[-1, :2] + (x, y)
+    by_tiles = recorded.placed(scan_there).points[0]
+    np.testing.assert_allclose([*turned, DRIVE[-1, 2] + z], by_tiles, atol=0.03)  # but for the scale
+    assert "is not the odom of the poses" in recorded.where_target_lies("odom")
 
 
 def test_a_fix_without_a_pose_says_nothing():
