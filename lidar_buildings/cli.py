@@ -17,6 +17,7 @@ from typing import NoReturn
 from lidar_buildings import __version__
 from lidar_buildings.commands.run_options import (
     UNTOLD,
+    Once,
     add_part_of_bag,
     add_plan_arguments,
     add_record,
@@ -134,12 +135,16 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         "--scan",
         dest="topic",
         metavar="TOPIC",
+        action=Once,
         help="the scans (default: scan; a bag's only one)",
     )
     parser.add_argument(
-        "--odometry", metavar="TOPIC", help="the poses (default: odometry; a bag's only one; /tf beside it)"
+        "--odometry",
+        metavar="TOPIC",
+        action=Once,
+        help="the poses (default: odometry; a bag's only one; /tf beside it)",
     )
-    parser.add_argument("--fix", metavar="TOPIC", help="positions of satellites (default: fix)")
+    parser.add_argument("--fix", metavar="TOPIC", action=Once, help="positions of satellites (default: fix)")
     parser.add_argument(
         "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and end with it"
     )

@@ -17,6 +17,22 @@ UNTOLD: dict[str, Any] = {
 }
 
 
+class Once(argparse.Action):
+    """An option that may be given once, where argparse would take the last one without a word."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: str | None = None,
+    ) -> None:
+        """Take its value."""
+        if (before := getattr(namespace, self.dest, None)) is not None:
+            parser.error(f"{option} {values}: {before} is given already, and one topic of a kind is read")
+        setattr(namespace, self.dest, values)
+
+
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add all of `run`."""
     parser.add_argument(
@@ -33,9 +49,14 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="… that is kept up to date, without ROS: only tiles whose points have changed are done",
     )
-    parser.add_argument("--topic", metavar="NAME", help="bags: topic of the scans (default: the only one)")
     parser.add_argument(
-        "--odometry", metavar="NAME", help="bags: topic of the poses (default: the only one; else /tf)"
+        "--topic", metavar="NAME", action=Once, help="bags: topic of the scans (default: the only one)"
+    )
+    parser.add_argument(
+        "--odometry",
+        metavar="NAME",
+        action=Once,
+        help="bags: topic of the poses (default: the only one; else /tf)",
     )
     add_part_of_bag(parser)
     parser.add_argument(

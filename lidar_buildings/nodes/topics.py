@@ -7,6 +7,8 @@ from dataclasses import dataclass
 _CLOUD = "sensor_msgs/PointCloud2"
 _RINGS = "geometry_msgs/PolygonInstanceStamped"
 _HEADER = "std_msgs/Header"
+#: How a tile ends on topics of rings.
+_END = "; one with id −1 and no vertices closes the tile"
 
 
 @dataclass(frozen=True)
@@ -102,14 +104,15 @@ TRACED_OUTLINES = Topic(
     "traced_outlines",
     _RINGS,
     "BUILDING",
-    "outlines as traced, or footprints as given; z is the ground's elevation where it is known, else 0",
+    "outlines as traced, or footprints as given, a ring a message, holes after their outline; z is the "
+    f"ground's elevation where it is known, else 0{_END}",
 )
 OUTLINES = Topic(
     "outlines",
     _RINGS,
     "BUILDING",
-    "regularised outlines; a building that a tile had in an earlier revision and has no more comes without "
-    "vertices",
+    "regularised outlines, a ring a message, holes after their outline; a building that a tile had in an "
+    f"earlier revision and has no more comes without vertices{_END}",
 )
 OUTLINE_QUALITY = Topic(
     "outline_quality",
@@ -118,7 +121,7 @@ OUTLINE_QUALITY = Topic(
     "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from the traced ring, and "
     "why it is the traced one, if it is",
 )
-ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", "the models' roofs in 3D; ids are the buildings'")
+ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", f"the models' roofs in 3D; ids are the buildings'{_END}")
 CITY_MODEL = Topic(
     "city_model",
     "std_msgs/String",

@@ -99,6 +99,12 @@ def test_options_of_bags_without_a_bag_are_refused(command, tmp_path):
     assert "--topic: says what of a bag is wanted, and no INPUT is one" in line
 
 
+@pytest.mark.parametrize("option", ["--topic", "--odometry"])
+def test_a_second_topic_of_a_kind_is_refused(command, tmp_path, option):
+    given = ("run", tmp_path, option, "/front", option, "/rear", "--output", tmp_path / "out")
+    assert "/rear: /front is given already" in command.refused(*given)
+
+
 def test_a_bag_whose_scans_cannot_be_placed_gives_one_line(command, tmp_path):
     drive = write_drive(tmp_path / "drive")
     line = command.refused("run", drive.path, "--no-ros", "--output", tmp_path / "out")

@@ -68,8 +68,9 @@ class ScanPlacer:
         Reason → points that were left out.
     n_scans : int
         Scans that came.
-    refusal : str
-        Why the last scan was refused that could not be read or has no pose, empty if none was.
+    refusal, unreadable : str
+        Why the last scan was refused that could not be read or has no pose, and that could not be read; empty
+        if none was.
     odometry_child : str
         The frame that odometry moves, empty if none has come.
     """
@@ -84,7 +85,7 @@ class ScanPlacer:
         self.tree = TransformTree(self.config.max_pose_gap, self.config.max_speed)
         self.left_out: Counter[str] = Counter()
         self.n_scans = 0
-        self.refusal = ""
+        self.refusal = self.unreadable = ""
         self._seen = seen
         self._frames = frames
         self._targets: OrderedDict[str, str] = OrderedDict()
@@ -152,8 +153,9 @@ class ScanPlacer:
             scan = read_scan(message, self.config, self.left_out, self._seen)
         except MessageError as error:
             self._messages[UNREADABLE] += 1
-            self.refusal = str(error)
+            self.refusal = self.unreadable = str(error)
             raise
+        self._messages.update(scan.doubts)
         _keep(self._marks, mark, None, _MAX_MARKS)
         if is_earlier:
             self._set_back(stamp)
@@ -243,7 +245,7 @@ class ScanPlacer:
 
     def _place(self, scan: Scan) -> PlacedScan:
         if self._is_placed(scan):
-            return PlacedScan(*scan[1:])
+            return PlacedScan(scan.points, scan.times, scan.columns)
         self._mount(scan.frame)
         target = self.target_of(scan.frame)
         if target == scan.frame:

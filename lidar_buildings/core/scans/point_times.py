@@ -21,6 +21,8 @@ NEAR = 86_400.0
 #: The longest that a scan or packet lasts [s].
 LONGEST = 2.0
 _NANOSECONDS = 1e9
+#: Numbers of fewer bytes count the time since 1970 in steps of a minute or more.
+_EPOCH_BYTES = 8
 
 
 def point_times(
@@ -45,7 +47,7 @@ def point_times(
     Returns
     -------
     times : ndarray of int64 or None
-        None if no field tells them.
+        None if no field tells them, or in single precision, which leaves minutes of a time since 1970.
     field : str
         The field that did.
 
@@ -64,6 +66,8 @@ def point_times(
         return None, name
     units = [unit] if unit else list(UNITS)
     absolute = [one for one in units if _is_near(values, UNITS[one], stamp)]
+    if absolute and values.dtype.itemsize < _EPOCH_BYTES:
+        return None, name
     if absolute:
         return _nanoseconds(values, UNITS[absolute[0]]), name
     relative = [

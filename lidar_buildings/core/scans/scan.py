@@ -35,6 +35,11 @@ _OF_TILES = ("buffer", *_NAMING)
 NOT_FINITE = "x, y or z is not finite, or beyond any place on Earth"
 NO_RETURN = "at the sensor's own place: no return"
 NO_TIME = "time is not finite"
+#: What is to be said of a scan, in words.
+COARSE = "scans whose x or y, far from the origin, are float32: {:g} m apart"
+COARSE_TIMES = "scans whose points have times since 1970 as float32, minutes apart: taken for none"
+#: Steps of coordinates that are to be told of [m], and points that are looked at for them.
+_COARSE_STEP, _N_LOOKED_AT = 0.01, 1_000
 
 
 class Scan(NamedTuple):
@@ -51,12 +56,15 @@ class Scan(NamedTuple):
         [ns]
     columns : dict
         Our column → values.
+    doubts : tuple of str
+        What is to be said of it.
     """
 
     frame: str
     points: NDArray[np.float64]
     times: NDArray[np.int64]
     columns: dict[str, NDArray[Any]]
+    doubts: tuple[str, ...] = ()
 
 
 class PlacedScan(NamedTuple):
@@ -110,10 +118,22 @@ def read_scan(
     kept = np.flatnonzero(is_kept)
     columns = {name: values[kept] for name, values in columns.items()}
     stamp = stamp_of(message.header)
-    times, _ = point_times(columns, stamp, "" if config.time_unit == "auto" else config.time_unit)
+    times, name = point_times(columns, stamp, "" if config.time_unit == "auto" else config.time_unit)
+    points, doubts = xyz[kept], []
+    if step := _coarse_step(points[:_N_LOOKED_AT, :2]):
+        doubts.append(COARSE.format(step))
     if times is None:
         times = np.full(len(kept), stamp, dtype=np.int64)
-    return Scan(frame_name(message.header.frame_id), xyz[kept], times, _cleaned(columns))
+        if name and columns[name].any():
+            doubts.append(COARSE_TIMES)
+    return Scan(frame_name(message.header.frame_id), points, times, _cleaned(columns), tuple(doubts))
+
+
+def _coarse_step(plan: NDArray[np.float64]) -> float:
+    """Return the step of coordinates that have been single precision, if that is coarse, else 0 [m]."""
+    single = plan.astype(np.float32)
+    step = float(np.spacing(np.abs(single).max(initial=0.0)))
+    return step if step > _COARSE_STEP and np.array_equal(single, plan) else 0.0
 
 
 def is_alike(one: Scan, other: Scan) -> bool:

@@ -13,9 +13,13 @@ from lidar_buildings.core.scans.transform_tree import frame_name
 from lidar_buildings.io.bags.bag import ODOMETRY, Bag, TopicContent, topic_contents
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
+from lidar_buildings.io.tiling.fix_track import Fix
+from lidar_buildings.io.tiling.map_place import zone_of
 
 #: Messages of odometry that are looked at for the tree of frames; wide margin: one tells both.
 _FIRST = 100
+#: Satellite positions among which the first usable one is looked for: ten minutes and more.
+_MOST_FIXES = 10_000
 
 
 class BagSummary(NamedTuple):
@@ -60,7 +64,7 @@ def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str
     frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
     map_frame = ScanConfig().map_frame
     placer = with_frames(bag, taken)
-    notes = [] if taken.origin or taken.fix else ["no map_origin: the outputs carry no reference system"]
+    notes = [_where(bag, taken)]
     if frame == map_frame:
         return [f"the scans are in frame {map_frame}: they are taken as they are", *notes]
     target = placer.target_of(frame)
@@ -73,6 +77,25 @@ def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str
         f"{mounting}; or --georeferenced, if the points are in the map already",
         *notes,
     ]
+
+
+def _where(bag: Bag, taken: BagTopics) -> str:
+    """Say what tells where the map lies."""
+    if taken.origin:
+        for message in islice(bag.messages([taken.origin]), 1):
+            point = message.message.point
+            crs = message.message.header.frame_id or "no reference system"
+            where = f"{point.x:.3f}, {point.y:.3f}, {point.z:.3f}"
+            return f"the map lies in {crs}, its origin at {where} ({taken.origin})"
+    fixes = (Fix.of(one.message) for one in islice(bag.messages([taken.fix]), _MOST_FIXES) if taken.fix)
+    for fix in filter(None, fixes):
+        place = fix.place
+        return (
+            f"the map lies in {zone_of(place)} by {taken.fix}: first at latitude {place.latitude:.6f}, "
+            f"longitude {place.longitude:.6f}, {place.height:.1f} m above the ellipsoid"
+        )
+    said = f"no fix among the first of {taken.fix}" if taken.fix else "no map_origin"
+    return f"{said}: the outputs carry no reference system"
 
 
 def with_frames(bag: Bag, taken: BagTopics, config: ScanConfig | None = None) -> ScanPlacer:

@@ -25,6 +25,9 @@ from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
 
 #: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
 _BATCH = 100
+#: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
+#: that is a thousand times as much and more.
+_N_CLOUD, _STEEP = 100, 100.0
 
 
 @dataclass
@@ -77,9 +80,12 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         finally:
             file.close()
         _check_any(bag_path, file.n_points, placer)
+        _check_metres(bag_path, file)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
+    unreadable = (f"one of the scans that cannot be read: {placer.unreadable}",) if placer.unreadable else ()
+    warnings = (*place.warnings, *unreadable)
     return PlacedCount(
-        placer.n_scans, file.n_points, left_out, placer.messages, problem, place.said, place.warnings
+        placer.n_scans, file.n_points, left_out, placer.messages, problem, place.said, warnings
     )
 
 
@@ -109,6 +115,16 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
         raise InputError(
             f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at their "
             f"times ({WHY_NO_POSE}){said}"
+        )
+
+
+def _check_metres(bag_path: Path, file: PlacedLaz) -> None:
+    """Refuse longitude and latitude for x and y: points that rise where they hardly lie apart in plan."""
+    east, north, rise = file.size
+    if file.n_points >= _N_CLOUD and max(east, north) < 1.0 and rise > _STEEP * max(east, north):
+        raise InputError(
+            f"{bag_path}: its points lie within {east:.3f} of x and {north:.3f} of y, and {rise:.1f} of z: "
+            "bring degrees into a reference system in metres first"
         )
 
 

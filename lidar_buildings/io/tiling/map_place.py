@@ -91,9 +91,7 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
     Poses are those of a level frame at their origin: x east and y to true north (REP-103), unless the
     positions show that it is turned. Those that lie where these do in the grid of UTM are told in the grid.
     """
-    middle = middle_of(pairs.seen)
-    zone = min(int((middle.longitude + 180.0) // 6.0) + 1, 60)
-    crs = f"EPSG:{(_NORTH if middle.latitude >= 0.0 else _SOUTH) + zone}"
+    crs = zone_of(middle_of(pairs.seen))
     in_grid = pairs.in_grid(crs)
     if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
         fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
@@ -106,6 +104,12 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
         said = "is taken for east, as they moved too little to tell"
     words = _words(pairs, fit, crs, f"x of the poses {said}")
     return MapPlace(MapFrame(crs, level.place), level, *words, fit.tells_yaw)
+
+
+def zone_of(place: Geodetic) -> str:
+    """Return the zone of UTM on WGS 84 in which a place lies."""
+    zone = min(int((place.longitude + 180.0) // 6.0) + 1, 60)
+    return f"EPSG:{(_NORTH if place.latitude >= 0.0 else _SOUTH) + zone}"
 
 
 def _direction(degrees: float) -> str:

@@ -90,6 +90,14 @@ class PlacedLaz:
         if self._writer is not None:
             self._writer.close()
 
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """How far the points that were written reach along x, y and z, in units of the reference system."""
+        if self._writer is None or not self.n_points:
+            return 0.0, 0.0, 0.0
+        x, y, z = (self._writer.header.maxs - self._writer.header.mins).tolist()
+        return x, y, z
+
     def _flush(self) -> None:
         points = np.concatenate([np.empty((0, 3)), *(one.points for one in self._batch)])
         points = (points + self._origin) / self._units

@@ -43,6 +43,10 @@ def test_where_no_time_is_told_there_is_none(columns):
     assert point_times(columns, STAMP)[0] is None
 
 
+def test_a_time_since_1970_in_single_precision_is_none():
+    assert point_times({"time": (STAMP * 1e-9 + SPAN).astype(np.float32)}, STAMP) == (None, "time")
+
+
 @pytest.mark.parametrize("values", [[0.0, np.nan], [1.0, 1e12], [np.inf, 0.0]])
 def test_times_that_are_none_are_named(values):
     with pytest.raises(MessageError, match="field time"):

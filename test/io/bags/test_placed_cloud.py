@@ -22,7 +22,7 @@ from support.bags import (
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, NO_WAY, TWICE, UNREADABLE
-from lidar_buildings.core.scans.scan import NO_RETURN, NOT_FINITE
+from lidar_buildings.core.scans.scan import COARSE, COARSE_TIMES, NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
@@ -192,7 +192,42 @@ def test_of_bad_scans_among_others_those_are_left_out_and_told(tmp_path):
     las, count = placed(tmp_path, bag.path, ScanConfig())
     assert las.xyz.tolist() == [*good, *other]
     assert count.left_out == {NO_WAY: 1, FAR: 1}
-    assert count.messages == {UNREADABLE: 1, TWICE: 1}
+    assert count.messages == {UNREADABLE: 1, TWICE: 1, COARSE.format(1.0): 1}
+    assert "bytes of data" in count.warnings[0]
+
+
+def test_coordinates_in_single_precision_far_from_the_origin_are_told_of(tmp_path):
+    points = np.random.default_rng(0).uniform((656_000, 5_340_000, 500), (656_050, 5_340_050, 550), (200, 3))
+    for kind, said in (("<f4", {COARSE.format(0.5): 1}), ("<f8", {})):
+        bag = BagWriter(tmp_path / kind[1:])
+        rows = np.zeros(200, [(name, kind) for name in "xyz"])
+        rows["x"], rows["y"], rows["z"] = points.T
+        bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
+        bag.close()
+        assert placed(tmp_path, bag.path, ScanConfig())[1].messages == said
+
+
+def test_times_since_1970_in_single_precision_are_told_of_and_taken_for_none(tmp_path):
+    bag = BagWriter(tmp_path / "coarse")
+    rows = np.ones(5, [(name, "<f4") for name in ("x", "y", "z", "timestamp")])
+    rows["timestamp"] = T0 / SECOND + 40.0
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
+    bag.close()
+    las, count = placed(tmp_path, bag.path, ScanConfig())
+    assert count.messages == {COARSE_TIMES: 1}
+    np.testing.assert_allclose(las.gps_time + 1e9 + 315_964_800 - 18, T0 / SECOND)
+
+
+def test_degrees_are_refused(tmp_path):
+    bag = BagWriter(tmp_path / "degrees")
+    rows = np.zeros(500, [(name, "<f8") for name in "xyz"])
+    rows["x"], rows["y"], rows["z"] = (
+        np.random.default_rng(0).uniform((11.1, 48.2, 540), (11.2, 48.3, 640), (500, 3)).T
+    )
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
+    bag.close()
+    with pytest.raises(InputError, match=r"degrees: its points lie within 0\.[01]\d* of x .* metres first"):
+        placed(tmp_path, bag.path, ScanConfig())
 
 
 @pytest.mark.parametrize(
