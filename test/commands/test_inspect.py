@@ -114,6 +114,22 @@ def test_a_bag_of_every_storage_has_a_line_for_each_topic(command, tmp_path, sto
     ]
 
 
+def test_where_a_bags_fixes_lie_is_told(tmp_path):
+    bag = BagWriter(tmp_path / "fixes")
+    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
+    types, kind = bag.types.types, "sensor_msgs/msg/NavSatFix"
+    for status, latitude in ((-1, 0.0), (0, 52.25), (0, 53.0)):
+        state = types["sensor_msgs/msg/NavSatStatus"](status, 1)
+        fix = types[kind](bag.header(T0, "gps"), state, latitude, 4.5, 44.0, np.zeros(9), 0)
+        bag.write("/fix", kind, T0, fix)
+    bag.close()
+    notes = summarise_bag(bag.path).notes
+    assert notes[-1] == (
+        "the map lies in EPSG:32631 by /fix: first at latitude 52.250000, longitude 4.500000, 44.0 m "
+        "above the ellipsoid"
+    )
+
+
 def test_clouds_without_any_pose_are_told_of_and_what_helps(tmp_path):
     (bare, _) = summarise_bag(write_drive(tmp_path / "bare", poses="none").path).notes
     assert bare == (

@@ -21,6 +21,8 @@ _LEAST_ERROR = 0.02
 #: From UTC to the time of GPS, and of atoms, since 2017; and how much later than poses, or sooner, fixes
 #: come [s].
 _CLOCKS, _DELAY = (18, 37), 1.5
+#: Fixes that tell of the clock for good.
+_LEAST_LAGS = 5
 _SECOND = 1_000_000_000
 #: Fixes that wait for their poses.
 _MOST_WAITING = 10_000
@@ -79,8 +81,10 @@ class FixTrack:
 
     def pair(self, placer: ScanPlacer) -> int:
         """Find the poses of fixes that wait; return how many were found."""
-        if self._clock is None and self._lags:
-            self._clock = _clock_of(float(np.median(self._lags)))
+        clock = self._clock
+        if clock is None and self._lags:
+            clock = _clock_of(float(np.median(self._lags)))
+            self._clock = clock if len(self._lags) >= _LEAST_LAGS else None
         waiting, self._waiting = list(self._waiting), deque(maxlen=_MOST_WAITING)
         n_before = len(self._paired)
         for frame in dict.fromkeys(one.frame for one in waiting):
@@ -89,7 +93,7 @@ class FixTrack:
             if antenna is None:
                 self._waiting.extend(own)
                 continue
-            times = np.array([one.stamp for one in own]) - (self._clock or 0) * _SECOND
+            times = np.array([one.stamp for one in own]) - (clock or 0) * _SECOND
             places, is_known = antenna.places(placer, times)
             self._paired.extend((own[k], places[k]) for k in np.flatnonzero(is_known))
             may_come = ~is_known & (times > antenna.known_until(placer))

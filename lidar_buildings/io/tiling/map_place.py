@@ -20,6 +20,8 @@ _NORTH, _SOUTH = 32_600, 32_700
 #: Poses within this of where the fixes lie in the grid are told in the grid; local ones are hundreds of
 #: kilometres from there, as no zone of UTM has eastings below 160 km. Within the other they are as good [m].
 _SAME_PLACE, _AS_TOLD = 10_000.0, 10.0
+#: Further from their origin poses are of no level frame: there the Earth has fallen away by 800 m [m].
+_LOCAL = 100_000.0
 #: Coordinates of a fix beyond what the zone can hold [m].
 _NOWHERE = 1e8
 #: Distance of fixes from the poses that is usual where they do not tell how good they are; where they do, it
@@ -91,13 +93,19 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
     Poses are those of a level frame at their origin: x east and y to true north (REP-103), unless the
     positions show that it is turned. Those that lie where these do in the grid of UTM are told in the grid.
     """
-    crs = zone_of(middle_of(pairs.seen))
-    in_grid = pairs.in_grid(crs)
-    if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
-        fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
-        x, y, z = (round(float(one), 3) for one in _beyond_errors(fit.shift))
-        said = f"the poses are told in its grid ({math.hypot(*fit.shift[:2]):.2f} m from the fixes)"
-        return MapPlace(MapFrame(crs, (x, y, z)), None, *_words(pairs, fit, crs, said))
+    middle = middle_of(pairs.seen)
+    for crs in (zone_of(middle, by) for by in (0, -1, 1)):
+        in_grid = pairs.in_grid(crs)
+        if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
+            fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
+            x, y, z = (round(float(one), 3) for one in _beyond_errors(fit.shift))
+            said = f"the poses are told in its grid ({math.hypot(*fit.shift[:2]):.2f} m from the fixes)"
+            return MapPlace(MapFrame(crs, (x, y, z)), None, *_words(pairs, fit, crs, said))
+    x, y, _ = np.median(pairs.track, axis=0)
+    if math.hypot(x, y) > _LOCAL:
+        said = f"the poses are told in a grid that is not UTM's (x {x:,.0f}, y {y:,.0f}): publish map_origin"
+        return MapPlace(warnings=(f"{said}; outputs carry no reference system",))
+    crs = zone_of(middle)
     level, fit = LevelFrame.fitted(pairs.track, pairs.seen, pairs.weighed, crs)
     said = f"points {_direction(math.degrees(fit.yaw))} (± {math.degrees(fit.yaw_error):.2f}°)"
     if not fit.tells_yaw:
@@ -106,9 +114,9 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
     return MapPlace(MapFrame(crs, level.place), level, *words, fit.tells_yaw)
 
 
-def zone_of(place: Geodetic) -> str:
-    """Return the zone of UTM on WGS 84 in which a place lies."""
-    zone = min(int((place.longitude + 180.0) // 6.0) + 1, 60)
+def zone_of(place: Geodetic, by: int = 0) -> str:
+    """Return the zone of UTM on WGS 84 in which a place lies, or the one so many further east."""
+    zone = (min(int((place.longitude + 180.0) // 6.0), 59) + by) % 60 + 1
     return f"EPSG:{(_NORTH if place.latitude >= 0.0 else _SOUTH) + zone}"
 
 

@@ -86,6 +86,15 @@ def test_poses_that_are_told_in_the_grid_are_not_turned_and_as_good_as_fixes(awa
     np.testing.assert_allclose(found.frame.origin, origin, atol=0.001)
 
 
+@pytest.mark.parametrize("crs", ["EPSG:32631", "EPSG:32632", "EPSG:28992"])
+def test_poses_are_told_in_a_neighbouring_zone_or_in_a_grid_that_fixes_cannot_name(crs):
+    pose = pyproj.Transformer.from_crs("EPSG:4979", crs, always_xy=True).transform(5.9, 52.0, 44.0)
+    found = place_by_fix(T0, Geodetic(5.9, 52.0, 44.0), placer_at(pose))
+    assert found.level is None
+    assert found.frame.crs == ("" if crs == "EPSG:28992" else crs)
+    assert any("not UTM's" in one for one in found.warnings) == (crs == "EPSG:28992")
+
+
 @pytest.mark.parametrize("wrong", [(), (0,), range(0, 101, 3), range(0, 101, 5), range(60, 101)])
 def test_odometry_that_began_along_a_street_is_turned_by_its_fixes(wrong):
     place = driven(wrong=wrong).place()
@@ -130,6 +139,16 @@ def test_an_antenna_is_where_transforms_say_that_it_is():
         placer.add_odometry(odometry(T0 + k * SECOND, place, frame="odom", child="base_link"))
         seen = TRUTH.geodetic(place[None] + [[2.0, 0.0, 1.0]])
         fixes.take(fix(T0 + k * SECOND, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
+    fixes.pair(placer)
+    assert off(fixes.place()) < 0.01
+
+
+def test_where_tf_alone_tells_the_poses_the_antenna_is_on_the_base_link():
+    placer, fixes = ScanPlacer(), FixTrack()
+    for k, place in enumerate(DRIVE):
+        placer.add_transforms(transforms((T0 + k * SECOND // 5, "odom", "base_link", place)), is_static=False)
+        seen = TRUTH.geodetic(place[None])
+        fixes.take(fix(T0 + k * SECOND // 5, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
     fixes.pair(placer)
     assert off(fixes.place()) < 0.01
 

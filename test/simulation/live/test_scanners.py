@@ -73,6 +73,7 @@ def errors_of(survey, tmp_path, mounting=None, antenna="", **bag):
             *survey.scene.frame.origin
         )
         places = in_grid(truth.points, Geodetic(*origin), "EPSG:32632")
+        assert "points east" in count.place
     assert count.n_points == len(truth.points)
     assert np.abs(las.gps_time - truth.gps_time).max() < 1e-6
     return np.linalg.norm(las.xyz - places, axis=1)
