@@ -29,17 +29,18 @@ class Antenna(NamedTuple):
         Parameters
         ----------
         frame : str
-            It counts if transforms tell of it and the parameter `antenna` says nothing else; else the antenna
-            is on what odometry moves, or in `base_link`.
+            It counts if transforms tell of it, but not that it moves against what odometry moves, or
+            `base_link`, and the parameter `antenna` is empty; else the antenna is at the origin of that.
         placer : ScanPlacer
             Knows the poses.
         """
-        own = "" if placer.config.antenna.strip() else frame
-        for one in filter(None, (own, placer.odometry_child, _BODY)):
-            target = placer.target or placer.target_of(one)
-            if placer.tree.has_way(one, target) and placer.tree.moves(one, target):
-                return cls(one, target, placer.config.antenna_place())
-        return None
+        tree, body = placer.tree, placer.odometry_child or _BODY
+        is_other = frame not in tree.frames or (tree.has_way(frame, body) and tree.moves(frame, body))
+        own = body if is_other or placer.config.antenna.strip() else frame
+        target = placer.target or placer.target_of(own)
+        if not (tree.has_way(own, target) and tree.moves(own, target)):
+            return None
+        return cls(own, target, placer.config.antenna_place())
 
     def places(
         self, placer: ScanPlacer, times: NDArray[np.int64]

@@ -59,12 +59,12 @@ class FixTrack:
 
     Attributes
     ----------
-    n_usable : int
-        Fixes that came, but for those that say that they are none.
+    n_came, n_usable : int
+        Fixes that came, and those that do not say that they are none.
     """
 
     def __init__(self) -> None:
-        self.n_usable = 0
+        self.n_came = self.n_usable = 0
         self._waiting: deque[Fix] = deque(maxlen=_MOST_WAITING)
         self._lags: list[float] = []
         self._clock: int | None = None
@@ -72,6 +72,7 @@ class FixTrack:
 
     def take(self, message: Any, placer: ScanPlacer) -> None:
         """Take a sensor_msgs/NavSatFix; it comes after the poses of an earlier time."""
+        self.n_came += 1
         if (fix := Fix.of(message)) is None:
             return
         self.n_usable += 1
@@ -117,7 +118,9 @@ class FixTrack:
         if (pairs := self.pairs()) is None:
             return None
         place = place_by_fixes(pairs)
-        return place._replace(warnings=(*self._of_clock(), *place.warnings))
+        n_other = self.n_came - len(self._paired) - len(self._waiting)
+        other = f"; {n_other:,} more are none, or have no pose" if n_other and place.said else ""
+        return place._replace(said=place.said + other, warnings=(*self._of_clock(), *place.warnings))
 
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
