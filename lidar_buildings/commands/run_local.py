@@ -121,22 +121,11 @@ def run_local(
 
 
 class Processed(NamedTuple):
-    """
-    What became of a source's tiles.
+    """What became of a source's tiles."""
 
-    Attributes
-    ----------
-    seconds : dict
-        Stage → seconds in all, of all processes.
-    failed : dict
-        Stamp of each tile that could not be processed → why; the others are complete.
-    n_unchanged : int
-        Tiles that had the points of before, of a run that is brought up to date.
-    """
-
-    seconds: dict[str, float]
-    failed: dict[int, str]
-    n_unchanged: int
+    seconds: dict[str, float]  #: stage → seconds in all, of all processes
+    failed: dict[int, str]  #: stamp of each tile that could not be processed → why; the others are complete
+    n_unchanged: int  #: tiles that had the points of before, of a run that is brought up to date
 
 
 def process_tiles(

@@ -54,69 +54,28 @@ _NAMESPACE = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 @dataclass(frozen=True)
 class RunRequest:
-    """
-    What the user asked for, checked.
+    """What the user asked for, checked."""
 
-    Attributes
-    ----------
-    inputs : tuple of str
-        Files, folders, globs.
-    output : Path
-        The output folder.
-    settings : dict
-        What differs from the defaults, by stage.
-    config : PipelineConfig
-        All stages' configs.
-    tiling : TilingConfig
-        How the input is cut.
-    files : OutputConfig
-        Which files are made, and how ground and surface are rasterised.
-    until : str
-        The last stage.
-    overwrite : bool
-        Whether earlier results may be replaced.
-    namespace : str or None
-        ROS namespace, None for one of its own.
-    footprints : FootprintSource or None
-        Where given footprints come from, None to trace outlines.
-    scans : ScanConfig
-        How the scans of bags are placed.
-    choice : BagConfig
-        What of bags is taken.
-    bags : tuple of dict
-        What became of the bags among the inputs, once they are placed.
-    preset : str
-        The paper whose parameters these are, but for what the user set; empty if none.
-    use : Use
-        What is wanted of a finished run in the output folder.
-    is_quiet : bool
-        Whether no progress is shown.
-    crs : str
-        Reference system of inputs that name none.
-    bounds : tuple of four float or None
-        West, south, east and north of the points that are wanted, in the coordinates of the inputs.
-    fetched : dict of str to str
-        Input → where it came from, once those elsewhere are here, and all are cut to bounds.
-    """
-
-    inputs: tuple[str, ...]
-    output: Path
-    settings: Settings
-    config: PipelineConfig
-    tiling: TilingConfig
-    files: OutputConfig
-    until: str
-    overwrite: bool
-    namespace: str | None
-    footprints: FootprintSource | None = None
-    scans: ScanConfig = field(default_factory=ScanConfig)
-    choice: BagConfig = field(default_factory=BagConfig)
-    bags: tuple[dict[str, Any], ...] = ()
-    preset: str = ""
-    use: Use = Use.NONE
-    is_quiet: bool = False
-    crs: str = ""
+    inputs: tuple[str, ...]  #: files, folders, globs
+    output: Path  #: the output folder
+    settings: Settings  #: what differs from the defaults, by stage
+    config: PipelineConfig  #: all stages' configs
+    tiling: TilingConfig  #: how the input is cut
+    files: OutputConfig  #: which files are made, and how ground and surface are rasterised
+    until: str  #: the last stage
+    overwrite: bool  #: whether earlier results may be replaced
+    namespace: str | None  #: ROS namespace, None for one of its own
+    footprints: FootprintSource | None = None  #: where given footprints come from, None to trace outlines
+    scans: ScanConfig = field(default_factory=ScanConfig)  #: how the scans of bags are placed
+    choice: BagConfig = field(default_factory=BagConfig)  #: what of bags is taken
+    bags: tuple[dict[str, Any], ...] = ()  #: what became of the bags among the inputs, once they are placed
+    preset: str = ""  #: the paper whose parameters these are, but for what the user set; empty if none
+    use: Use = Use.NONE  #: what is wanted of a finished run in the output folder
+    is_quiet: bool = False  #: whether no progress is shown
+    crs: str = ""  #: reference system of inputs that name none
+    #: West, south, east and north of the points that are wanted, in the coordinates of the inputs.
     bounds: tuple[float, ...] | None = None
+    #: Input → where it came from, once those elsewhere are here, and all are cut to bounds.
     fetched: dict[str, str] = field(default_factory=dict)
 
     def parameters(self) -> dict[str, Any]:

@@ -32,33 +32,15 @@ from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 
 @dataclass(frozen=True)
 class TileWork:
-    """
-    What is done with a tile.
+    """What is done with a tile."""
 
-    Attributes
-    ----------
-    tile : SpooledTile
-        Its points.
-    path : Path
-        Where its products are saved.
-    config : PipelineConfig
-        Of all stages.
-    until : str
-        The last stage.
-    rasters : RasterConfig
-        Of the rasters.
-    footprints : Footprints or None
-        Outlines to use instead of tracing.
-    earlier : EarlierBuildings or None
-        Those of an earlier state of the survey, where one is brought up to date.
-    """
-
-    tile: SpooledTile
-    path: Path
-    config: PipelineConfig
-    until: str
-    rasters: RasterConfig = field(default_factory=RasterConfig)
-    footprints: Footprints | None = None
+    tile: SpooledTile  #: its points
+    path: Path  #: where its products are saved
+    config: PipelineConfig  #: of all stages
+    until: str  #: the last stage
+    rasters: RasterConfig = field(default_factory=RasterConfig)  #: of the rasters
+    footprints: Footprints | None = None  #: outlines to use instead of tracing
+    #: Those of an earlier state of the survey, where one is brought up to date.
     earlier: EarlierBuildings | None = None
 
 

@@ -48,26 +48,14 @@ from lidar_buildings.nodes.topics import (
 
 @dataclass(frozen=True)
 class NodeCard:
-    """
-    One node.
+    """One node."""
 
-    Attributes
-    ----------
-    name : str
-        Of the node, its module and its executable.
-    summary : str
-        Two sentences.
-    subscribes, publishes : tuple of Topic
-        Beside those of every node.
-    services : tuple of (name, type, meaning)
-        Beside those of every ROS node.
-    """
-
-    name: str
-    summary: str
+    name: str  #: of the node, its module and its executable
+    summary: str  #: two sentences
+    #: Beside those of every node.
     subscribes: tuple[Topic, ...]
     publishes: tuple[Topic, ...]
-    services: tuple[tuple[str, str, str], ...] = ()
+    services: tuple[tuple[str, str, str], ...] = ()  #: beside those of every ROS node
 
 
 _TRIGGER = "std_srvs/Trigger"

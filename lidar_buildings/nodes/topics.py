@@ -13,23 +13,13 @@ _END = "; one with id −1 and no vertices closes the tile"
 
 @dataclass(frozen=True)
 class Topic:
-    """
-    One topic of a node.
+    """One topic of a node."""
 
-    Attributes
-    ----------
-    name, type : str
-        Relative name and message type.
-    qos : str
-        The profile's name in `lidar_buildings.ros.qos`.
-    meaning : str
-        What it carries.
-    """
-
+    #: Relative name and message type.
     name: str
     type: str
-    qos: str
-    meaning: str
+    qos: str  #: the profile's name in `lidar_buildings.ros.qos`
+    meaning: str  #: what it carries
 
 
 DIAGNOSTICS = Topic(

@@ -27,25 +27,12 @@ _LEVELS = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
 
 @dataclass
 class TileReport:
-    """
-    A node's report of a tile in `diagnostics`.
+    """A node's report of a tile in `diagnostics`."""
 
-    Attributes
-    ----------
-    stamp : int
-        The tile's key [ns].
-    n_points : int
-        Points that came in.
-    warnings : list of str
-        What was wrong but did not keep the tile.
-    counts : dict
-        What the node counted beside points, by name.
-    """
-
-    stamp: int
-    n_points: int = 0
-    warnings: list[str] = field(default_factory=list)
-    counts: dict[str, int] = field(default_factory=dict)
+    stamp: int  #: the tile's key [ns]
+    n_points: int = 0  #: points that came in
+    warnings: list[str] = field(default_factory=list)  #: what was wrong but did not keep the tile
+    counts: dict[str, int] = field(default_factory=dict)  #: what the node counted beside points, by name
 
 
 class Diagnostics:

@@ -17,36 +17,20 @@ _SILENCE = 1.0
 
 @dataclass
 class Flight:
-    """
-    A tile in the graph.
+    """A tile in the graph."""
 
-    Attributes
-    ----------
-    tile : PointTile
-        As it was sent last.
-    order, order_of_points : int
-        Place of that among all that was sent, and of its points, where later only its bounds were sent.
-    attempt : int
-        How many times it was sent, the first included; what got lost on its way does not count.
-    is_lost, has_ended_a_node : bool
-        Whether no node can have it any more, and whether it was in the hands of one that was started anew.
-    is_in_doubt : bool
-        Whether a node has started since it was sent, so that it may be lost.
-    has_failed : bool
-        Whether a node could not handle it.
-    since : float
-        When its first revision was sent [s].
-    """
-
-    tile: PointTile
+    tile: PointTile  #: as it was sent last
+    #: Place of that among all that was sent, and of its points, where later only its bounds were sent.
     order: int
     order_of_points: int
+    #: How many times it was sent, the first included; what got lost on its way does not count.
     attempt: int = 1
+    #: Whether no node can have it any more, and whether it was in the hands of one that was started anew.
     is_lost: bool = False
     has_ended_a_node: bool = False
-    is_in_doubt: bool = False
-    has_failed: bool = False
-    since: float = field(default_factory=time.monotonic)
+    is_in_doubt: bool = False  #: whether a node has started since it was sent, so that it may be lost
+    has_failed: bool = False  #: whether a node could not handle it
+    since: float = field(default_factory=time.monotonic)  #: when its first revision was sent [s]
 
     @property
     def counts(self) -> bool:

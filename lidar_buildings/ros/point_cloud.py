@@ -21,19 +21,10 @@ _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 @dataclass(frozen=True, eq=False)
 class CloudReading:
-    """
-    What a cloud held.
+    """What a cloud held."""
 
-    Attributes
-    ----------
-    tile : PointTile
-        The finite points with every column that we know.
-    n_dropped : int
-        How many rows were left out because x, y or z was NaN or infinite.
-    """
-
-    tile: PointTile
-    n_dropped: int
+    tile: PointTile  #: the finite points with every column that we know
+    n_dropped: int  #: how many rows were left out because x, y or z was NaN or infinite
 
 
 def to_message(tile: PointTile) -> PointCloud2:

@@ -21,30 +21,15 @@ _PROCESS = uuid4().hex
 
 
 class Receipt(NamedTuple):
-    """
-    One message.
+    """One message."""
 
-    Attributes
-    ----------
-    node : str
-        The node's name.
-    life : str
-        Another one each time the node is started.
-    state : str
-        One of the four above.
-    stamp : int
-        The tile's key [ns]; 0 where it is about none.
-    kind : str
-        What nodes that share their tiles have in common; the node's name where it shares them with none.
-    replica, replicas : int
-        The node is number `replica` of so many.
-    """
-
-    node: str
-    life: str
-    state: str
-    stamp: int
+    node: str  #: the node's name
+    life: str  #: another one each time the node is started
+    state: str  #: one of the four above
+    stamp: int  #: the tile's key [ns]; 0 where it is about none
+    #: What nodes that share their tiles have in common; the node's name where it shares them with none.
     kind: str = ""
+    #: The node is number `replica` of so many.
     replica: int = 0
     replicas: int = 1
 

@@ -10,21 +10,11 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class MapFrame:
-    """
-    Ties the metric, local `map` frame to the source's coordinates.
+    """Ties the metric, local `map` frame to the source's coordinates."""
 
-    Attributes
-    ----------
-    crs : str
-        ``"EPSG:28992"``, a WKT text where no code is known, or empty.
-    origin : tuple of three float
-        What to add to map coordinates [m].
-    horizontal_unit, vertical_unit : float
-        Metres per unit of the source's x and y, and of its z (0.3048 for feet).
-    """
-
-    crs: str = ""
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    crs: str = ""  #: ``"EPSG:28992"``, a WKT text where no code is known, or empty
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: what to add to map coordinates [m]
+    #: Metres per unit of the source's x and y, and of its z (0.3048 for feet).
     horizontal_unit: float = 1.0
     vertical_unit: float = 1.0
 

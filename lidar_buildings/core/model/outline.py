@@ -14,19 +14,10 @@ from lidar_buildings.core.model.status import BuildingStatus
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """
-    An outer ring and its holes, open (no repeated vertex).
+    """An outer ring and its holes, open (no repeated vertex)."""
 
-    Attributes
-    ----------
-    exterior : ndarray of shape (n_vertices, 2)
-        Counter-clockwise, map frame [m].
-    holes : tuple of ndarray of shape (n_vertices, 2)
-        Clockwise, map frame [m].
-    """
-
-    exterior: NDArray[np.float64]
-    holes: tuple[NDArray[np.float64], ...] = ()
+    exterior: NDArray[np.float64]  #: counter-clockwise, map frame [m], shape (n_vertices, 2)
+    holes: tuple[NDArray[np.float64], ...] = ()  #: clockwise, map frame [m], shape (n_vertices, 2)
 
     @property
     def rings(self) -> tuple[NDArray[np.float64], ...]:
@@ -69,48 +60,23 @@ class Outline:
 
 @dataclass(frozen=True)
 class OutlineQuality:
-    """
-    How well a regularised outline fits the traced one.
+    """How well a regularised outline fits the traced one."""
 
-    Attributes
-    ----------
-    sigma : float
-        Standard deviation of the points on walls about the outline [m].
-    max_offset : float
-        Largest distance of a point on a wall from the outline [m].
-    status : BuildingStatus
-        OK, TRACED_OUTLINE, or FAILED with NaN for the other two.
-    reason : str
-        Why it is the traced outline, or what else was out of the ordinary; else empty.
-    """
-
-    sigma: float
-    max_offset: float
-    status: BuildingStatus
-    reason: str
+    sigma: float  #: standard deviation of the points on walls about the outline [m]
+    max_offset: float  #: largest distance of a point on a wall from the outline [m]
+    status: BuildingStatus  #: OK, TRACED_OUTLINE, or FAILED with NaN for the other two
+    reason: str  #: why it is the traced outline, or what else was out of the ordinary; else empty
 
 
 @dataclass(frozen=True, eq=False)
 class BuildingOutline:
-    """
-    The outline of one building, as it travels between stages.
+    """The outline of one building, as it travels between stages."""
 
-    Attributes
-    ----------
-    building_id : int
-        See `lidar_buildings.core.model.ids`.
-    outline : Outline
-        Rings in the map frame [m].
-    ground_elevation : float or None
-        Of the ground at the building, map frame [m]; None where it is left to the building's points.
-    quality : OutlineQuality or None
-        From regularisation on.
-    """
-
-    building_id: int
-    outline: Outline
+    building_id: int  #: see `lidar_buildings.core.model.ids`
+    outline: Outline  #: rings in the map frame [m]
+    #: Of the ground at the building, map frame [m]; None where it is left to the building's points.
     ground_elevation: float | None = None
-    quality: OutlineQuality | None = None
+    quality: OutlineQuality | None = None  #: from regularisation on
 
 
 def signed_area(ring: NDArray[np.float64]) -> float:

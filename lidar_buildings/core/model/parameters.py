@@ -19,31 +19,16 @@ ADVANCED = "advanced."
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """
-    What is known of a parameter beside its name, type and default.
+    """What is known of a parameter beside its name, type and default."""
 
-    Attributes
-    ----------
-    description : str
-        One sentence; says what raising the value does.
-    unit : str
-        SI symbol, ``"deg"``, ``"spacings"`` (multiples of the measured point spacing) or empty.
-    minimum, maximum : float or None
-        Inclusive range, None where open.
-    choices : tuple of str
-        The allowed words of a text or list parameter, empty where any will do.
-    read_only : bool
-        Whether the value is fixed once the node has started.
-    advanced : bool
-        Whether it stands among the many that few users turn, under ``<stage>.advanced`` in ROS.
-    """
-
-    description: str
-    unit: str = ""
+    description: str  #: one sentence; says what raising the value does
+    unit: str = ""  #: SI symbol, ``"deg"``, ``"spacings"`` (multiples of the measured point spacing) or empty
+    #: Inclusive range, None where open.
     minimum: float | None = None
     maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    read_only: bool = False
+    choices: tuple[str, ...] = ()  #: the allowed words of a text or list parameter, empty where any will do
+    read_only: bool = False  #: whether the value is fixed once the node has started
+    #: Whether it stands among the many that few users turn, under ``<stage>.advanced`` in ROS.
     advanced: bool = False
 
     def allowed(self) -> str:

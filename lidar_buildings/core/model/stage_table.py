@@ -12,25 +12,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Stage:
-    """
-    One stage.
+    """One stage."""
 
-    Attributes
-    ----------
-    name : str
-        Under which it is asked for, timed and recorded.
-    node : str
-        The ROS node that runs it.
-    configs : tuple of str
-        Names of the configs that it takes, each a folder of `lidar_buildings.core.stages`.
-    columns : tuple of (name, dtype)
-        What it appends to the points, in message order.
-    """
-
-    name: str
-    node: str
+    name: str  #: under which it is asked for, timed and recorded
+    node: str  #: the ROS node that runs it
+    #: Names of the configs that it takes, each a folder of `lidar_buildings.core.stages`.
     configs: tuple[str, ...]
-    columns: tuple[tuple[str, str], ...] = ()
+    columns: tuple[tuple[str, str], ...] = ()  #: what it appends to the points, in message order
 
 
 STAGE_TABLE = (

@@ -25,36 +25,19 @@ SHELL_STEPS = (85_764, 38_117, 16_941, 7_529, 3_346, 1_487, 661, 294, 132, 57, 2
 
 
 class CellGrid(NamedTuple):
-    """
-    Points in square cells that start at multiples of their size from (0, 0), cell by cell.
+    """Points in square cells that start at multiples of their size from (0, 0), cell by cell."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 2 or 3)
-        The points cell by cell [m].
-    rows : ndarray of shape (n_points,), intp
-        The input row of each.
-    numbers : ndarray of shape (n_cells,), int64
-        The numbers of the occupied cells, rising: row by row from the south-west.
-    first : ndarray of shape (n_cells + 1,), int64
-        Cell k holds the points first[k] to first[k + 1] (exclusive).
-    n_columns : int
-        By how much the number of a cell's northern neighbour is higher.
-    size : float
-        Side of a cell [m].
-    cell : ndarray of shape (n_points,), int64
-        The cell k of each point; empty unless made by `neighbourhoods.build_grid`.
-    adjacent : ndarray of shape (n_cells, 9), int64
-        The cell itself and its eight neighbours, −1 where empty; empty as `cell` is.
-    """
-
-    points: NDArray[np.float64]
-    rows: NDArray[np.intp]
+    points: NDArray[np.float64]  #: the points cell by cell [m], shape (n_points, 2 or 3)
+    rows: NDArray[np.intp]  #: the input row of each, shape (n_points,)
+    #: The numbers of the occupied cells, rising: row by row from the south-west, shape (n_cells,).
     numbers: NDArray[np.int64]
+    #: Cell k holds the points first[k] to first[k + 1] (exclusive), shape (n_cells + 1,).
     first: NDArray[np.int64]
-    n_columns: int
-    size: float
+    n_columns: int  #: by how much the number of a cell's northern neighbour is higher
+    size: float  #: side of a cell [m]
+    #: The cell k of each point; empty unless made by `neighbourhoods.build_grid`, shape (n_points,).
     cell: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+    #: The cell itself and its eight neighbours, −1 where empty; empty as `cell` is, shape (n_cells, 9).
     adjacent: NDArray[np.int64] = np.zeros((0, 9), dtype=np.int64)
 
 

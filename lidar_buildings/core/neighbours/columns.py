@@ -20,31 +20,16 @@ MAX_PLACES = 16
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """
-    Points column by column, in each by z, x, y: the same sequence whatever the order of the rows.
+    """Points column by column, in each by z, x, y: the same sequence whatever the order of the rows."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3)
-        The points column by column [m].
-    rows : ndarray of shape (n_points,), intp
-        The input row of each.
-    first : ndarray of shape (n_columns + 1,), int64
-        Column k holds the points first[k] to first[k + 1] (exclusive); none only after `select`.
-    numbers : ndarray of shape (n_columns,), int64
-        Where the columns stand, row by row from the south-west.
-    row_length : int
-        By how much the number of a column's northern neighbour is higher.
-    size : float
-        Side of a column [m].
-    """
-
-    points: NDArray[np.float64]
-    rows: NDArray[np.intp]
+    points: NDArray[np.float64]  #: the points column by column [m], shape (n_points, 3)
+    rows: NDArray[np.intp]  #: the input row of each, shape (n_points,)
+    #: Column k holds the points first[k] to first[k + 1] (exclusive); none only after `select`, shape
+    #: (n_columns + 1,).
     first: NDArray[np.int64]
-    numbers: NDArray[np.int64]
-    row_length: int
-    size: float
+    numbers: NDArray[np.int64]  #: where the columns stand, row by row from the south-west, shape (n_columns,)
+    row_length: int  #: by how much the number of a column's northern neighbour is higher
+    size: float  #: side of a column [m]
     _shared: dict[str, NDArray[np.int32]] = field(default_factory=dict)
 
     @cached_property

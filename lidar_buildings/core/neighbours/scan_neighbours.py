@@ -38,22 +38,11 @@ _MIX, _GOLDEN = np.uint64(2685821657736338717), np.uint64(0x9E3779B97F4A7C15)
 
 
 class Pulses(NamedTuple):
-    """
-    Points and what tells which of them follow each other.
+    """Points and what tells which of them follow each other."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    time : ndarray of shape (n_points,) or (0,)
-        Empty if not known.
-    strip : ndarray of int64, shape (n_points,) or (0,)
-        Empty if not known.
-    """
-
-    points: NDArray[np.float64]
-    time: NDArray[np.float64]
-    strip: NDArray[np.int64]
+    points: NDArray[np.float64]  #: in any order [m], shape (n_points, 3)
+    time: NDArray[np.float64]  #: empty if not known, shape (n_points,)
+    strip: NDArray[np.int64]  #: empty if not known, shape (n_points,)
 
     def select(self, rows: NDArray[np.intp]) -> Pulses:
         """Return some of the points."""

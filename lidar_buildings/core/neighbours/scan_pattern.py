@@ -44,18 +44,10 @@ CELL = 1.5
 
 @dataclass(frozen=True)
 class ScanPattern:
-    """
-    How pulses lie on a surface, seen from above.
+    """How pulses lie on a surface, seen from above."""
 
-    Attributes
-    ----------
-    direction : float
-        Of the scan lines, counter-clockwise from x, 0 to π (exclusive) [rad].
-    along, across : float
-        Distance of neighbouring pulses of a line, and of neighbouring lines [m], > 0.
-    """
-
-    direction: float
+    direction: float  #: of the scan lines, counter-clockwise from x, 0 to π (exclusive) [rad]
+    #: Distance of neighbouring pulses of a line, and of neighbouring lines [m], > 0.
     along: float
     across: float
 

@@ -13,22 +13,12 @@ _LEVEL = 0.05
 
 
 class FaceShape(NamedTuple):
-    """
-    How a face lies in space.
+    """How a face lies in space."""
 
-    Attributes
-    ----------
-    slope_deg : float
-        Angle between the face and the horizontal plane, 0 to 180: above 90 it faces down.
-    azimuth_deg : float or None
-        Where the face looks, clockwise from the y axis (grid north), 0 to 360; None for level faces.
-    area : float
-        In the face's own plane [m²].
-    """
-
-    slope_deg: float
+    slope_deg: float  #: angle between the face and the horizontal plane, 0 to 180: above 90 it faces down
+    #: Where the face looks, clockwise from the y axis (grid north), 0 to 360; None for level faces.
     azimuth_deg: float | None
-    area: float
+    area: float  #: in the face's own plane [m²]
 
 
 def face_shape(rings: Sequence[FloatArray]) -> FaceShape:

@@ -30,44 +30,24 @@ _Ends = list[list[float]]
 
 
 class RoofLine(NamedTuple):
-    """
-    A straight line in which a roof's face ends.
+    """A straight line in which a roof's face ends."""
 
-    Attributes
-    ----------
-    kind : str
-        ``ridge`` (two faces fall away from it, and it is nearly level), ``hip`` (the same, inclined),
-        ``valley`` (two faces rise from it), ``eave`` (level, above an outer wall), ``verge`` (inclined, above
-        an outer wall), ``step`` (above a wall that ends on a lower roof).
-    ends : ndarray of shape (2, 3)
-        [m]
-    faces : tuple of int
-        The roof's faces on it, numbered from 1 as they come in the solid; one or two.
-    """
-
+    #: ``ridge`` (two faces fall away from it, and it is nearly level), ``hip`` (the same, inclined),
+    #: ``valley`` (two faces rise from it), ``eave`` (level, above an outer wall), ``verge`` (inclined, above
+    #: an outer wall), ``step`` (above a wall that ends on a lower roof).
     kind: str
-    ends: FloatArray
-    faces: tuple[int, ...]
+    ends: FloatArray  #: [m], shape (2, 3)
+    faces: tuple[int, ...]  #: the roof's faces on it, numbered from 1 as they come in the solid; one or two
 
 
 class _Edges(NamedTuple):
-    """
-    The edges of a solid's faces, one a row, and what lies on both sides.
+    """The edges of a solid's faces, one a row, and what lies on both sides."""
 
-    Attributes
-    ----------
-    face, other : ndarray of shape (n_edges,)
-        The faces on the left and on the right; -1 for none.
-    ends : ndarray of shape (n_edges, 2, 3)
-        [m]
-    normals : ndarray of shape (n_faces, 3)
-        Of length 1.
-    """
-
+    #: The faces on the left and on the right; -1 for none, shape (n_edges,).
     face: IntArray
     other: IntArray
-    ends: FloatArray
-    normals: FloatArray
+    ends: FloatArray  #: [m], shape (n_edges, 2, 3)
+    normals: FloatArray  #: of length 1, shape (n_faces, 3)
 
 
 def roof_lines(solid: Solid) -> list[RoofLine]:

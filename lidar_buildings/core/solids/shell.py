@@ -33,22 +33,11 @@ def cross(one: FloatArray, other: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """
-    A closed shell.
+    """A closed shell."""
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        Map frame [m].
-    faces : tuple of Face
-        Seen from outside, exteriors run counter-clockwise and holes clockwise.
-    semantics : tuple of str
-        Per face GroundSurface, RoofSurface or WallSurface (the words of CityJSON).
-    """
-
-    vertices: FloatArray
-    faces: tuple[Face, ...]
-    semantics: tuple[str, ...]
+    vertices: FloatArray  #: map frame [m], shape (n_vertices, 3)
+    faces: tuple[Face, ...]  #: seen from outside, exteriors run counter-clockwise and holes clockwise
+    semantics: tuple[str, ...]  #: per face GroundSurface, RoofSurface or WallSurface (the words of CityJSON)
 
     @property
     def volume(self) -> float:

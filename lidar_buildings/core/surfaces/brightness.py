@@ -37,27 +37,15 @@ VALLEY_CERTAINTY = 3.0
 
 @dataclass(frozen=True, eq=False)
 class BrightnessRaster:
-    """
-    The ground's brightness on a raster aligned to the map's origin.
+    """The ground's brightness on a raster aligned to the map's origin."""
 
-    Attributes
-    ----------
-    cell : float
-        Side of a cell [m].
-    row_of : ndarray of int, shape (n_points,)
-        The flat index of each ground point's cell.
-    is_ground : ndarray of bool, shape (n_columns, n_rows)
-        Cells that hold ground points.
-    is_covered : ndarray of bool, shape (n_columns, n_rows)
-        Cells with leaves above; their ground looks darker than it is.
-    brightness : ndarray of shape (n_columns, n_rows)
-        Median of the normalised intensities of a cell and the eight around it; NaN where not known.
-    """
-
-    cell: float
-    row_of: NDArray[np.int64]
-    is_ground: NDArray[np.bool_]
+    cell: float  #: side of a cell [m]
+    row_of: NDArray[np.int64]  #: the flat index of each ground point's cell, shape (n_points,)
+    is_ground: NDArray[np.bool_]  #: cells that hold ground points, shape (n_columns, n_rows)
+    #: Cells with leaves above; their ground looks darker than it is, shape (n_columns, n_rows).
     is_covered: NDArray[np.bool_]
+    #: Median of the normalised intensities of a cell and the eight around it; NaN where not known, shape
+    #: (n_columns, n_rows).
     brightness: NDArray[np.float64]
 
     @property

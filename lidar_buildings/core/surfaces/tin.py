@@ -25,30 +25,18 @@ class Tin:
     A rectangular frame of virtual points, each with the elevation of the nearest vertex, surrounds the real
     vertices, so that the hull never fails, whatever the vertices, and elevations go on as at the nearest
     vertex outside it. Made by `build_tin`.
-
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        The real ones first, then the virtual ones; x and y relative to `origin` [m].
-        A TIN that was densified has more real ones after those, some of them in no triangle.
-    triangles : ndarray of shape (n_triangles, 3), int32
-        Rows of `vertices`, counter-clockwise.
-    neighbours : ndarray of shape (n_triangles, 3), int32
-        The triangle across the side opposite each corner, −1 at the frame.
-    n_real : int
-        Number of real vertices before the virtual ones.
-    frame : ndarray of shape (2, 2)
-        Lower left and upper right corner of the frame, relative to `origin` [m].
-    origin : ndarray of shape (2,)
-        What to add to x and y of `vertices` [m].
     """
 
+    #: The real ones first, then the virtual ones; x and y relative to `origin` [m], shape (n_vertices, 3). A
+    #: TIN that was densified has more real ones after those, some of them in no triangle.
     vertices: NDArray[np.float64]
-    triangles: NDArray[np.int32]
+    triangles: NDArray[np.int32]  #: rows of `vertices`, counter-clockwise, shape (n_triangles, 3)
+    #: The triangle across the side opposite each corner, −1 at the frame, shape (n_triangles, 3).
     neighbours: NDArray[np.int32]
-    n_real: int
+    n_real: int  #: number of real vertices before the virtual ones
+    #: Lower left and upper right corner of the frame, relative to `origin` [m], shape (2, 2).
     frame: NDArray[np.float64]
-    origin: NDArray[np.float64]
+    origin: NDArray[np.float64]  #: what to add to x and y of `vertices` [m], shape (2,)
 
     def locate(self, xy: NDArray[np.float64]) -> NDArray[np.int32]:
         """

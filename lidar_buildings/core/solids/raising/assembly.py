@@ -27,25 +27,13 @@ _LEAST_GAP = 0.01
 
 
 class RaisedShell(NamedTuple):
-    """
-    A shell raised on a plan.
+    """A shell raised on a plan."""
 
-    Attributes
-    ----------
-    faces : FaceArrays
-        The ground's first, then the roof's, then the walls.
-    semantics : tuple of str
-        What each face is.
-    n_plan_faces : int
-        Faces of ground and roof.
-    is_clean : bool
-        Whether ground and walls are sound, and roof faces meet along their edges only, as long as each of
-        them is sound by itself: see `raised_codes`.
-    """
-
-    faces: FaceArrays
-    semantics: tuple[str, ...]
-    n_plan_faces: int
+    faces: FaceArrays  #: the ground's first, then the roof's, then the walls
+    semantics: tuple[str, ...]  #: what each face is
+    n_plan_faces: int  #: faces of ground and roof
+    #: Whether ground and walls are sound, and roof faces meet along their edges only, as long as each of them
+    #: is sound by itself: see `raised_codes`.
     is_clean: bool
 
     @property

@@ -14,21 +14,12 @@ from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
 
 class GridRings(NamedTuple):
-    """
-    Rings end to end, without repetitions and spikes.
+    """Rings end to end, without repetitions and spikes."""
 
-    Attributes
-    ----------
-    corners : ndarray of shape (n_corners, 2)
-        Open rings [steps of the grid].
-    starts : ndarray of shape (n_rings + 1,)
-        Where each ring begins among the corners.
-    owner : ndarray of shape (n_rings,)
-        The piece that lies to the left of each ring: its exterior, counter-clockwise, comes before its holes.
-    """
-
-    corners: IntArray
-    starts: IntArray
+    corners: IntArray  #: open rings [steps of the grid], shape (n_corners, 2)
+    starts: IntArray  #: where each ring begins among the corners, shape (n_rings + 1,)
+    #: The piece that lies to the left of each ring: its exterior, counter-clockwise, comes before its holes,
+    #: shape (n_rings,).
     owner: IntArray
 
     @property

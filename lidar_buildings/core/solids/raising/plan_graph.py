@@ -21,21 +21,11 @@ OUTSIDE = -1
 
 
 class PlanGraph(NamedTuple):
-    """
-    The edges of a coverage.
+    """The edges of a coverage."""
 
-    Attributes
-    ----------
-    places : ndarray of shape (n_vertices, 2)
-        By x, then y [steps of the grid].
-    ends : ndarray of shape (n_edges, 2)
-        Rows of the places, the lower first; edges rise.
-    sides : ndarray of shape (n_edges, 2)
-        Number of the piece to the left of each edge and to its right, OUTSIDE for none.
-    """
-
-    places: IntArray
-    ends: IntArray
+    places: IntArray  #: by x, then y [steps of the grid], shape (n_vertices, 2)
+    ends: IntArray  #: rows of the places, the lower first; edges rise, shape (n_edges, 2)
+    #: Number of the piece to the left of each edge and to its right, OUTSIDE for none, shape (n_edges, 2).
     sides: IntArray
 
     @property

@@ -9,19 +9,11 @@ from lidar_buildings.core.model.array_types import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class RoofPiece:
-    """
-    A part of a building's plan that one plane covers.
+    """A part of a building's plan that one plane covers."""
 
-    Attributes
-    ----------
-    rings : tuple of ndarray of shape (n_vertices, 2)
-        Open; the exterior counter-clockwise, then the holes clockwise, map frame [m].
-    plane : tuple of float
-        (a, b, c) of the elevation a x + b y + c, map frame [m].
-    """
-
+    #: Open; the exterior counter-clockwise, then the holes clockwise, map frame [m], shape (n_vertices, 2).
     rings: tuple[FloatArray, ...]
-    plane: tuple[float, float, float]
+    plane: tuple[float, float, float]  #: (a, b, c) of the elevation a x + b y + c, map frame [m]
 
     def elevation(self, x: float, y: float) -> float:
         """Return the elevation of the plane at a place [m]."""

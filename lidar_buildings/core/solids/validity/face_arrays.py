@@ -13,25 +13,12 @@ from lidar_buildings.core.solids.shell import Solid
 
 @dataclass(frozen=True, eq=False)
 class FaceArrays:
-    """
-    A shell's faces, flat.
+    """A shell's faces, flat."""
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        Map frame [m].
-    corners : ndarray of shape (n_corners,)
-        Rows of the vertices, ring by ring.
-    ring_starts : ndarray of shape (n_rings + 1,)
-        Where each ring begins among the corners.
-    face_starts : ndarray of shape (n_faces + 1,)
-        Where each face begins among the rings.
-    """
-
-    vertices: FloatArray
-    corners: IntArray
-    ring_starts: IntArray
-    face_starts: IntArray
+    vertices: FloatArray  #: map frame [m], shape (n_vertices, 3)
+    corners: IntArray  #: rows of the vertices, ring by ring, shape (n_corners,)
+    ring_starts: IntArray  #: where each ring begins among the corners, shape (n_rings + 1,)
+    face_starts: IntArray  #: where each face begins among the rings, shape (n_faces + 1,)
 
     @property
     def corner_starts(self) -> IntArray:

@@ -17,22 +17,11 @@ _MAX_NARROW_SHARE = 0.5
 
 @dataclass(frozen=True)
 class CourtyardRules:
-    """
-    What makes a gap between roof points a courtyard.
+    """What makes a gap between roof points a courtyard."""
 
-    Attributes
-    ----------
-    radius : float
-        Of the disc that has to fit in [m].
-    min_area : float
-        Smallest area [m²].
-    min_band : float
-        Width of the roof round most of it [m].
-    """
-
-    radius: float
-    min_area: float
-    min_band: float
+    radius: float  #: of the disc that has to fit in [m]
+    min_area: float  #: smallest area [m²]
+    min_band: float  #: width of the roof round most of it [m]
 
     def refusal(self, ring: NDArray[np.float64], narrow_share: float) -> str | None:
         """

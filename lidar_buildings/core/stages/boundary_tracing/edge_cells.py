@@ -15,24 +15,15 @@ _ROOM, _ROOM_PER_POSITION = 256, 4
 
 
 class EdgeCells(NamedTuple):
-    """
-    For every cell a list of the edges whose bounding box, in the grid's frame, meets it.
+    """For every cell a list of the edges whose bounding box, in the grid's frame, meets it."""
 
-    Attributes
-    ----------
-    head : ndarray of int64, shape (n_cells,)
-        The newest entry of each cell, −1 = none.
-    link, owner, cell : ndarray of int64, shape (room,)
-        Of each entry: the next older one of its cell, the position at which its edge begins, and its cell.
-    size : ndarray of int64, shape (1,)
-        Number of entries.
-    """
-
-    head: NDArray[np.int64]
+    head: NDArray[np.int64]  #: the newest entry of each cell, −1 = none, shape (n_cells,)
+    #: Of each entry: the next older one of its cell, the position at which its edge begins, and its cell,
+    #: shape (room,).
     link: NDArray[np.int64]
     owner: NDArray[np.int64]
     cell: NDArray[np.int64]
-    size: NDArray[np.int64]
+    size: NDArray[np.int64]  #: number of entries, shape (1,)
 
 
 def empty_edge_cells(grid: PointGrid) -> EdgeCells:

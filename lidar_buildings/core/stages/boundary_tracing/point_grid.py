@@ -26,43 +26,28 @@ class PointGrid(NamedTuple):
     In that frame, whose unit is the neighbourhood's half sides, the neighbourhood is a square from −1 to 1,
     or the unit disc. Turning and stretching changes neither the order of directions round a point nor
     whether segments cross.
-
-    Attributes
-    ----------
-    x, y : ndarray of shape (n_positions,)
-        Cell by cell; within a cell by x, then y [m].
-    first : ndarray of int64, shape (n_cells + 1,)
-        Where each cell's positions begin; cells are numbered row by row.
-    n_columns, n_rows : int
-        Cells along the frame's axes.
-    cell : float
-        Side of a cell [half sides of the neighbourhood].
-    west, south : float
-        The frame's coordinates of the corner of cell 0.
-    ux, uy, vx, vy : float
-        The frame's coordinates of a position are u = ux x + uy y and v = vx x + vy y [1/m].
-    is_disc : bool
-        Whether the neighbourhood is a disc.
-    rounding : float
-        Points nearer to a line than this lie on it [m].
-    orientation : int
-        1 = rings are walked counter-clockwise, −1 = clockwise: walks see mirrored positions.
     """
 
+    #: Cell by cell; within a cell by x, then y [m], shape (n_positions,).
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    #: Where each cell's positions begin; cells are numbered row by row, shape (n_cells + 1,).
     first: NDArray[np.int64]
+    #: Cells along the frame's axes.
     n_columns: int
     n_rows: int
-    cell: float
+    cell: float  #: side of a cell [half sides of the neighbourhood]
+    #: The frame's coordinates of the corner of cell 0.
     west: float
     south: float
+    #: The frame's coordinates of a position are u = ux x + uy y and v = vx x + vy y [1/m].
     ux: float
     uy: float
     vx: float
     vy: float
-    is_disc: bool
-    rounding: float
+    is_disc: bool  #: whether the neighbourhood is a disc
+    rounding: float  #: points nearer to a line than this lie on it [m]
+    #: 1 = rings are walked counter-clockwise, −1 = clockwise: walks see mirrored positions.
     orientation: int = 1
 
 

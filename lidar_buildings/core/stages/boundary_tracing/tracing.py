@@ -41,25 +41,12 @@ _MIN_COURTYARD_BAND = 3.0
 
 @dataclass(frozen=True, eq=False)
 class TracedBoundary:
-    """
-    A building's traced outline.
+    """A building's traced outline."""
 
-    Attributes
-    ----------
-    outline : Outline
-        The vertices are points of the building but for degenerate ones; simple and valid.
-    point_spacing : float
-        Spacing of the building's points [m].
-    status : BuildingStatus
-        OK, or DEGENERATE where there are too few points or all lie on a line.
-    reason : str
-        What was out of the ordinary, in words; else empty.
-    """
-
-    outline: Outline
-    point_spacing: float
-    status: BuildingStatus
-    reason: str
+    outline: Outline  #: the vertices are points of the building but for degenerate ones; simple and valid
+    point_spacing: float  #: spacing of the building's points [m]
+    status: BuildingStatus  #: OK, or DEGENERATE where there are too few points or all lie on a line
+    reason: str  #: what was out of the ordinary, in words; else empty
 
 
 def trace_boundary(

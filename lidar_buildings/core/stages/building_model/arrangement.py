@@ -22,28 +22,14 @@ from lidar_buildings.core.stages.building_model.planar_graph import (
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """
-    A coverage of an outline by cells that share whole edges.
+    """A coverage of an outline by cells that share whole edges."""
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 2)
-        By rising x, then y; multiples of the output grid [m].
-    borders : ndarray of shape (n_borders, 2), int64
-        Rows of the two vertices of every edge, the lower one first.
-    sides : ndarray of shape (n_borders, 2), int64
-        The cell to the left of each edge and that to the right, -1 = none.
-    areas : ndarray of shape (n_cells,)
-        [m²].
-    corners : ndarray of int64
-        Rows of the outline's own vertices.
-    """
-
-    vertices: FloatArray
-    borders: IntArray
+    vertices: FloatArray  #: by rising x, then y; multiples of the output grid [m], shape (n_vertices, 2)
+    borders: IntArray  #: rows of the two vertices of every edge, the lower one first, shape (n_borders, 2)
+    #: The cell to the left of each edge and that to the right, -1 = none, shape (n_borders, 2).
     sides: IntArray
-    areas: FloatArray
-    corners: IntArray
+    areas: FloatArray  #: [m²], shape (n_cells,)
+    corners: IntArray  #: rows of the outline's own vertices
     _units: IntArray
     _rotation: Rotation
 

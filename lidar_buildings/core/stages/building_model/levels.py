@@ -20,21 +20,11 @@ LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """
-    One level of detail: a solid that passes all checks, or why there is none.
-
-    Attributes
-    ----------
-    solid : Solid or None
-    codes : tuple of int
-        What is wrong with the first attempt, empty if there is a solid.
-    remark : str
-        Repair that it took; empty if none.
-    """
+    """One level of detail: a solid that passes all checks, or why there is none."""
 
     solid: Solid | None
-    codes: tuple[int, ...] = ()
-    remark: str = ""
+    codes: tuple[int, ...] = ()  #: what is wrong with the first attempt, empty if there is a solid
+    remark: str = ""  #: repair that it took; empty if none
 
 
 def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:

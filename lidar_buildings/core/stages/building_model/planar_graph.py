@@ -19,22 +19,11 @@ from lidar_buildings.core.neighbours.union_find import link, root
 
 
 class Rotation(NamedTuple):
-    """
-    The half-edges round every vertex.
+    """The half-edges round every vertex."""
 
-    Attributes
-    ----------
-    first : ndarray of shape (n_vertices + 1,), int64
-        Where each vertex's half-edges begin in `order`.
-    order : ndarray of shape (n_half_edges,), int64
-        Numbers of half-edges.
-    place : ndarray of shape (n_half_edges,), int64
-        Where each half-edge stands in `order`.
-    """
-
-    first: IntArray
-    order: IntArray
-    place: IntArray
+    first: IntArray  #: where each vertex's half-edges begin in `order`, shape (n_vertices + 1,)
+    order: IntArray  #: numbers of half-edges, shape (n_half_edges,)
+    place: IntArray  #: where each half-edge stands in `order`, shape (n_half_edges,)
 
 
 @kernel

@@ -28,22 +28,12 @@ _MAX_CELLS = 500
 
 @dataclass(frozen=True)
 class ModelQuality:
-    """
-    Agreement of one level of detail with the points.
+    """Agreement of one level of detail with the points."""
 
-    Attributes
-    ----------
-    rmse : float or None
-        Root mean square of the points' distances to the surface of the solid, walls included [m].
-    coverage : float
-        Share of the outline's area with a point near that agrees with the model.
-    no_data_share : float
-        Share of the outline's area without any point near.
-    """
-
+    #: Root mean square of the points' distances to the surface of the solid, walls included [m].
     rmse: float | None
-    coverage: float
-    no_data_share: float
+    coverage: float  #: share of the outline's area with a point near that agrees with the model
+    no_data_share: float  #: share of the outline's area without any point near
 
 
 def measure_model(

@@ -36,48 +36,23 @@ RoofFaces = tuple[tuple[FloatArray, ...], ...]
 
 @dataclass(frozen=True, eq=False)
 class BuildingModel:
-    """
-    What is known of one building.
+    """What is known of one building."""
 
-    Attributes
-    ----------
-    solids : dict of str to Solid
-        By level of detail ("1.2"); valid ones only.
-    attributes : dict
-        By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
-    roof_faces : RoofFaces
-        The faces of the finest solid's roof.
-    status : BuildingStatus
-        OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
-    reason : str
-        Why not OK, or what was assumed or repaired.
-    """
-
-    solids: dict[str, Solid]
+    solids: dict[str, Solid]  #: by level of detail ("1.2"); valid ones only
+    #: By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
     attributes: dict[str, Any]
-    roof_faces: RoofFaces = ()
+    roof_faces: RoofFaces = ()  #: the faces of the finest solid's roof
+    #: OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     status: BuildingStatus = BuildingStatus.OK
-    reason: str = ""
+    reason: str = ""  #: why not OK, or what was assumed or repaired
 
 
 @dataclass(frozen=True, eq=False)
 class RoofFacePatch:
-    """
-    A roof face: a polygon in plan with one plane, and its points.
+    """A roof face: a polygon in plan with one plane, and its points."""
 
-    Attributes
-    ----------
-    rings : tuple of ndarray of shape (n_vertices, 2)
-        Outer ring counter-clockwise, then holes clockwise, open [m].
-    plane : ndarray of shape (3,)
-        z = a·x + b·y + c.
-    rows : ndarray of shape (n_points,), int64
-        Rows of the building's points over the face.
-    part : int
-        Number of the part of the roof that has one height in LoD1.3.
-    """
-
+    #: Outer ring counter-clockwise, then holes clockwise, open [m], shape (n_vertices, 2).
     rings: tuple[FloatArray, ...]
-    plane: FloatArray
-    rows: IntArray
-    part: int = 0
+    plane: FloatArray  #: z = a·x + b·y + c, shape (3,)
+    rows: IntArray  #: rows of the building's points over the face, shape (n_points,)
+    part: int = 0  #: number of the part of the roof that has one height in LoD1.3

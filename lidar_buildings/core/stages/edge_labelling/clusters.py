@@ -35,25 +35,13 @@ ALL_ROOFS = -1
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """
-    The two clusters of some points.
+    """The two clusters of some points."""
 
-    Attributes
-    ----------
-    roof_id : int
-        The roof whose points they are; −1 for all points.
-    n_points : int
-        Points that were clustered.
-    status : str
-        ``"ok"``, ``"one_cluster"`` or ``"too_few_points"``.
-    centres : ndarray of shape (2, n_features)
-        Of surfaces and of edges: the points' own if the status is ``"ok"``, else typical ones; NaN where
-        there was nothing to label.
-    """
-
-    roof_id: int
-    n_points: int
-    status: str
+    roof_id: int  #: the roof whose points they are; −1 for all points
+    n_points: int  #: points that were clustered
+    status: str  #: ``"ok"``, ``"one_cluster"`` or ``"too_few_points"``
+    #: Of surfaces and of edges: the points' own if the status is ``"ok"``, else typical ones; NaN where there
+    #: was nothing to label, shape (2, n_features).
     centres: NDArray[np.float64]
 
 

@@ -37,38 +37,23 @@ MAX_STEP = 3.0
 
 @dataclass(frozen=True, eq=False)
 class EdgeLabels:
-    """
-    Labels and features of the points' neighbourhoods.
+    """Labels and features of the points' neighbourhoods."""
 
-    Attributes
-    ----------
-    edge : ndarray of uint8, shape (n_points,)
-        1 = edge, 0 = none.
-    linearity, planarity : ndarray of shape (n_points,)
-        (λ1 − λ2)/λ1 and (λ2 − λ3)/λ1.
-    normals : ndarray of shape (n_points, 3)
-        Unit normals, z ≥ 0.
-    neighbourhood_radius : ndarray of shape (n_points,)
-        The radius chosen [m].
-    status : str
-        The best that a roof came to: ``"ok"``; ``"one_cluster"``: its points are all alike, and were held to
-        typical centres instead of being split in halves; ``"too_few_points"``: so were too few points for
-        clusters of their own; of fewer than two distinct ones none is an edge.
-    clusters : tuple of Clusters
-        Each roof's status and centres by rising number, or those of all points; empty for discriminant
-        analysis.
-    roof_id : ndarray of int64, shape (n_points,), or None
-        The roof whose clusters labelled each point: as given, or numbered from 0; None where all points
-        share theirs.
-    """
-
-    edge: NDArray[np.uint8]
+    edge: NDArray[np.uint8]  #: 1 = edge, 0 = none, shape (n_points,)
+    #: (λ1 − λ2)/λ1 and (λ2 − λ3)/λ1, shape (n_points,).
     linearity: NDArray[np.float64]
     planarity: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    neighbourhood_radius: NDArray[np.float64]
+    normals: NDArray[np.float64]  #: unit normals, z ≥ 0, shape (n_points, 3)
+    neighbourhood_radius: NDArray[np.float64]  #: the radius chosen [m], shape (n_points,)
+    #: The best that a roof came to: ``"ok"``; ``"one_cluster"``: its points are all alike, and were held to
+    #: typical centres instead of being split in halves; ``"too_few_points"``: so were too few points for
+    #: clusters of their own; of fewer than two distinct ones none is an edge.
     status: str
+    #: Each roof's status and centres by rising number, or those of all points; empty for discriminant
+    #: analysis.
     clusters: tuple[Clusters, ...] = ()
+    #: The roof whose clusters labelled each point: as given, or numbered from 0; None where all points share
+    #: theirs, shape (n_points,).
     roof_id: NDArray[np.int64] | None = None
 
     @property

@@ -12,22 +12,11 @@ from numpy.typing import NDArray
 
 
 class Shape(NamedTuple):
-    """
-    What a sphere of radius 1 about a point cuts out of an ideal structure.
+    """What a sphere of radius 1 about a point cuts out of an ideal structure."""
 
-    Attributes
-    ----------
-    name : str
-        In the words of the paper.
-    eigenvalues : tuple of three float
-        λ1 ≥ λ2 ≥ λ3 of the covariance about the mean, in units of R².
-    is_edge : bool
-        The group that Santos and others put it in.
-    """
-
-    name: str
-    eigenvalues: tuple[float, float, float]
-    is_edge: bool
+    name: str  #: in the words of the paper
+    eigenvalues: tuple[float, float, float]  #: λ1 ≥ λ2 ≥ λ3 of the covariance about the mean, in units of R²
+    is_edge: bool  #: the group that Santos and others put it in
 
 
 # Moments over discs and sectors of radius 1: a half disc's centre lies 4/3π off, a quarter's on both axes.

@@ -36,22 +36,11 @@ _EIGHT = np.ones((3, 3), dtype=bool)
 
 @dataclass(frozen=True, eq=False)
 class AssignedPoints:
-    """
-    The footprints of a tile and their points.
+    """The footprints of a tile and their points."""
 
-    Attributes
-    ----------
-    building_id : ndarray of shape (n_points,), uint32
-        0 for points of no footprint of this tile.
-    outlines : tuple of BuildingOutline
-        The footprints of this tile as they are given, by rising id.
-    clipped : Sides
-        On which sides one of them reaches beyond the tile's `bounds`.
-    """
-
-    building_id: NDArray[np.uint32]
-    outlines: tuple[BuildingOutline, ...]
-    clipped: Sides
+    building_id: NDArray[np.uint32]  #: 0 for points of no footprint of this tile, shape (n_points,)
+    outlines: tuple[BuildingOutline, ...]  #: the footprints of this tile as they are given, by rising id
+    clipped: Sides  #: on which sides one of them reaches beyond the tile's `bounds`
 
 
 def assign_footprints(

@@ -15,25 +15,12 @@ from lidar_buildings.core.model.outline import Outline
 
 @dataclass(frozen=True, eq=False)
 class Footprints:
-    """
-    Outlines that are given, each of one building.
+    """Outlines that are given, each of one building."""
 
-    Attributes
-    ----------
-    outlines : tuple of Outline
-        As a message carries them, map frame [m].
-    building_id : ndarray of shape (n_footprints,), uint32
-        Unique.
-    bounds : ndarray of shape (n_footprints, 4)
-        West, south, east and north limit of each [m].
-    area : ndarray of shape (n_footprints,)
-        Without courtyards [m²].
-    """
-
-    outlines: tuple[Outline, ...]
-    building_id: NDArray[np.uint32]
-    bounds: NDArray[np.float64]
-    area: NDArray[np.float64]
+    outlines: tuple[Outline, ...]  #: as a message carries them, map frame [m]
+    building_id: NDArray[np.uint32]  #: unique, shape (n_footprints,)
+    bounds: NDArray[np.float64]  #: west, south, east and north limit of each [m], shape (n_footprints, 4)
+    area: NDArray[np.float64]  #: without courtyards [m²], shape (n_footprints,)
 
     def __len__(self) -> int:
         """Return the number of footprints."""

@@ -27,25 +27,13 @@ _MAX_ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class Repairs:
-    """
-    Polygons that were made of what was given.
+    """Polygons that were made of what was given."""
 
-    Attributes
-    ----------
-    polygons : ndarray of shapely.Polygon
-        Valid, in the plane, without repeated vertices.
-    row : ndarray of int
-        From which geometry each was made.
-    dropped : dict of str to int
-        Reason → how many geometries or parts were left out.
-    n_repaired : int
-        Geometries that had to be repaired.
-    """
-
-    polygons: NDArray[Any]
-    row: NDArray[np.intp]
+    polygons: NDArray[Any]  #: valid, in the plane, without repeated vertices
+    row: NDArray[np.intp]  #: from which geometry each was made
+    #: Reason → how many geometries or parts were left out.
     dropped: Mapping[str, int] = field(default_factory=dict)
-    n_repaired: int = 0
+    n_repaired: int = 0  #: geometries that had to be repaired
 
 
 def repaired_polygons(geometries: NDArray[Any]) -> Repairs:

@@ -37,22 +37,14 @@ DENSIFIED = {"progressive_tin": densify, "histogram_tin": histogram_tin.densify}
 
 @dataclass(frozen=True, eq=False)
 class GroundResult:
-    """
-    What `classify_ground` found, one value per point in the order given.
+    """What `classify_ground` found, one value per point in the order given."""
 
-    Attributes
-    ----------
-    classification : ndarray of shape (n_points,), uint8
-        2 = ground, 7 = low noise, 18 = high noise, 1 = everything else.
-    height_above_ground : ndarray of shape (n_points,), float64
-        Height above the terrain [m]; finite for every point, negative below the terrain.
-    cut_off : ndarray of shape (n, 2, 2), float64
-        Least and greatest x and y of what was taken for ground and may be wide roofs, too little of which
-        lies within the points to tell [m]; only ``consensus`` looks for them.
-    """
-
+    #: 2 = ground, 7 = low noise, 18 = high noise, 1 = everything else, shape (n_points,).
     classification: NDArray[np.uint8]
+    #: Height above the terrain [m]; finite for every point, negative below the terrain, shape (n_points,).
     height_above_ground: NDArray[np.float64]
+    #: Least and greatest x and y of what was taken for ground and may be wide roofs, too little of which lies
+    #: within the points to tell [m]; only ``consensus`` looks for them, shape (n, 2, 2).
     cut_off: NDArray[np.float64] = field(default_factory=NO_EXTENTS.copy)
 
 

@@ -27,19 +27,11 @@ LONGEST_GAP, MAX_CELLS = 8, 4_000_000
 
 
 class Plates(NamedTuple):
-    """
-    Wide roofs among what was taken for ground.
+    """Wide roofs among what was taken for ground."""
 
-    Attributes
-    ----------
-    on_roof : ndarray of shape (n_points,), bool
-        Points, taken for ground, that lie on roofs.
-    cut_off : ndarray of shape (n_plates, 2, 2)
-        Least and greatest x and y of plates that more points beyond the edge of the data might show to be
-        roofs [m].
-    """
-
-    on_roof: NDArray[np.bool_]
+    on_roof: NDArray[np.bool_]  #: points, taken for ground, that lie on roofs, shape (n_points,)
+    #: Least and greatest x and y of plates that more points beyond the edge of the data might show to be
+    #: roofs [m], shape (n_plates, 2, 2).
     cut_off: NDArray[np.float64]
 
 

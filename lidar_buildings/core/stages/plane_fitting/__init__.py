@@ -39,25 +39,13 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class RoofPlanes:
-    """
-    The planes of one building.
+    """The planes of one building."""
 
-    Attributes
-    ----------
-    plane_id : ndarray of shape (n_points,), uint16
-        Number of each point's plane, 0 = none; the largest plane is number 1.
-    planes : tuple of RoofPlane
-        Plane number k is ``planes[k - 1]``.
-    status : BuildingStatus
-        DEGENERATE where the points are too few or lie on a line.
-    reason : str
-        Why there are no planes; empty if there are.
-    """
-
+    #: Number of each point's plane, 0 = none; the largest plane is number 1, shape (n_points,).
     plane_id: NDArray[np.uint16]
-    planes: tuple[RoofPlane, ...]
-    status: BuildingStatus = BuildingStatus.OK
-    reason: str = ""
+    planes: tuple[RoofPlane, ...]  #: plane number k is ``planes[k - 1]``
+    status: BuildingStatus = BuildingStatus.OK  #: DEGENERATE where the points are too few or lie on a line
+    reason: str = ""  #: why there are no planes; empty if there are
 
 
 def fit_roof_planes(

@@ -23,45 +23,25 @@ from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
 
 class Fit(NamedTuple):
-    """
-    How walls are fitted and which details are kept.
+    """How walls are fitted and which details are kept."""
 
-    Attributes
-    ----------
-    angles : ndarray of shape (n_directions,)
-        Directions of the walls' normals [rad].
-    direction_weight : float
-        Weight of these directions, in multiples of the wall's own samples.
-    min_step : float
-        Smallest step or wall that is kept [m].
-    line_cost : float
-        What a wall's own line has to save in squared offsets beside one that other walls lie on [m²].
-    """
-
-    angles: NDArray[np.float64]
-    direction_weight: float
-    min_step: float
+    angles: NDArray[np.float64]  #: directions of the walls' normals [rad], shape (n_directions,)
+    direction_weight: float  #: weight of these directions, in multiples of the wall's own samples
+    min_step: float  #: smallest step or wall that is kept [m]
+    #: What a wall's own line has to save in squared offsets beside one that other walls lie on [m²].
     line_cost: float
 
 
 class WalledRing(NamedTuple):
-    """
-    A ring's walls with what joins them; no walls where no ring is left.
+    """A ring's walls with what joins them; no walls where no ring is left."""
 
-    Attributes
-    ----------
-    first, last, kind : ndarray of int64, shape (n_walls,)
-        As in `Division`; samples of walls that were dropped belong to none.
-    shape : ndarray of shape (n_walls, 5)
-        See `walls.ANGLE` to `walls.RADIUS`.
-    joints : ndarray of shape (n_walls, 2, 2)
-        The corner between each wall and the next, given twice, or the two ends of the step between them [m].
-    """
-
+    #: As in `Division`; samples of walls that were dropped belong to none, shape (n_walls,).
     first: NDArray[np.int64]
     last: NDArray[np.int64]
     kind: NDArray[np.int64]
-    shape: NDArray[np.float64]
+    shape: NDArray[np.float64]  #: see `walls.ANGLE` to `walls.RADIUS`, shape (n_walls, 5)
+    #: The corner between each wall and the next, given twice, or the two ends of the step between them [m],
+    #: shape (n_walls, 2, 2).
     joints: NDArray[np.float64]
 
 

@@ -18,23 +18,14 @@ _SIZES = (1.0, 0.6)
 
 
 class ConcavityLimits(NamedTuple):
-    """
-    Up to where a concavity is none of the building's.
+    """Up to where a concavity is none of the building's."""
 
-    Attributes
-    ----------
-    depth, length : float
-        Up to these it is what a row of points looks like whose scan lines end anywhere [m].
-    area : float
-        A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
-    gap_depth : float
-        Depth of the deepest such gap [m].
-    """
-
+    #: Up to these it is what a row of points looks like whose scan lines end anywhere [m].
     depth: float
     length: float
+    #: A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
     area: float
-    gap_depth: float
+    gap_depth: float  #: depth of the deepest such gap [m]
 
 
 def bearing_points(ring: NDArray[np.float64], limits: ConcavityLimits) -> NDArray[np.bool_]:

@@ -16,21 +16,13 @@ _MAX_ROUNDS = 5
 
 
 class WallScatter(NamedTuple):
-    """
-    What a straight wall says of its direction.
+    """What a straight wall says of its direction."""
 
-    Attributes
-    ----------
-    xx, xy, yy : float
-        Weighted sums of squares and products about the wall's middle [m²].
-    length : float
-        From its first to its last sample [m].
-    """
-
+    #: Weighted sums of squares and products about the wall's middle [m²].
     xx: float
     xy: float
     yy: float
-    length: float
+    length: float  #: from its first to its last sample [m]
 
     @property
     def angle(self) -> float:

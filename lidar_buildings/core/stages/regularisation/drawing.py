@@ -20,22 +20,13 @@ STEP = -1
 
 
 class DrawnRing(NamedTuple):
-    """
-    A polygon's ring.
+    """A polygon's ring."""
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 2)
-        Open; without rows where no simple ring was found [m].
-    wall : ndarray of int64, shape (n_vertices,)
-        The wall that the edge from each vertex to the next belongs to, `STEP` if none.
-    n_traced : int
-        Number of walls that are drawn through their samples because fitted ones cross.
-    """
-
+    #: Open; without rows where no simple ring was found [m], shape (n_vertices, 2).
     vertices: NDArray[np.float64]
+    #: The wall that the edge from each vertex to the next belongs to, `STEP` if none, shape (n_vertices,).
     wall: NDArray[np.int64]
-    n_traced: int
+    n_traced: int  #: number of walls that are drawn through their samples because fitted ones cross
 
 
 def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: float) -> DrawnRing:

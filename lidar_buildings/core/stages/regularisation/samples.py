@@ -23,31 +23,19 @@ _EMPTY_AREA = 0.55
 
 @dataclass(frozen=True, eq=False)
 class RingSamples:
-    """
-    The samples that walls are fitted to.
+    """The samples that walls are fitted to."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_samples, 2)
-        The bearing points of the ring and, evenly spread, points of the long bridges between them [m].
-    weights : ndarray of shape (n_samples,)
-        Share of the ring that each stands for [`SAMPLE_LENGTH` spacings].
-    bears : ndarray of bool, shape (n_samples,)
-        Whether a sample is a point of the ring.
-    rows : ndarray of int64, shape (n_samples,)
-        Row of `ring` of each sample, or of the bearing point before it.
-    ring : ndarray of shape (n_points, 2)
-        All points of the ring [m].
-    is_on_wall : ndarray of bool, shape (n_points,)
-        Whether a point of the ring lies on a wall: it bears one, or lies in a concavity no deeper than points
-        of one wall are scattered.
-    """
-
+    #: The bearing points of the ring and, evenly spread, points of the long bridges between them [m], shape
+    #: (n_samples, 2).
     points: NDArray[np.float64]
+    #: Share of the ring that each stands for [`SAMPLE_LENGTH` spacings], shape (n_samples,).
     weights: NDArray[np.float64]
-    bears: NDArray[np.bool_]
+    bears: NDArray[np.bool_]  #: whether a sample is a point of the ring, shape (n_samples,)
+    #: Row of `ring` of each sample, or of the bearing point before it, shape (n_samples,).
     rows: NDArray[np.int64]
-    ring: NDArray[np.float64]
+    ring: NDArray[np.float64]  #: all points of the ring [m], shape (n_points, 2)
+    #: Whether a point of the ring lies on a wall: it bears one, or lies in a concavity no deeper than points
+    #: of one wall are scattered, shape (n_points,).
     is_on_wall: NDArray[np.bool_]
 
     @property

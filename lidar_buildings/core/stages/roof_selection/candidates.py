@@ -29,27 +29,16 @@ class Candidates:
     The points that rise above ground, and what a method may want to know of them.
 
     A method returns which of them are roof, small buildings dropped by `of_buildings`.
-
-    Attributes
-    ----------
-    columns : Columns
-        Points from `min_height` on; the other arrays are in their order.
-    is_last, is_only : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there, and whether that is all that came back of it.
-    ground : ndarray of shape (n_ground, 3)
-        Ground and what is lower than half of `min_height` [m].
-    radius : float
-        Smallest radius of a neighbourhood, and longest step within a surface [m].
-    cell : float
-        Side of the cells in which areas are counted, two spacings [m].
     """
 
-    columns: Columns
+    columns: Columns  #: points from `min_height` on; the other arrays are in their order
+    #: Whether the pulse ended there, and whether that is all that came back of it, shape (n_points,).
     is_last: NDArray[np.bool_]
     is_only: NDArray[np.bool_]
+    #: Ground and what is lower than half of `min_height` [m], shape (n_ground, 3).
     ground: NDArray[np.float64]
-    radius: float
-    cell: float
+    radius: float  #: smallest radius of a neighbourhood, and longest step within a surface [m]
+    cell: float  #: side of the cells in which areas are counted, two spacings [m]
 
     @property
     def points(self) -> NDArray[np.float64]:

@@ -78,18 +78,12 @@ GROUND_TOLERANCE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class RoofSelection:
-    """
-    The points' final classes.
+    """The points' final classes."""
 
-    Attributes
-    ----------
-    classification : ndarray of uint8, shape (n_points,)
-        `lidar_buildings.core.model.classes.PointClass`; 6 = building: roofs and façades.
-    facade : ndarray of uint8, shape (n_points,)
-        `lidar_buildings.core.model.classes.Facade`: which of the building's points are no roof.
-    """
-
+    #: `lidar_buildings.core.model.classes.PointClass`; 6 = building: roofs and façades, shape (n_points,).
     classification: NDArray[np.uint8]
+    #: `lidar_buildings.core.model.classes.Facade`: which of the building's points are no roof, shape
+    #: (n_points,).
     facade: NDArray[np.uint8]
 
     @property

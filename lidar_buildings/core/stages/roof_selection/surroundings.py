@@ -19,18 +19,11 @@ BLOCK = 32_768
 
 
 class Surroundings(NamedTuple):
-    """
-    What stands within reach of each column's middle in plan, told by whole columns.
+    """What stands within reach of each column's middle in plan, told by whole columns."""
 
-    Attributes
-    ----------
-    n_sectors : ndarray of uint8, shape (n_columns,)
-        Sectors of eight that show some.
-    lowest, highest : ndarray of shape (n_columns,)
-        The ends of its elevations [m]; infinite the wrong way round where there is nothing.
-    """
-
-    n_sectors: NDArray[np.uint8]
+    n_sectors: NDArray[np.uint8]  #: sectors of eight that show some, shape (n_columns,)
+    #: The ends of its elevations [m]; infinite the wrong way round where there is nothing, shape
+    #: (n_columns,).
     lowest: NDArray[np.float64]
     highest: NDArray[np.float64]
 

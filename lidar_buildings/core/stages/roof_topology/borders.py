@@ -14,36 +14,21 @@ from lidar_buildings.core.stages.roof_topology.region_raster import RegionRaster
 
 
 class Borders(NamedTuple):
-    """
-    Sides of cells between two regions, sorted by the pair of planes.
+    """Sides of cells between two regions, sorted by the pair of planes."""
 
-    Attributes
-    ----------
-    xy : ndarray of shape (n_sides, 2)
-        Middle of the side, about the building's centre [m].
-    upright : ndarray of shape (n_sides,), bool
-        Whether the side runs north-south.
-    first, second : ndarray of shape (n_sides,), int32
-        Numbers of the two planes, ``first < second``.
-    near_first, near_second : ndarray of shape (n_sides,), int32
-        Rows of the two planes' points that are nearest to the cells on either side.
-    gap : ndarray of shape (n_sides,)
-        Distance of the farther of these two points from its cell's middle [m].
-    start : ndarray of shape (n_pairs + 1,), int64
-        Pair k has the sides ``start[k]`` to ``start[k + 1]`` (exclusive).
-    cell : float
-        Length of a side [m].
-    """
-
-    xy: FloatArray
-    upright: BoolArray
+    xy: FloatArray  #: middle of the side, about the building's centre [m], shape (n_sides, 2)
+    upright: BoolArray  #: whether the side runs north-south, shape (n_sides,)
+    #: Numbers of the two planes, ``first < second``, shape (n_sides,).
     first: NDArray[np.int32]
     second: NDArray[np.int32]
+    #: Rows of the two planes' points that are nearest to the cells on either side, shape (n_sides,).
     near_first: NDArray[np.int32]
     near_second: NDArray[np.int32]
+    #: Distance of the farther of these two points from its cell's middle [m], shape (n_sides,).
     gap: FloatArray
+    #: Pair k has the sides ``start[k]`` to ``start[k + 1]`` (exclusive), shape (n_pairs + 1,).
     start: IntArray
-    cell: float
+    cell: float  #: length of a side [m]
 
 
 def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:

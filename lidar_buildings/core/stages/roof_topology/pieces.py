@@ -33,32 +33,17 @@ _LEAST_PROBE, _MOST_PROBE = 2, 4
 
 
 class Pieces(NamedTuple):
-    """
-    Pieces of intersection lines.
+    """Pieces of intersection lines."""
 
-    Attributes
-    ----------
-    pair : ndarray of shape (n,), int64
-        Pair of the borders.
-    first, second : ndarray of shape (n,), int32
-        Numbers of the planes.
-    t : ndarray of shape (n, 2)
-        Ends as distances along the line from its foot, the position nearest to the centre [m].
-    length : ndarray of shape (n,)
-        Length of the border along it [m].
-    convex : ndarray of shape (n,), bool
-        Whether the planes descend away from the line.
-    on_line : ndarray of shape (n_sides,), bool
-        Which sides of the borders are accounted for by a piece.
-    """
-
-    pair: IntArray
+    pair: IntArray  #: pair of the borders, shape (n,)
+    #: Numbers of the planes, shape (n,).
     first: NDArray[np.int32]
     second: NDArray[np.int32]
+    #: Ends as distances along the line from its foot, the position nearest to the centre [m], shape (n, 2).
     t: FloatArray
-    length: FloatArray
-    convex: BoolArray
-    on_line: BoolArray
+    length: FloatArray  #: length of the border along it [m], shape (n,)
+    convex: BoolArray  #: whether the planes descend away from the line, shape (n,)
+    on_line: BoolArray  #: which sides of the borders are accounted for by a piece, shape (n_sides,)
 
 
 def find_pieces(

@@ -27,29 +27,16 @@ _LEAST_MARGIN = 20.0
 
 
 class RegionRaster(NamedTuple):
-    """
-    Which plane lies where.
+    """Which plane lies where."""
 
-    Attributes
-    ----------
-    label : ndarray of shape (n_rows, n_columns), int32
-        Number of the plane, 0 = outside the roof.
-    nearest : ndarray of shape (n_rows, n_columns), int32
-        Row of the nearest point of a plane, -1 = none.
-    square : ndarray of shape (n_rows, n_columns)
-        Of the distance from the cell's middle to that point [m²].
-    west, south : float
-        Corner of the first cell [m]; a multiple of `cell`.
-    cell : float
-        Side of a cell [m].
-    """
-
-    label: NDArray[np.int32]
-    nearest: NDArray[np.int32]
+    label: NDArray[np.int32]  #: number of the plane, 0 = outside the roof, shape (n_rows, n_columns)
+    nearest: NDArray[np.int32]  #: row of the nearest point of a plane, -1 = none, shape (n_rows, n_columns)
+    #: Of the distance from the cell's middle to that point [m²], shape (n_rows, n_columns).
     square: FloatArray
+    #: Corner of the first cell [m]; a multiple of `cell`.
     west: float
     south: float
-    cell: float
+    cell: float  #: side of a cell [m]
 
 
 def region_raster(

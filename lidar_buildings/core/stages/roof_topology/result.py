@@ -15,70 +15,33 @@ STEP = "step"
 
 @dataclass(frozen=True, eq=False)
 class IntersectionSegment:
-    """
-    A piece of the line in which two planes meet.
+    """A piece of the line in which two planes meet."""
 
-    Attributes
-    ----------
-    first, second : int
-        Numbers of the planes, ``first < second``.
-    kind : str
-        ``ridge`` (convex, nearly level), ``hip`` (convex, inclined) or ``valley`` (concave).
-    segment : ndarray of shape (2, 3)
-        Its ends, exactly on both planes [m].
-    length : float
-        Length in plan of the border between the two planes' regions that lies along it [m].
-    """
-
+    #: Numbers of the planes, ``first < second``.
     first: int
     second: int
-    kind: str
-    segment: FloatArray
-    length: float
+    kind: str  #: ``ridge`` (convex, nearly level), ``hip`` (convex, inclined) or ``valley`` (concave)
+    segment: FloatArray  #: its ends, exactly on both planes [m], shape (2, 3)
+    length: float  #: length in plan of the border between the two planes' regions that lies along it [m]
 
 
 @dataclass(frozen=True, eq=False)
 class StepEdge:
-    """
-    A straight piece of the border between two planes that do not meet there.
+    """A straight piece of the border between two planes that do not meet there."""
 
-    Attributes
-    ----------
-    upper, lower : int
-        Numbers of the planes; `lower` is 0 where what lies below is in no plane.
-    segment : ndarray of shape (2, 2)
-        Its ends in plan [m].
-    height : tuple of two float
-        Height of the step at either end [m]; NaN where the lower side is unknown.
-    length : float
-        Length of the border between the two regions that lies along it [m].
-    """
-
+    #: Numbers of the planes; `lower` is 0 where what lies below is in no plane.
     upper: int
     lower: int
-    segment: FloatArray
-    height: tuple[float, float]
-    length: float
+    segment: FloatArray  #: its ends in plan [m], shape (2, 2)
+    height: tuple[float, float]  #: height of the step at either end [m]; NaN where the lower side is unknown
+    length: float  #: length of the border between the two regions that lies along it [m]
 
 
 @dataclass(frozen=True, eq=False)
 class RoofTopology:
-    """
-    The planes of a roof and the lines along which they border on one another.
+    """The planes of a roof and the lines along which they border on one another."""
 
-    Attributes
-    ----------
-    planes : tuple of RoofPlane
-        Adjusted; plane number k is ``planes[k - 1]``.
-    intersections : tuple of IntersectionSegment
-        Ridges, hips and valleys.
-    steps : tuple of StepEdge
-        Borders where planes do not meet.
-    roof_type : str
-        See `lidar_buildings.core.stages.roof_topology.roof_type`.
-    """
-
-    planes: tuple[RoofPlane, ...]
-    intersections: tuple[IntersectionSegment, ...]
-    steps: tuple[StepEdge, ...]
-    roof_type: str
+    planes: tuple[RoofPlane, ...]  #: adjusted; plane number k is ``planes[k - 1]``
+    intersections: tuple[IntersectionSegment, ...]  #: ridges, hips and valleys
+    steps: tuple[StepEdge, ...]  #: borders where planes do not meet
+    roof_type: str  #: see `lidar_buildings.core.stages.roof_topology.roof_type`

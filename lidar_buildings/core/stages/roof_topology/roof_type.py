@@ -41,25 +41,13 @@ _HALF_HIP = 0.25
 
 
 class Faces(NamedTuple):
-    """
-    The large faces of a roof.
+    """The large faces of a roof."""
 
-    Attributes
-    ----------
-    planes : list of list of int
-        Numbers of the planes that each face consists of.
-    gradient : list of list of float
-        By how much each rises towards x and y [m/m].
-    lines : dict of (int, int, str) to float
-        Pair of faces (numbered from 0, the lower first) and kind → length of their lines [m].
-    size : float
-        Square root of the roof's area [m].
-    """
-
-    planes: list[list[int]]
-    gradient: list[list[float]]
+    planes: list[list[int]]  #: numbers of the planes that each face consists of
+    gradient: list[list[float]]  #: by how much each rises towards x and y [m/m]
+    #: Pair of faces (numbered from 0, the lower first) and kind → length of their lines [m].
     lines: dict[tuple[int, int, str], float]
-    size: float
+    size: float  #: square root of the roof's area [m]
 
     @property
     def slope_deg(self) -> list[float]:

@@ -15,33 +15,16 @@ LONGEST_GAP = 4.0
 
 
 class StepLines(NamedTuple):
-    """
-    Straight lines in plan, and the pieces of them that are steps.
+    """Straight lines in plan, and the pieces of them that are steps."""
 
-    Attributes
-    ----------
-    angle : ndarray of shape (n_lines,)
-        Direction [rad].
-    offset : ndarray of shape (n_lines,)
-        Distance from the centre to the left of that direction [m].
-    line : ndarray of shape (n_steps,), int64
-        Line that each step lies on.
-    t : ndarray of shape (n_steps, 2)
-        Its ends along the line [m].
-    planes : ndarray of shape (n_steps, 2), int32
-        Numbers of the upper and the lower plane.
-    length : ndarray of shape (n_steps,)
-        Length of the border along it [m].
-    gap : ndarray of shape (n_lines,)
-        How far the nearest points of the upper roof lie from the line in the mean, or usually [m].
-    """
-
-    angle: FloatArray
-    offset: FloatArray
-    line: IntArray
-    t: FloatArray
-    planes: NDArray[np.int32]
-    length: FloatArray
+    angle: FloatArray  #: direction [rad], shape (n_lines,)
+    offset: FloatArray  #: distance from the centre to the left of that direction [m], shape (n_lines,)
+    line: IntArray  #: line that each step lies on, shape (n_steps,)
+    t: FloatArray  #: its ends along the line [m], shape (n_steps, 2)
+    planes: NDArray[np.int32]  #: numbers of the upper and the lower plane, shape (n_steps, 2)
+    length: FloatArray  #: length of the border along it [m], shape (n_steps,)
+    #: How far the nearest points of the upper roof lie from the line in the mean, or usually [m], shape
+    #: (n_lines,).
     gap: FloatArray
 
 

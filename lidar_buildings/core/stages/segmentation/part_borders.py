@@ -21,19 +21,10 @@ STAIRS = 1.27
 
 
 class Borders(NamedTuple):
-    """
-    Lengths of borders.
+    """Lengths of borders."""
 
-    Attributes
-    ----------
-    free : ndarray of shape (n_parts,)
-        Perimeter in the open [m].
-    shared : dict
-        (part, other part) → length of their border [m], both ways round.
-    """
-
-    free: NDArray[np.float64]
-    shared: dict[tuple[int, int], float]
+    free: NDArray[np.float64]  #: perimeter in the open [m], shape (n_parts,)
+    shared: dict[tuple[int, int], float]  #: (part, other part) → length of their border [m], both ways round
 
 
 def measure_borders(

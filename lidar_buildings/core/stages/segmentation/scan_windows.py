@@ -25,28 +25,14 @@ SLACK = 1.0 + 1e-6
 
 
 class Chains(NamedTuple):
-    """
-    Points chained by the moving window.
+    """Points chained by the moving window."""
 
-    Attributes
-    ----------
-    component : ndarray of int64, shape (n_points,)
-        From 0.
-    n_components : int
-        Number of components.
-    patterns : list of ScanPattern
-        The pattern whose window chained each component.
-    group : ndarray of int64, shape (n_points,)
-        What was gathered before, of which each component is a part, from 0.
-    group_patterns : list of ScanPattern
-        Measured of each group.
-    """
-
-    component: NDArray[np.int64]
-    n_components: int
-    patterns: list[ScanPattern]
+    component: NDArray[np.int64]  #: from 0, shape (n_points,)
+    n_components: int  #: number of components
+    patterns: list[ScanPattern]  #: the pattern whose window chained each component
+    #: What was gathered before, of which each component is a part, from 0, shape (n_points,).
     group: NDArray[np.int64]
-    group_patterns: list[ScanPattern]
+    group_patterns: list[ScanPattern]  #: measured of each group
 
 
 def chain_along_scan(

@@ -36,26 +36,15 @@ MIN_SPARSER = 1.25
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """
-    Which building every point belongs to.
+    """Which building every point belongs to."""
 
-    Attributes
-    ----------
-    building_id : ndarray of uint32, shape (n_points,)
-        0 = none.
-    block_id : ndarray of uint32, shape (n_points,)
-        The connected block that a building is part of, before necks were cut and steps split: the id of the
-        building with the block's westernmost point. It is the building's own where nothing was.
-    window : tuple of two float
-        Greatest extent of the windows along x and y [m].
-    patterns : dict of int to ScanPattern
-        How pulses lie on each building.
-    """
-
-    building_id: NDArray[np.uint32]
+    building_id: NDArray[np.uint32]  #: 0 = none, shape (n_points,)
+    #: The connected block that a building is part of, before necks were cut and steps split: the id of the
+    #: building with the block's westernmost point, shape (n_points,). It is the building's own where nothing
+    #: was.
     block_id: NDArray[np.uint32]
-    window: tuple[float, float]
-    patterns: dict[int, ScanPattern] = field(default_factory=dict)
+    window: tuple[float, float]  #: greatest extent of the windows along x and y [m]
+    patterns: dict[int, ScanPattern] = field(default_factory=dict)  #: how pulses lie on each building
 
 
 def segment_buildings(

@@ -27,20 +27,12 @@ LEFT_OUT, SEEN, GROUND = range(3)
 
 @dataclass(frozen=True, eq=False)
 class CellPoints:
-    """
-    One point for each cell of some.
+    """One point for each cell of some."""
 
-    Attributes
-    ----------
-    rows, columns : ndarray of shape (n_cells,), int64
-        The cells, row by row.
-    points : ndarray of shape (n_cells, 3)
-        Each within its cell [m].
-    """
-
+    #: The cells, row by row, shape (n_cells,).
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  #: each within its cell [m], shape (n_cells, 3)
 
     def mask(self, shape: tuple[int, int]) -> NDArray[np.bool_]:
         """Return an array in which these cells are True."""
@@ -64,24 +56,16 @@ class CellPoints:
 
 
 class CellContents(NamedTuple):
-    """
-    What the cells of a window hold.
+    """What the cells of a window hold."""
 
-    Attributes
-    ----------
-    own, others : ndarray of bool, shape (height, width)
-        The cells with a core point, and with one of a neighbouring tile.
-    ground : CellPoints
-        Means of ground points. The mean of points on a plane lies on it, with the noise of one point over the
-        root of their number.
-    first, later, lowest : CellPoints
-        Each cell's highest first return, its highest later one and its lowest point of all; of several as
-        high the westernmost, then southernmost.
-    """
-
+    #: The cells with a core point, and with one of a neighbouring tile, shape (height, width).
     own: NDArray[np.bool_]
     others: NDArray[np.bool_]
+    #: Means of ground points. The mean of points on a plane lies on it, with the noise of one point over the
+    #: root of their number.
     ground: CellPoints
+    #: Each cell's highest first return, its highest later one and its lowest point of all; of several as high
+    #: the westernmost, then southernmost.
     first: CellPoints
     later: CellPoints
     lowest: CellPoints
@@ -89,19 +73,10 @@ class CellContents(NamedTuple):
 
 @dataclass(frozen=True)
 class Cells:
-    """
-    A window of cells and where the map frame lies in it.
+    """A window of cells and where the map frame lies in it."""
 
-    Attributes
-    ----------
-    window : RasterWindow
-        Which cells.
-    origin : tuple of two float
-        What to add to map coordinates [m].
-    """
-
-    window: RasterWindow
-    origin: tuple[float, float]
+    window: RasterWindow  #: which cells
+    origin: tuple[float, float]  #: what to add to map coordinates [m]
 
     def contents(
         self,

@@ -40,24 +40,15 @@ _SPARSITY = 16
 
 @dataclass(frozen=True, eq=False)
 class TerrainRasters:
-    """
-    Ground and surface of one tile, cell by cell; the first row is the northernmost.
+    """Ground and surface of one tile, cell by cell; the first row is the northernmost."""
 
-    Attributes
-    ----------
-    window : RasterWindow
-        Where the cells lie.
-    dtm, dsm : ndarray of shape (height, width), float32
-        Elevation of the bare ground and of what stands on it at the cells' middles [m]; NaN where unknown,
-        and where another tile answers for the cell.
-    distance : ndarray of shape (height, width), int32
-        Squared distance to the tile's nearest core cell, in cells: of several tiles that answer for a cell
-        the nearest is right.
-    """
-
-    window: RasterWindow
+    window: RasterWindow  #: where the cells lie
+    #: Elevation of the bare ground and of what stands on it at the cells' middles [m]; NaN where unknown, and
+    #: where another tile answers for the cell, shape (height, width).
     dtm: NDArray[np.float32]
     dsm: NDArray[np.float32]
+    #: Squared distance to the tile's nearest core cell, in cells: of several tiles that answer for a cell the
+    #: nearest is right, shape (height, width).
     distance: NDArray[np.int32]
 
     @property

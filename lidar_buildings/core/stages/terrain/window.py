@@ -15,23 +15,14 @@ MOST_CELLS = 1_000_000_000
 
 @dataclass(frozen=True)
 class RasterWindow:
-    """
-    A rectangle of cells; their edges are multiples of the resolution in the source's coordinates.
+    """A rectangle of cells; their edges are multiples of the resolution in the source's coordinates."""
 
-    Attributes
-    ----------
-    resolution : float
-        Side of a cell [m].
-    column, row : int
-        Place in the grid of the north-western cell: columns count eastwards and rows southwards from zero,
-        so that its north-western corner is at (`column`, −`row`) × `resolution`.
-    width, height : int
-        Columns and rows of cells; 0 where there is no cell.
-    """
-
-    resolution: float
+    resolution: float  #: side of a cell [m]
+    #: Place in the grid of the north-western cell: columns count eastwards and rows southwards from zero, so
+    #: that its north-western corner is at (`column`, −`row`) × `resolution`.
     column: int = 0
     row: int = 0
+    #: Columns and rows of cells; 0 where there is no cell.
     width: int = 0
     height: int = 0
 

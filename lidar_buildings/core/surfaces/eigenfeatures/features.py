@@ -31,23 +31,14 @@ class EigenFeatures:
     What principal component analysis says of each point's neighbourhood.
 
     Features are of the eigenvalues λ, not of their square roots. They are 0 where all neighbours coincide.
-
-    Attributes
-    ----------
-    eigenvalues : ndarray of shape (n_points, 3)
-        λ1 ≥ λ2 ≥ λ3 ≥ 0 of the covariance about the mean [m²].
-    normals : ndarray of shape (n_points, 3)
-        Unit direction of λ3, z ≥ 0; the most upward one where it is not unique.
-    radius : ndarray of shape (n_points,)
-        Radius of the neighbourhood [m].
-    n_neighbours : ndarray of int64, shape (n_points,)
-        Points within the radius, the point itself included.
     """
 
+    #: λ1 ≥ λ2 ≥ λ3 ≥ 0 of the covariance about the mean [m²], shape (n_points, 3).
     eigenvalues: NDArray[np.float64]
+    #: Unit direction of λ3, z ≥ 0; the most upward one where it is not unique, shape (n_points, 3).
     normals: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    n_neighbours: NDArray[np.int64]
+    radius: NDArray[np.float64]  #: radius of the neighbourhood [m], shape (n_points,)
+    n_neighbours: NDArray[np.int64]  #: points within the radius, the point itself included, shape (n_points,)
 
     @property
     def linearity(self) -> NDArray[np.float64]:

@@ -28,49 +28,25 @@ FREE, ARC = -1, -2
 
 
 class Costs(NamedTuple):
-    """
-    What a division costs, in squared standard deviations of a sample of weight 1.
+    """What a division costs, in squared standard deviations of a sample of weight 1."""
 
-    Attributes
-    ----------
-    noise : float
-        Standard deviation of a sample across its wall [m].
-    wall : float
-        Cost of a wall.
-    own_direction : float
-        Added for a wall in none of the building's directions.
-    step : float
-        Added for the step between two consecutive walls of one direction.
-    arc : float
-        Added for an arc.
-    """
-
-    noise: float
-    wall: float
-    own_direction: float
-    step: float
-    arc: float = np.inf
+    noise: float  #: standard deviation of a sample across its wall [m]
+    wall: float  #: cost of a wall
+    own_direction: float  #: added for a wall in none of the building's directions
+    step: float  #: added for the step between two consecutive walls of one direction
+    arc: float = np.inf  #: added for an arc
 
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """
-    A closed ring's walls, in its order.
+    """A closed ring's walls, in its order."""
 
-    Attributes
-    ----------
-    first, last : ndarray of int64, shape (n_walls,)
-        Range of each wall's samples, `last` exclusive; beyond the ring's end it goes on at its start.
-    kind : ndarray of int64, shape (n_walls,)
-        Which of the given directions, or `FREE`, or `ARC`.
-    cost : float
-        Squared offsets over noise² and the cost of the walls.
-    """
-
+    #: Range of each wall's samples, `last` exclusive; beyond the ring's end it goes on at its start, shape
+    #: (n_walls,).
     first: NDArray[np.int64]
     last: NDArray[np.int64]
-    kind: NDArray[np.int64]
-    cost: float
+    kind: NDArray[np.int64]  #: which of the given directions, or `FREE`, or `ARC`, shape (n_walls,)
+    cost: float  #: squared offsets over noise² and the cost of the walls
 
 
 def divide_ring(

@@ -30,28 +30,16 @@ _FOLLOW_ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """
-    Planes, some of them level, to which common vertices can be added.
+    """Planes, some of them level, to which common vertices can be added."""
 
-    Attributes
-    ----------
-    free : FreePlanes
-        Each plane by itself.
-    surface : ndarray of shape (n_planes,), int64
-        Number of the level surface that a plane is a piece of; -1 for planes that are not level.
-    is_joint : bool
-        Whether planes are adjusted together: very many are not.
-    coefficients : ndarray of shape (n_planes, 3)
-        a, b, c of z = a x + b y + c about the building's centre, after the adjustment.
-    vertices : tuple of CommonVertex
-        Those imposed.
-    """
-
-    free: FreePlanes
+    free: FreePlanes  #: each plane by itself
+    #: Number of the level surface that a plane is a piece of; -1 for planes that are not level, shape
+    #: (n_planes,).
     surface: IntArray
-    is_joint: bool
+    is_joint: bool  #: whether planes are adjusted together: very many are not
+    #: a, b, c of z = a x + b y + c about the building's centre, after the adjustment, shape (n_planes, 3).
     coefficients: FloatArray
-    vertices: tuple[CommonVertex, ...] = ()
+    vertices: tuple[CommonVertex, ...] = ()  #: those imposed
 
     @property
     def centre(self) -> FloatArray:

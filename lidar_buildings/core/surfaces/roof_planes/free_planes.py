@@ -22,37 +22,18 @@ _PRIOR = 1e-4 * np.eye(3)
 
 
 class FreePlanes(NamedTuple):
-    """
-    Planes z = a x + b y + c about the building's centre.
+    """Planes z = a x + b y + c about the building's centre."""
 
-    Attributes
-    ----------
-    moments : PlaneMoments
-        The planes' points.
-    mean : ndarray of shape (n_planes, 3)
-        Centroids about the centre [m].
-    scatter : ndarray of shape (n_planes, 3, 3)
-        Scatter matrices about the centroids [m²].
-    normals : ndarray of shape (n_planes, 3)
-        Unit normals, pointing upwards.
-    rms : ndarray of shape (n_planes,)
-        Root mean square of the orthogonal distances [m].
-    coefficients : ndarray of shape (n_planes, 3)
-        a, b, c.
-    cost : ndarray of shape (n_planes, 3, 3)
-        Matrix Q: a plane changed by d has a sum of squared orthogonal distances greater by dᵀ Q d.
-    roof : ndarray of shape (n_planes,), bool
-        Which are roofs: not a wall, and not without points.
-    """
-
-    moments: PlaneMoments
-    mean: FloatArray
-    scatter: FloatArray
-    normals: FloatArray
-    rms: FloatArray
-    coefficients: FloatArray
+    moments: PlaneMoments  #: the planes' points
+    mean: FloatArray  #: centroids about the centre [m], shape (n_planes, 3)
+    scatter: FloatArray  #: scatter matrices about the centroids [m²], shape (n_planes, 3, 3)
+    normals: FloatArray  #: unit normals, pointing upwards, shape (n_planes, 3)
+    rms: FloatArray  #: root mean square of the orthogonal distances [m], shape (n_planes,)
+    coefficients: FloatArray  #: a, b, c, shape (n_planes, 3)
+    #: Matrix Q: a plane changed by d has a sum of squared orthogonal distances greater by dᵀ Q d, shape
+    #: (n_planes, 3, 3).
     cost: FloatArray
-    roof: BoolArray
+    roof: BoolArray  #: which are roofs: not a wall, and not without points, shape (n_planes,)
 
     @property
     def counts(self) -> FloatArray:

@@ -20,19 +20,10 @@ _FINEST_BITS = 13
 
 
 class PlaneMoments(NamedTuple):
-    """
-    Sums of coordinates and their products about the building's centre, plane by plane.
+    """Sums of coordinates and their products about the building's centre, plane by plane."""
 
-    Attributes
-    ----------
-    centre : ndarray of shape (3,)
-        Middle of the points' bounding box [m].
-    sums : ndarray of shape (n_planes, 10)
-        n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre.
-    """
-
-    centre: FloatArray
-    sums: FloatArray
+    centre: FloatArray  #: middle of the points' bounding box [m], shape (3,)
+    sums: FloatArray  #: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre, shape (n_planes, 10)
 
 
 def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:

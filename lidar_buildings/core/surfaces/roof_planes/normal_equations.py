@@ -18,21 +18,11 @@ _LEAST_RMS = 0.02
 
 
 class CommonVertex(NamedTuple):
-    """
-    Planes that are to have one elevation at a position.
+    """Planes that are to have one elevation at a position."""
 
-    Attributes
-    ----------
-    planes : tuple of int
-        Numbers of the planes, two or more.
-    xy : tuple of two float
-        Position in plan [m].
-    fixed : bool
-        Whether the position is given, such as an outline's corner; otherwise it follows the planes.
-    """
-
-    planes: tuple[int, ...]
-    xy: tuple[float, float]
+    planes: tuple[int, ...]  #: numbers of the planes, two or more
+    xy: tuple[float, float]  #: position in plan [m]
+    #: Whether the position is given, such as an outline's corner; otherwise it follows the planes.
     fixed: bool
 
 
@@ -123,21 +113,14 @@ def _solved(  # type: ignore[no-untyped-def]
 
 
 class _Terms(NamedTuple):
-    """
-    The terms of vertices' equations, sums of planes' coefficients times factors that are zero.
+    """The terms of vertices' equations, sums of planes' coefficients times factors that are zero."""
 
-    Attributes
-    ----------
-    plane, owner, equation : ndarray of shape (n_terms,), int64
-        Rows of the plane, of the vertex that the equation belongs to, and of the equation, rising.
-    factor : ndarray of shape (n_terms, 3)
-        Of a, b, c.
-    """
-
+    #: Rows of the plane, of the vertex that the equation belongs to, and of the equation, rising, shape
+    #: (n_terms,).
     plane: IntArray
     owner: IntArray
     equation: IntArray
-    factor: FloatArray
+    factor: FloatArray  #: of a, b, c, shape (n_terms, 3)
 
 
 _NOTHING = np.zeros(0, dtype=np.int64)

@@ -15,25 +15,14 @@ _LEAST_UPRIGHT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RoofPlane:
-    """
-    One plane of a roof.
+    """One plane of a roof."""
 
-    Attributes
-    ----------
-    normal : ndarray of shape (3,)
-        Unit normal, pointing upwards.
-    centroid : ndarray of shape (3,)
-        Mean of the plane's points, map frame [m]; if the plane was adjusted, its own place above or below.
-    rms : float
-        Root mean square of the points' orthogonal distances [m].
-    n_points : int
-        Number of points.
-    """
-
-    normal: FloatArray
+    normal: FloatArray  #: unit normal, pointing upwards, shape (3,)
+    #: Mean of the plane's points, map frame [m]; if the plane was adjusted, its own place above or below,
+    #: shape (3,).
     centroid: FloatArray
-    rms: float
-    n_points: int
+    rms: float  #: root mean square of the points' orthogonal distances [m]
+    n_points: int  #: number of points
 
     @property
     def gradient(self) -> FloatArray:

@@ -14,36 +14,18 @@ from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient imp
 
 
 class Layers(NamedTuple):
-    """
-    What the search for gross errors looks at instead of points.
+    """What the search for gross errors looks at instead of points."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Sorted by column, and by z within it [m].
-    begin : ndarray of shape (n_layers + 1,), int64
-        Layer j holds the points begin[j] to begin[j + 1] (exclusive).
-    first : ndarray of shape (n_columns + 1,), int64
-        Column k holds the layers first[k] to first[k + 1] (exclusive), rising.
-    column : ndarray of shape (n_layers,), int64
-        The column that each layer stands in.
-    numbers : ndarray of shape (n_columns,), int64
-        The columns' numbers, row by row; see `CellGrid`.
-    width : int
-        By how much the number of a column's northern neighbour is higher.
-    size : float
-        Side of a column [m].
-    gradient : ndarray of shape (n_columns, 2)
-        The terrain's rise over run along x and y; see `terrain_gradient`.
-    """
-
-    points: NDArray[np.float64]
+    points: NDArray[np.float64]  #: sorted by column, and by z within it [m], shape (n_points, 3)
+    #: Layer j holds the points begin[j] to begin[j + 1] (exclusive), shape (n_layers + 1,).
     begin: NDArray[np.int64]
+    #: Column k holds the layers first[k] to first[k + 1] (exclusive), rising, shape (n_columns + 1,).
     first: NDArray[np.int64]
-    column: NDArray[np.int64]
-    numbers: NDArray[np.int64]
-    width: int
-    size: float
+    column: NDArray[np.int64]  #: the column that each layer stands in, shape (n_layers,)
+    numbers: NDArray[np.int64]  #: the columns' numbers, row by row; see `CellGrid`, shape (n_columns,)
+    width: int  #: by how much the number of a column's northern neighbour is higher
+    size: float  #: side of a column [m]
+    #: The terrain's rise over run along x and y; see `terrain_gradient`, shape (n_columns, 2).
     gradient: NDArray[np.float64]
 
 

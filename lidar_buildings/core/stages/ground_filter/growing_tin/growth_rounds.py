@@ -18,49 +18,29 @@ from lidar_buildings.core.surfaces.tin import walk
 
 
 class Mesh(NamedTuple):
-    """
-    A mesh that grows, its frame, and the candidates that wait.
+    """A mesh that grows, its frame, and the candidates that wait."""
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        Real ones, from `n_real` on the frame's, from `n_start` on the waiting candidates [m].
-    triangles, neighbours : ndarray of shape (m, 3), int32
-        See `incremental_delaunay`.
-    n_real, n_start : int
-        See `vertices`.
-    gradient : ndarray of shape (n_start - n_real, 2)
-        The terrain's slope at the frame.
-    """
-
+    #: Real ones, from `n_real` on the frame's, from `n_start` on the waiting candidates [m], shape
+    #: (n_vertices, 3).
     vertices: NDArray[np.float64]
+    #: See `incremental_delaunay`, shape (m, 3).
     triangles: NDArray[np.int32]
     neighbours: NDArray[np.int32]
+    #: See `vertices`.
     n_real: int
     n_start: int
-    gradient: NDArray[np.float64]
+    gradient: NDArray[np.float64]  #: the terrain's slope at the frame, shape (n_start - n_real, 2)
 
 
 class Waiting(NamedTuple):
-    """
-    The candidates that wait, in a list for each triangle.
+    """The candidates that wait, in a list for each triangle."""
 
-    Attributes
-    ----------
-    first : ndarray of shape (m,), int32
-        Of each triangle the candidate in it that fits best, −1 where there is none.
-    following : ndarray of shape (n_candidates,), int32
-        Of each candidate another one of the same triangle, −1 after the last.
-    home : ndarray of shape (n_candidates,), int32
-        The triangle in whose list a candidate is, or was last.
-    score : ndarray of shape (n_candidates,)
-        How well it fits there; see `candidate_score`.
-    """
-
+    #: Of each triangle the candidate in it that fits best, −1 where there is none, shape (m,).
     first: NDArray[np.int32]
+    #: Of each candidate another one of the same triangle, −1 after the last, shape (n_candidates,).
     following: NDArray[np.int32]
-    home: NDArray[np.int32]
-    score: NDArray[np.float64]
+    home: NDArray[np.int32]  #: the triangle in whose list a candidate is, or was last, shape (n_candidates,)
+    score: NDArray[np.float64]  #: how well it fits there; see `candidate_score`, shape (n_candidates,)
 
 
 def join_in_rounds(

@@ -30,25 +30,15 @@ CELL, RADIUS = 10.0, 6
 
 
 class PartRules(NamedTuple):
-    """
-    What makes parts, and when they are terrain or certainly not.
+    """What makes parts, and when they are terrain or certainly not."""
 
-    Attributes
-    ----------
-    max_link_slope : float
-        Points of one part rise by no more than this over their distance in plan.
-    steep_slope : float
-        A link is steep if it rises by more than this over its length: walls do, banks do not.
-    min_part, min_open_part : float
-        Smallest part that is judged as a whole, among objects and in open terrain [candidates].
-    excluded_share, min_excluded_part : float
-        Parts with at least this share of steep links, of at least so many candidates, are excluded.
-    """
-
-    max_link_slope: float = 0.7
+    max_link_slope: float = 0.7  #: points of one part rise by no more than this over their distance in plan
+    #: A link is steep if it rises by more than this over its length: walls do, banks do not.
     steep_slope: float = 0.85
+    #: Smallest part that is judged as a whole, among objects and in open terrain [candidates].
     min_part: float = 15.0
     min_open_part: float = 2.0
+    #: Parts with at least this share of steep links, of at least so many candidates, are excluded.
     excluded_share: float = 0.7
     min_excluded_part: float = 50.0
 

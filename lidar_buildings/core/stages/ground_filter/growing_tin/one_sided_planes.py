@@ -26,27 +26,16 @@ ROWS_A_BLOCK = 1024
 
 
 class PlaneRules(NamedTuple):
-    """
-    What makes a plane of ground, and when a point continues it.
+    """What makes a plane of ground, and when a point continues it."""
 
-    Attributes
-    ----------
-    reach, nearest : float
-        How far its points may be, and how near the nearest of them has to be, in spacings.
-    min_points : float
-        Fewest points.
-    max_slope, max_residual : float
-        Steepest, rise over run, and its largest root mean square residual [m].
-    max_distance : float
-        How far from it a point may be beyond that residual [m].
-    """
-
+    #: How far its points may be, and how near the nearest of them has to be, in spacings.
     reach: float = 3.5
     nearest: float = 2.0
-    min_points: float = 6.0
+    min_points: float = 6.0  #: fewest points
+    #: Steepest, rise over run, and its largest root mean square residual [m].
     max_slope: float = 0.8
     max_residual: float = 0.25
-    max_distance: float = 0.3
+    max_distance: float = 0.3  #: how far from it a point may be beyond that residual [m]
 
 
 def continues_terrain(

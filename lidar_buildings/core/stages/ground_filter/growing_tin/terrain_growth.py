@@ -18,47 +18,24 @@ from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
 class GrowthLimits(NamedTuple):
-    """
-    How far from its facet a candidate may be to join.
+    """How far from its facet a candidate may be to join."""
 
-    Attributes
-    ----------
-    angle : float
-        Largest angle at which it may be seen from the corners of a level facet [rad].
-    slope_gain : float
-        By how much of a facet's own slope that angle grows.
-    distance : float
-        Largest distance above the facet [m].
-    """
-
-    angle: float
-    slope_gain: float
-    distance: float
+    angle: float  #: largest angle at which it may be seen from the corners of a level facet [rad]
+    slope_gain: float  #: by how much of a facet's own slope that angle grows
+    distance: float  #: largest distance above the facet [m]
 
 
 @dataclass(eq=False)
 class TerrainGrowth:
-    """
-    A TIN and the candidates that may join it.
+    """A TIN and the candidates that may join it."""
 
-    Attributes
-    ----------
-    start : Tin
-        The TIN of the seeds.
-    is_seed : ndarray of shape (n_candidates,), bool
-        Which candidates are in it; the others wait, in their order.
-    mesh : Mesh
-        The seeds, the frame and the waiting candidates, relative to the TIN's origin, with room for all.
-    n_triangles : int
-        How many of the mesh's triangles are in use.
-    joined, home : ndarray
-        Of each waiting candidate whether it has joined and in which triangle it was seen last.
-    """
-
-    start: Tin
+    start: Tin  #: the TIN of the seeds
+    #: Which candidates are in it; the others wait, in their order, shape (n_candidates,).
     is_seed: NDArray[np.bool_]
+    #: The seeds, the frame and the waiting candidates, relative to the TIN's origin, with room for all.
     mesh: Mesh
-    n_triangles: int
+    n_triangles: int  #: how many of the mesh's triangles are in use
+    #: Of each waiting candidate whether it has joined and in which triangle it was seen last.
     joined: NDArray[np.bool_]
     home: NDArray[np.int32]
 

@@ -32,25 +32,13 @@ DISTANCE, DISTANCE_SLOPE = 0.3, 1.25
 
 
 class CellMinima(NamedTuple):
-    """
-    The lowest elevation in each occupied cell.
+    """The lowest elevation in each occupied cell."""
 
-    Attributes
-    ----------
-    numbers : ndarray of shape (n_cells,), int64
-        Row * columns + column of each, rising; counted from `first`.
-    elevation : ndarray of shape (n_cells,)
-        Lowest point [m].
-    first : tuple of two float
-        Row and column of the south-western cell in the grid that starts at (0, 0).
-    shape : tuple of two int
-        Rows and columns from the first to the last occupied cell.
-    """
-
+    #: Row * columns + column of each, rising; counted from `first`, shape (n_cells,).
     numbers: NDArray[np.int64]
-    elevation: NDArray[np.float64]
-    first: tuple[float, float]
-    shape: tuple[int, int]
+    elevation: NDArray[np.float64]  #: lowest point [m], shape (n_cells,)
+    first: tuple[float, float]  #: row and column of the south-western cell in the grid that starts at (0, 0)
+    shape: tuple[int, int]  #: rows and columns from the first to the last occupied cell
 
 
 def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:

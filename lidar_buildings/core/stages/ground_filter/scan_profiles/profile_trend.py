@@ -23,25 +23,12 @@ FLOOR = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Trend:
-    """
-    A smooth surface, given at the middles of square cells.
+    """A smooth surface, given at the middles of square cells."""
 
-    Attributes
-    ----------
-    elevation : ndarray of shape (n_rows, n_columns)
-        [m].
-    gradient : tuple of two ndarray of that shape
-        Rise over run along x and y.
-    corner : ndarray of shape (2,)
-        South-west corner of the grid [m].
-    cell : float
-        Side of a cell [m].
-    """
-
-    elevation: NDArray[np.float64]
-    gradient: tuple[NDArray[np.float64], NDArray[np.float64]]
-    corner: NDArray[np.float64]
-    cell: float
+    elevation: NDArray[np.float64]  #: [m], shape (n_rows, n_columns)
+    gradient: tuple[NDArray[np.float64], NDArray[np.float64]]  #: rise over run along x and y
+    corner: NDArray[np.float64]  #: south-west corner of the grid [m], shape (2,)
+    cell: float  #: side of a cell [m]
 
     def elevation_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the trend's elevation at points [m]."""

@@ -15,22 +15,12 @@ MAX_STRIPS = 2.0**20
 
 @dataclass(frozen=True, eq=False)
 class Profiles:
-    """
-    Every point of a cloud on one profile, and each profile in the order of travel.
+    """Every point of a cloud on one profile, and each profile in the order of travel."""
 
-    Attributes
-    ----------
-    rows : ndarray of shape (n_points,), intp
-        Rows of the cloud, profile after profile.
-    first : ndarray of shape (n_profiles + 1,), intp
-        Where each profile begins in `rows`; the last one is the number of points.
-    along : ndarray of shape (n_points,)
-        Distance along the profile, never falling within one [m].
-    """
-
-    rows: NDArray[np.intp]
+    rows: NDArray[np.intp]  #: rows of the cloud, profile after profile, shape (n_points,)
+    #: Where each profile begins in `rows`; the last one is the number of points, shape (n_profiles + 1,).
     first: NDArray[np.intp]
-    along: NDArray[np.float64]
+    along: NDArray[np.float64]  #: distance along the profile, never falling within one [m], shape (n_points,)
 
 
 def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float) -> Profiles:

@@ -41,18 +41,10 @@ MAX_DETOUR = 4.0
 
 @dataclass(frozen=True, eq=False)
 class ScanLines:
-    """
-    Which scan line each point lies on, and where on it.
+    """Which scan line each point lies on, and where on it."""
 
-    Attributes
-    ----------
-    line : ndarray of shape (n_points,), int32
-        Number of the line, in the order of the scan.
-    way : ndarray of shape (n_points,), float32
-        Place along the direction of the lines, from the line's first point [m].
-    """
-
-    line: NDArray[np.int32]
+    line: NDArray[np.int32]  #: number of the line, in the order of the scan, shape (n_points,)
+    #: Place along the direction of the lines, from the line's first point [m], shape (n_points,).
     way: NDArray[np.float32]
 
     def profiles(self, points: NDArray[np.float64], rows: NDArray[np.intp]) -> Profiles:

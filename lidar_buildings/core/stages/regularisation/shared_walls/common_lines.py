@@ -27,23 +27,13 @@ MAX_CORNER_SHIFT_GAPS = 3.0
 
 
 class Walls(NamedTuple):
-    """
-    The edges of all rings of all buildings.
+    """The edges of all rings of all buildings."""
 
-    Attributes
-    ----------
-    start, end : ndarray of shape (n_walls, 2)
-        With the building on the left [m].
-    building : ndarray of int64, shape (n_walls,)
-        Whose they are.
-    before : ndarray of int64, shape (n_walls,)
-        The wall that ends where each starts.
-    """
-
+    #: With the building on the left [m], shape (n_walls, 2).
     start: NDArray[np.float64]
     end: NDArray[np.float64]
-    building: NDArray[np.int64]
-    before: NDArray[np.int64]
+    building: NDArray[np.int64]  #: whose they are, shape (n_walls,)
+    before: NDArray[np.int64]  #: the wall that ends where each starts, shape (n_walls,)
 
     @property
     def length(self) -> NDArray[np.float64]:
@@ -52,19 +42,12 @@ class Walls(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """
-    Lines through a point along a unit vector, one for each wall.
+    """Lines through a point along a unit vector, one for each wall."""
 
-    Attributes
-    ----------
-    point, along : ndarray of shape (n_walls, 2)
-        [m].
-    group : ndarray of int64, shape (n_walls,)
-        Walls of one group have the same line; −1 where a wall keeps its own.
-    """
-
+    #: [m], shape (n_walls, 2).
     point: NDArray[np.float64]
     along: NDArray[np.float64]
+    #: Walls of one group have the same line; −1 where a wall keeps its own, shape (n_walls,).
     group: NDArray[np.int64]
 
     def foot(self, wall: int, place: NDArray[np.float64]) -> NDArray[np.float64]:

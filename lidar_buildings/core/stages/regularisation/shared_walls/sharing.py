@@ -20,18 +20,10 @@ MAX_CHANGE = 0.2
 
 @dataclass(frozen=True, eq=False)
 class SharedWalls:
-    """
-    The outlines of a block, walls shared.
+    """The outlines of a block, walls shared."""
 
-    Attributes
-    ----------
-    outlines : tuple of Outline
-        In the order they were given.
-    reasons : tuple of str
-        For each, why it stayed as it was although it touches others; empty where there is nothing to say.
-    """
-
-    outlines: tuple[Outline, ...]
+    outlines: tuple[Outline, ...]  #: in the order they were given
+    #: For each, why it stayed as it was although it touches others; empty where there is nothing to say.
     reasons: tuple[str, ...]
 
 

@@ -40,25 +40,13 @@ PATCH_OFFSET = 1.5
 
 @dataclass(frozen=True, eq=False)
 class RoofSurface:
-    """
-    The points from which roofs are completed.
+    """The points from which roofs are completed."""
 
-    Attributes
-    ----------
-    is_surface : ndarray of bool, shape (n_points,)
-        Point of an accepted patch.
-    is_steep : ndarray of bool, shape (n_points,)
-        Point of a smooth surface steeper than a roof.
-    is_wall : ndarray of bool, shape (n_points,)
-        Point of such a surface that is as large as a building's wall.
-    normals : ndarray of shape (n_surface_points, 3)
-        Their unit normals.
-    """
-
-    is_surface: NDArray[np.bool_]
-    is_steep: NDArray[np.bool_]
+    is_surface: NDArray[np.bool_]  #: point of an accepted patch, shape (n_points,)
+    is_steep: NDArray[np.bool_]  #: point of a smooth surface steeper than a roof, shape (n_points,)
+    #: Point of such a surface that is as large as a building's wall, shape (n_points,).
     is_wall: NDArray[np.bool_]
-    normals: NDArray[np.float64]
+    normals: NDArray[np.float64]  #: their unit normals, shape (n_surface_points, 3)
 
 
 def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
