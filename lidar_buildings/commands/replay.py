@@ -61,14 +61,7 @@ class Replay:
 
     @property
     def is_over(self) -> bool:
-        """
-        Whether all has been handed over.
-
-        Raises
-        ------
-        InputError
-            If a message could not be read.
-        """
+        """Whether all has been handed over; InputError if a message could not be read."""
         if self._error is not None:
             raise self._error
         return self._is_over.is_set()

@@ -187,12 +187,8 @@ def with_fetched_inputs(request: RunRequest) -> RunRequest:
     """
     Return the request with files of this machine instead of URLs, and of all inputs what lies in the bounds.
 
-    The files stand beside those of bags, and stay as long.
-
-    Raises
-    ------
-    InputError, OutputError
-        If an input cannot be cut or none has points in the bounds, or a file not be written.
+    The files stand beside those of bags, and stay as long. InputError or OutputError if an input cannot be
+    cut or none has points in the bounds, or a file not be written.
     """
     if request.bounds is None and not any(map(is_url, request.inputs)):
         return request

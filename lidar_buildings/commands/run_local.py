@@ -55,11 +55,7 @@ def run_local(
     Take a job from its inputs to its files.
 
     Workers of a cluster read the files too, and find the points in the output folder, which all of them see.
-
-    Raises
-    ------
-    LidarBuildingsError
-        If it cannot begin or go on.
+    LidarBuildingsError if it cannot begin or go on.
     """
     started = time.perf_counter()
     skip: set[int] = set()

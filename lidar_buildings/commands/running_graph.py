@@ -94,10 +94,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
     """
     Compose the nodes that a run needs, and wait until the writer has made the files.
 
-    Raises
-    ------
-    LidarBuildingsError
-        If a node cannot start or go on.
+    LidarBuildingsError if a node cannot start or go on.
     """
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")

@@ -23,10 +23,7 @@ def top_command(options: argparse.Namespace) -> int:
     """
     Print a table of the nodes once a second until all have gone, or once.
 
-    Raises
-    ------
-    LidarBuildingsError
-        If ROS is not installed, or no graph is found in time.
+    LidarBuildingsError if ROS is not installed, or no graph is found in time.
     """
     if importlib.util.find_spec("rclpy") is None:
         raise LidarBuildingsError(

@@ -25,10 +25,7 @@ def replicas_of(text: str) -> dict[str, int]:
     """
     Return node → how many share its tiles, of ``roof_selector:2,model_builder:2``.
 
-    Raises
-    ------
-    ParameterError
-        If a node cannot have replicas, or a number is none.
+    ParameterError if a node cannot have replicas, or a number is none.
     """
     found: dict[str, int] = {}
     for word in filter(None, (one.strip() for one in text.split(","))):

@@ -51,10 +51,7 @@ class RunRecord:
         """
         Take one node's status of one tile, the last of which counts; its summaries say nothing here.
 
-        Raises
-        ------
-        ValueError
-            If a number is none, or the parameters are not JSON of a node's.
+        ValueError if a number is none, or the parameters are not JSON of a node's.
         """
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}

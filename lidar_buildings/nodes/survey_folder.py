@@ -93,12 +93,8 @@ class SurveyFolder:
         """
         Go on in a frame that a source has told of; return False if tiles on disk are of another one.
 
-        A live source has no files yet then; of bags it has placed the scans.
-
-        Raises
-        ------
-        LidarBuildingsError
-            If the folder holds tiles of another run.
+        A live source has no files yet then; of bags it has placed the scans. LidarBuildingsError if the
+        folder holds tiles of another run.
         """
         if self.frame == frame:
             return True
@@ -116,14 +112,7 @@ class SurveyFolder:
         return self.on_disk.get(tile_of(stamp), -1)
 
     def write(self, products: TileProducts) -> None:
-        """
-        Put a tile on disk.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
-        """
+        """Put a tile on disk; OutputError if it cannot be written."""
         self._opened().write_tile(products)
         self.on_disk[tile_of(products.stamp)] = products.stamp
 

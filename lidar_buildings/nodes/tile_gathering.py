@@ -82,10 +82,7 @@ class TileGathering:
         """
         Take a line of a city model; return the tiles that have waited for it.
 
-        Raises
-        ------
-        InputError
-            If a feature is not one of a building.
+        InputError if a feature is not one of a building.
         """
         if not line.startswith('{"type":"CityJSONFeature"'):
             return []

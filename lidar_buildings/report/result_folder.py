@@ -77,10 +77,7 @@ class Result:
         """
         Yield the CityJSONFeatures of the city model's buildings, of all or of some.
 
-        Raises
-        ------
-        InputError
-            If the file cannot be read.
+        InputError if the file cannot be read.
         """
         if not self.has(CITY_MODEL):
             return

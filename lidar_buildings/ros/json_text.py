@@ -19,10 +19,8 @@ def read_json(topic: str, message: String, read: Callable[[Any], _Said]) -> _Sai
     """
     Return what `read` makes of a message's JSON.
 
-    Raises
-    ------
-    MessageError
-        If the text is no JSON, longer than `MAX_LENGTH`, or `read` does not find in it what it looks for.
+    MessageError if the text is no JSON, longer than `MAX_LENGTH`, or `read` does not find in it what it looks
+    for.
     """
     text = message.data
     try:

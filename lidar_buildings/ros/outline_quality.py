@@ -42,10 +42,7 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
     """
     Return a tile's stamp [ns] and the quality of its outlines.
 
-    Raises
-    ------
-    MessageError
-        If the text is not of the form that `quality_message` gives.
+    MessageError if the text is not of the form that `quality_message` gives.
     """
     return read_json("outline_quality", message, _content_of)
 

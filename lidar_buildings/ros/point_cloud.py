@@ -72,11 +72,7 @@ def from_message(message: PointCloud2) -> CloudReading:
 
     Fields may come in any order, at any offset, padded, in any type and byte order, and rows may be padded
     too. Fields that we do not know are ignored. Rows whose x, y or z is not finite are dropped and counted.
-
-    Raises
-    ------
-    MessageError
-        If x, y or z is missing or no float, or the sizes contradict each other.
+    MessageError if x, y or z is missing or no float, or the sizes contradict each other.
     """
     columns = columns_of(message, COLUMNS)
     points = taken_points(columns)

@@ -67,14 +67,7 @@ def ring_messages(stamp: int, rings: Rings) -> Iterator[PolygonInstanceStamped]:
 
 
 def ring_of(message: PolygonInstanceStamped) -> NDArray[np.float64]:
-    """
-    Return a message's vertices, shape (n_vertices, 3).
-
-    Raises
-    ------
-    MessageError
-        If a coordinate is not finite.
-    """
+    """Return a message's vertices, shape (n_vertices, 3); MessageError if a coordinate is not finite."""
     corners = [(p.x, p.y, p.z) for p in message.polygon.polygon.points]
     ring = np.array(corners, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(ring).all():

@@ -71,14 +71,7 @@ def receipt_message(receipt: Receipt) -> String:
 
 
 def receipt_of(message: String) -> Receipt:
-    """
-    Return what a message says.
-
-    Raises
-    ------
-    MessageError
-        If it is no receipt.
-    """
+    """Return what a message says; MessageError if it is no receipt."""
     return read_json(
         TOPIC,
         message,

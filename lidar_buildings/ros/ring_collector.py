@@ -45,10 +45,7 @@ class RingCollector:
         """
         Take one message; return the tile if this message closes it.
 
-        Raises
-        ------
-        MessageError
-            If a vertex is not finite.
+        MessageError if a vertex is not finite.
         """
         stamp = to_stamp(message.header.stamp)
         number = message.polygon.id

@@ -158,10 +158,7 @@ def check_parameter_files(arguments: Sequence[str]) -> None:
     """
     Look at every file that ``--params-file`` names.
 
-    Raises
-    ------
-    InputError
-        If one cannot be read, or is not of the form that ROS takes: one line.
+    InputError if one cannot be read, or is not of the form that ROS takes: one line.
     """
     for path in _named(arguments):
         try:

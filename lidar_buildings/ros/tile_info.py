@@ -48,10 +48,7 @@ def info_of(message: String) -> tuple[int, dict[str, Any]]:
     """
     Return a tile's stamp [ns] and what is said of it.
 
-    Raises
-    ------
-    MessageError
-        If the text is not of the form that `info_message` gives.
+    MessageError if the text is not of the form that `info_message` gives.
     """
     return read_json(TOPIC, message, lambda said: (int(said["stamp"]), dict(said)))
 
@@ -65,10 +62,7 @@ def clipped_of(message: String) -> tuple[int, Sides]:
     """
     Return a tile's stamp [ns] and beyond which sides of it a building, or what may be one, reaches.
 
-    Raises
-    ------
-    MessageError
-        If the text is not of the form that `clipped_message` gives.
+    MessageError if the text is not of the form that `clipped_message` gives.
     """
     return read_json(
         CLIPPED,
@@ -171,14 +165,7 @@ class TileInfos:
         return sides.opened(bounds) == bounds
 
     def complete(self, tile: PointTile) -> PointTile:
-        """
-        Return a tile with what is known of it.
-
-        Raises
-        ------
-        MessageError
-            If a value is none that a tile can have.
-        """
+        """Return a tile with what is known of it; MessageError if a value is none that a tile can have."""
         info = self._known.get(tile.stamp, {})
         try:
             said = {name: info[name] for name in _MEMBERS if name in info}
@@ -193,10 +180,7 @@ def _bounds_of(said: Any) -> Bounds | None:
     """
     Return a tile's limits as they are said: null where there is none.
 
-    Raises
-    ------
-    ValueError
-        If they are not four numbers or null.
+    ValueError if they are not four numbers or null.
     """
     if said is None:
         return None

@@ -199,10 +199,7 @@ def make_scene(name: str, seed: int = 0) -> VirtualScene:
     """
     Return the scene of this name; the same seed gives the same scene.
 
-    Raises
-    ------
-    ParameterError
-        If there is no such scene, or the seed is negative.
+    ParameterError if there is no such scene, or the seed is negative.
     """
     if name not in SCENES:
         raise ParameterError(f"scene = {name!r}: must be one of {', '.join(SCENES)}")

@@ -73,10 +73,7 @@ def dormer(
     """
     Return a gable house with a flat dormer on its southern face, its front `setback` behind the eave.
 
-    Raises
-    ------
-    ValueError
-        If the dormer would reach the ridge.
+    ValueError if the dormer would reach the ridge.
     """
     dormer_width = 5.0
     slope = slope_of(40.0)

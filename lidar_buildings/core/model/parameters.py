@@ -71,10 +71,7 @@ class StageConfig:
     """
     Base of every stage's config: checks types and ranges when made.
 
-    Raises
-    ------
-    ParameterError
-        Naming the dotted parameter, the value and what is allowed.
+    ParameterError: naming the dotted parameter, the value and what is allowed.
     """
 
     stage: ClassVar[str] = ""
@@ -92,10 +89,7 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     """
     Return `value` in the parameter's own type, or say why it cannot be used.
 
-    Raises
-    ------
-    ParameterError
-        If the type is wrong or the value out of range.
+    ParameterError if the type is wrong or the value out of range.
     """
     spec = spec_of(config_field)
     path = f"{stage}.{config_field.name}"

@@ -15,10 +15,7 @@ def checked_points(points: ArrayLike) -> NDArray[np.float64]:
     """
     Return points as a C-contiguous float64 array of shape (n_points, 3).
 
-    Raises
-    ------
-    ValueError
-        If the shape is another one, or a coordinate is not finite.
+    ValueError if the shape is another one, or a coordinate is not finite.
     """
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
@@ -56,11 +53,8 @@ def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> N
     """
     Return one value per point as a contiguous array of `dtype`.
 
-    Raises
-    ------
-    ValueError
-        If there is not exactly one value per point, one is not a number, or whole numbers are wanted and one
-        is broken or out of their range.
+    ValueError if there is not exactly one value per point, one is not a number, or whole numbers are wanted
+    and one is broken or out of their range.
     """
     array = np.asarray(column)
     if array.shape != (n_points,):
@@ -91,10 +85,7 @@ def checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDA
     """
     Return columns by name, each with one value per point in its own dtype; None where there is none.
 
-    Raises
-    ------
-    ValueError
-        As `checked_column`.
+    ValueError as `checked_column`.
     """
     return {
         name: None if column is None else checked_column(name, column, n_points, np.asarray(column).dtype)

@@ -230,10 +230,7 @@ def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
     """
     Return the spacing that a stage's lengths are multiples of: as given, or else measured and rounded [m].
 
-    Raises
-    ------
-    ValueError
-        If the spacing given is no positive length, or `points` are not as for `measure_spacing`.
+    ValueError if the spacing given is no positive length, or `points` are not as for `measure_spacing`.
     """
     if point_spacing is None:
         return quantised_spacing(points)

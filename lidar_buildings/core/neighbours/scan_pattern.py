@@ -73,10 +73,7 @@ def as_pulses(
     """
     Return points with the columns that tell their neighbours on a line.
 
-    Raises
-    ------
-    ValueError
-        If a column has the wrong shape or is no number.
+    ValueError if a column has the wrong shape or is no number.
     """
     n = len(cloud)
     time, strip = np.zeros(0), np.zeros(0, dtype=np.int64)

@@ -86,10 +86,7 @@ class Comparison:
         """
         Write a GeoPackage: `changes` by place; `old` and `new`, the buildings of both results, with theirs.
 
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
+        OutputError if it cannot be written.
         """
         places = shapely.transform([one.place for one in self.changes], lambda xy: xy / self.new.unit)
         with geopackage_file(path, self.new.crs) as add:

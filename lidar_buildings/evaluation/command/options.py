@@ -35,10 +35,7 @@ class ScoreOptions:
     """
     The options of all kinds of score.
 
-    Raises
-    ------
-    ParameterError
-        If a number is out of range or the level is unknown.
+    ParameterError if a number is out of range or the level is unknown.
     """
 
     area: MetricPolygons | None = None  #: the area of interest: only what lies inside counts

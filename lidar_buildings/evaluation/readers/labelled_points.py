@@ -46,14 +46,7 @@ def has_clouds(path: Path) -> bool:
 
 
 def find_clouds(path: Path) -> list[Path]:
-    """
-    Return the clouds of a file, a folder, or the output folder of a run.
-
-    Raises
-    ------
-    InputError
-        If there are none.
-    """
+    """Return the clouds of a file, a folder, or the output folder of a run; InputError if there are none."""
     return find_inputs(path / CLASSIFIED if (path / CLASSIFIED).is_dir() else path)
 
 
@@ -105,10 +98,7 @@ def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
     """
     Read points [m], their classes, and which of those of buildings are façade, some at a time.
 
-    Raises
-    ------
-    InputError
-        If there is no cloud, or one cannot be read.
+    InputError if there is no cloud, or one cannot be read.
     """
     for file in find_clouds(path):
         yield from _parts(open_cloud(file), (CLASS, FACADE))

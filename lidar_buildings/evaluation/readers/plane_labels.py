@@ -44,11 +44,8 @@ def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:
     """
     Read what both sides say of the same points, file by file; several files are matched by name.
 
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read, says nothing of planes or has no counterpart, or if two are not of the same
-        points in the same order.
+    InputError if a cloud cannot be read, says nothing of planes or has no counterpart, or if two are not of
+    the same points in the same order.
     """
     for mine, theirs in matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)

@@ -66,10 +66,7 @@ def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
     """
     Return the cloud that tells the reference system of all.
 
-    Raises
-    ------
-    InputError
-        If two clouds are in different systems or units.
+    InputError if two clouds are in different systems or units.
     """
     first = next((cloud for cloud in clouds if cloud.crs.name), clouds[0])
     for cloud in clouds:
@@ -108,10 +105,8 @@ def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:
     """
     Return x and y of the map's origin [m]: the lower corner of all clouds, of a wide survey its middle.
 
-    Raises
-    ------
-    InputError
-        If float32 cannot hold all coordinates to a millimetre from there, naming the clouds furthest apart.
+    InputError if float32 cannot hold all coordinates to a millimetre from there, naming the clouds furthest
+    apart.
     """
     filled = [cloud for cloud in clouds if cloud.point_count]
     if not filled:

@@ -70,10 +70,7 @@ class Cloud(CloudExtent):
         """
         Read the points `first` to `last` in file order, `size` at a time.
 
-        Raises
-        ------
-        InputError
-            If they cannot be read to the last one, or the file is not the one that was opened.
+        InputError if they cannot be read to the last one, or the file is not the one that was opened.
         """
         run = first, self.point_count if last is None else last
         yield from (points for _, points in self.runs([run], size))

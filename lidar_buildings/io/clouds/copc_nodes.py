@@ -71,10 +71,7 @@ def read_nodes(cloud: CloudExtent) -> CopcNodes | None:
     """
     Read the hierarchy of a file, None if it is none of COPC, or its hierarchy not that of all its points.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    InputError if the file cannot be read.
     """
     if not cloud.raw.vlrs or not cloud.raw.vlrs[0].is_a(b"copc", 1):
         return None

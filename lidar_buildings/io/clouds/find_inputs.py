@@ -91,10 +91,7 @@ def named_by(path: Path) -> list[Path]:
     """
     Return what a path names: itself, what is directly in a folder, or what matches a pattern.
 
-    Raises
-    ------
-    InputError
-        If there is no such path, and it is no pattern.
+    InputError if there is no such path, and it is no pattern.
     """
     if not isinstance(path, Path) and path.name.lower().endswith(ENDINGS) and not glob.has_magic(str(path)):
         return [path]  # asked for by opening it: servers of the web answer such questions with whole files

@@ -20,14 +20,7 @@ class InputFile(NamedTuple):
 
 
 def check_unchanged(file: InputFile) -> None:
-    """
-    Refuse a file that was replaced, or written to, since its state was noted.
-
-    Raises
-    ------
-    InputError
-        If it was.
-    """
+    """Refuse a file that was replaced, or written to, since its state was noted; InputError if it was."""
     with reported(file.path):
         if file.state is not None and state_of(file.path) != file.state:
             raise changed(file.path)

@@ -54,10 +54,7 @@ def open_cloud(path: str | Path) -> Cloud:
     """
     Open and check a file: header, records, reference system, and whether its first points can be decoded.
 
-    Raises
-    ------
-    InputError
-        One line naming the file, what is wrong and what to do.
+    InputError: one line naming the file, what is wrong and what to do.
     """
     path = located(path)
     with reported(path):
@@ -172,10 +169,7 @@ def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
     """
     Return the map frame that the clouds share.
 
-    Raises
-    ------
-    InputError
-        If two clouds are in different reference systems or units, or too far apart for one frame.
+    InputError if two clouds are in different reference systems or units, or too far apart for one frame.
     """
     first = agreed_system(clouds)
     x, y = shared_origin(clouds)

@@ -23,14 +23,7 @@ _BOUNDS, _BOUNDS_AT = struct.Struct("<6d"), 179
 
 
 def read_extent(path: Path) -> CloudExtent:
-    """
-    Read a file's header.
-
-    Raises
-    ------
-    InputError
-        If it is no LAS file, or its header cannot be true.
-    """
+    """Read a file's header; InputError if it is no LAS file, or its header cannot be true."""
     with reported(path):
         raw = read_raw_header(path)
         prefers_wkt = raw.minor_version >= 4 and bool(raw.global_encoding & 0x10)
@@ -51,9 +44,6 @@ def read_extents(
     """
     Read the headers of files, folders and globs; return those that can be read, and a line for each other.
 
-    Raises
-    ------
-    InputError
-        If none can be read.
+    InputError if none can be read.
     """
     return open_each(inputs, read_extent)

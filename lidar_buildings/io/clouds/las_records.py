@@ -112,10 +112,7 @@ def read_raw_header(path: Path) -> RawHeader:
     """
     Read and check a file's header and records.
 
-    Raises
-    ------
-    InputError
-        If it is no LAS file, or its header cannot be true.
+    InputError if it is no LAS file, or its header cannot be true.
     """
     size = path.stat().st_size
     if size == 0:

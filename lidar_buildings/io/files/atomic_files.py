@@ -93,10 +93,7 @@ def checked_file(path: Path) -> Iterator[Any]:
     """
     Give a binary file for compiled writers, which hide why writing failed; it appears as of `atomic_file`.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    OutputError if it cannot be written.
     """
     with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
         file = _CheckedFile(plain)

@@ -24,10 +24,7 @@ def located(path: str | os.PathLike[str]) -> Path:
     """
     Return the path of a file or folder; of a URL what acts as one for all that inputs are asked.
 
-    Raises
-    ------
-    InputError
-        If what reads URLs, or those of this kind, is not installed.
+    InputError if what reads URLs, or those of this kind, is not installed.
     """
     if not is_url(path):
         return Path(path)

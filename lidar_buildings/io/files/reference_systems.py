@@ -51,10 +51,7 @@ def horizontal_part(crs: Any) -> Any:
     """
     Return the horizontal part of a reference system, compound and bound ones included.
 
-    Raises
-    ------
-    CRSError
-        If `crs`, a text or a system of pyproj, is no such system.
+    CRSError if `crs`, a text or a system of pyproj, is no such system.
     """
     crs = unbound(pyproj.CRS.from_user_input(crs))
     return unbound(crs.sub_crs_list[0]) if crs.sub_crs_list else crs

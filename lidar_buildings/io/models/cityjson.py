@@ -153,10 +153,7 @@ def parse_feature(line: str) -> CityFeature:
     """
     Read the attributes and the finest solid of a line that `feature_line` wrote.
 
-    Raises
-    ------
-    InputError
-        If the line is no such feature.
+    InputError if the line is no such feature.
     """
     try:
         feature, _ = load_feature(line)
@@ -179,10 +176,7 @@ def load_feature(line: str) -> tuple[dict[str, Any], int]:
     """
     Return the JSON of a line that `feature_line` wrote, and its building id.
 
-    Raises
-    ------
-    InputError
-        If the line is no such feature.
+    InputError if the line is no such feature.
     """
     try:
         feature: dict[str, Any] = json.loads(line)

@@ -94,10 +94,7 @@ def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:
     """
     Write a layer with a spatial index; the format has its features in the order of that, and takes no more.
 
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    OutputError if the file cannot be written.
     """
     with atomic_file(path, FAILURES) as temporary:
         write_layer(temporary, layer, crs, driver="FlatGeobuf")

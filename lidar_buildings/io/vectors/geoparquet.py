@@ -89,10 +89,7 @@ def read_geoparquet(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]], 
     """
     Read a file's geometries, columns and reference system (WKT, empty if unknown).
 
-    Raises
-    ------
-    InputError
-        If pyarrow is not installed, or it is no GeoParquet file with geometries as WKB.
+    InputError if pyarrow is not installed, or it is no GeoParquet file with geometries as WKB.
     """
     try:
         import pyarrow.parquet  # an extra

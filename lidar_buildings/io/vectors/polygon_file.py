@@ -46,11 +46,7 @@ def read_layer(path: Path, layer: str = "") -> PolygonLayer:
     Read a layer: the one that is named, or the only one that can hold polygons.
 
     Of several layers `outlines`, as in this program's own results, or the one named like the file is taken.
-
-    Raises
-    ------
-    InputError
-        If the file is no vector file, has no such layer, or it is not clear which one is meant.
+    InputError if the file is no vector file, has no such layer, or it is not clear which one is meant.
     """
     return _read(path, _chosen(path, layer))
 

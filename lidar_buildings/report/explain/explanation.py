@@ -65,14 +65,7 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
 
 
 def explain_building(result: Result, building: ReportedBuilding) -> str:
-    """
-    Say why a building has its outline and its roof.
-
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read.
-    """
+    """Say why a building has its outline and its roof; InputError if a cloud cannot be read."""
     known, frame = building.attributes, result.frame
     spacing = (known.get("point_spacing") or 0.0) * frame.horizontal_unit or _SPACING
     limits = Limits(result.run, spacing)

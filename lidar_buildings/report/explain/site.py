@@ -54,10 +54,7 @@ def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
     """
     Read the points of classified clouds within a box of the map frame.
 
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read.
+    InputError if a cloud cannot be read.
     """
     parts = [np.empty((0, 3 + len(_COLUMNS)))]
     for path in clouds:

@@ -104,10 +104,8 @@ class EdgeLabellingConfig(StageConfig):
         """
         Return the numbers of `centres`, none if typical ones are to be taken.
 
-        Raises
-        ------
-        ParameterError
-            If there are not two centres of finite numbers for the feature set, the second one more linear.
+        ParameterError if there are not two centres of finite numbers for the feature set, the second one more
+        linear.
         """
         wanted = 2 * N_FEATURES[self.features]
         try:

@@ -150,10 +150,7 @@ def _checked(outline: Outline) -> Outline:
     """
     Return the rings as arrays of float64, oriented, without repeated vertices.
 
-    Raises
-    ------
-    ValueError
-        If a ring is not of finite x and y.
+    ValueError if a ring is not of finite x and y.
     """
     rings = []
     for number, given in enumerate(outline.rings):
