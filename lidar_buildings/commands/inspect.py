@@ -37,14 +37,7 @@ _NAMES = {one.value: one.name.lower().replace("_", " ") for one in PointClass}
 
 
 def inspect_command(options: argparse.Namespace) -> int:
-    """
-    Print what every input holds; what cannot be read gives a line on stderr, and the rest is listed.
-
-    Returns
-    -------
-    int
-        0; 2 if an input could not be read, or not to its end.
-    """
+    """Print what every input holds; return 0, or 2 if one could not be read to its end, said on stderr."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     problems: list[str] = []
     told: list[dict[str, Any]] = []

@@ -25,14 +25,7 @@ DONE, WRONG_USE = 0, 2
 
 
 def plan_command(options: argparse.Namespace) -> int:
-    """
-    Print what a run of these inputs will take.
-
-    Returns
-    -------
-    int
-        0; 2 if an input could not be read.
-    """
+    """Print what a run of these inputs will take; return 0, or 2 if an input could not be read."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     plan, problems = _planned(request)

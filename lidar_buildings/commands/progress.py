@@ -55,20 +55,9 @@ def progress_bar(
     """
     Give a function that shows how far a run is: a bar on a terminal, a plain line a tile elsewhere.
 
-    Parameters
-    ----------
-    tile_count : callable
-        How many tiles there are, as far as is known.
-    is_quiet : bool
-        Whether nothing is shown.
-    clock : callable
-        Of the run [s].
-
-    Yields
-    ------
-    callable
-        Takes how many tiles are finished, those of an earlier run too; the `TilesDone` of this one; and what
-        is at work, which a terminal alone shows.
+    `tile_count` says how many tiles there are, as far as is known. The function takes how many are finished,
+    those of an earlier run too; the `TilesDone` of this one; and what is at work, which a terminal alone
+    shows.
     """
     if is_quiet:
         yield lambda n_finished, done, at_work=(): None

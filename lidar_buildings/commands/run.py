@@ -44,12 +44,7 @@ DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
 
 def run_command(options: argparse.Namespace) -> int:
     """
-    Run the whole job and report its outcome.
-
-    Returns
-    -------
-    int
-        0; 2 if some input could not be read; 3 if a tile failed.
+    Run the whole job and report its outcome; return 0, 2 if some input could not be read, 3 if a tile failed.
     """
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
@@ -158,14 +153,8 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
     Return the request with a LAZ file for each bag.
 
     The files stand among the unfinished tiles of the output folder, and go with them; an interrupted run goes
-    on with those that are there.
-
-    Raises
-    ------
-    ParameterError
-        If something is said of bags and no input is one.
-    InputError, OutputError
-        If a bag cannot be read or placed.
+    on with those that are there. ParameterError if something is said of bags and no input is one; InputError
+    or OutputError if a bag cannot be read or placed.
     """
     if not bags_among(request.inputs):
         told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}

@@ -99,12 +99,8 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     """
     Check the options of the command line.
 
-    Raises
-    ------
-    InputError
-        If the parameter file cannot be read.
-    ParameterError
-        If a name is unknown or a value not allowed.
+    InputError if the parameter file cannot be read, ParameterError if a name is unknown or a value not
+    allowed.
     """
     assignments = [*options.set, *_short_forms(options)]
     preset = preset_file(options.preset) if options.preset else None

@@ -36,23 +36,8 @@ def running_graph(
     """
     Compose the nodes that a request needs, and let them spin until the block ends.
 
-    Parameters
-    ----------
-    request : RunRequest
-        What the user asked for.
-    source : str
-        Node that tiles come from.
-    namespace : str
-        Of all nodes.
-    arguments : sequence of str
-        Of ROS.
-    is_quiet : bool
-        Whether nodes log nothing, as the command prints it once, in one line.
-
-    Raises
-    ------
-    LidarBuildingsError
-        If a node cannot start.
+    Nodes log nothing if `is_quiet`, as the command prints it once, in one line. LidarBuildingsError if a node
+    cannot start.
     """
     prepare_middleware(carries_scans=not request.inputs)
     with BuildingPool(prepare=load_stages) as pool:  # before ROS starts its threads

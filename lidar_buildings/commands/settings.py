@@ -40,25 +40,13 @@ def read_settings(
     """
     Merge a preset, a parameter file and assignments; assignments win, then the file.
 
-    Parameters
-    ----------
-    params : Path or None
-        YAML as ``ros2 run … --params-file`` takes it.
-    assignments : list of str
-        ``STAGE.NAME=VALUE``; the name of a node stands for its stage where it has just one. ``advanced.``
-        before a parameter's name may be left out, here and in the file.
-    nodes : mapping
-        Which node has which stages.
-    preset : Path, optional
-        Parameter file of a preset.
+    The file is YAML as ``ros2 run … --params-file`` takes it; assignments are ``STAGE.NAME=VALUE``, where the
+    name of a node stands for its stage if it has just one. ``advanced.`` before a parameter's name may be
+    left out in both.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    ParameterError
-        If an assignment is malformed, a name is unknown or a value not allowed, or if the file gives one
-        parameter two values; the message begins with the file's name or with ``--set``.
+    InputError if a file cannot be read; ParameterError if an assignment is malformed, a name is unknown or a
+    value not allowed, or if the file gives one parameter two values: it begins with the file's name or with
+    ``--set``.
     """
     settings = _read_file(preset, nodes)
     for stage, given in _read_file(params, nodes).items():
@@ -175,12 +163,7 @@ def preset_file(name: str) -> Path:
     """
     Return the parameter file of a preset.
 
-    Raises
-    ------
-    ParameterError
-        If there is no such preset.
-    InputError
-        If its file was not installed.
+    ParameterError if there is no such preset, InputError if its file was not installed.
     """
     if name not in PRESETS:
         raise ParameterError(f"--preset {name}: must be one of {', '.join(PRESETS)}")

@@ -21,12 +21,8 @@ def simulate_live_command(options: argparse.Namespace) -> int:
     """
     Make a survey scan by scan, publish it or write it down, and say how it went.
 
-    Raises
-    ------
-    OutputError
-        If there is something under the name of the bag or in the folder, or it cannot be written.
-    ParameterError
-        If there is no such scene, a value is out of range, or ROS is not installed.
+    OutputError if there is something under the name of the bag or in the folder, or it cannot be written;
+    ParameterError if there is no such scene, a value is out of range, or ROS is not installed.
     """
     if not (options.live or options.bag or options.output):
         raise ParameterError(NOWHERE)

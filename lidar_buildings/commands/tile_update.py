@@ -94,12 +94,7 @@ def with_kept_ids(result: TileResult, earlier: EarlierBuildings) -> TileResult:
     """
     Give buildings the ids that they had, where their westernmost points are others now.
 
-    Parameters
-    ----------
-    result : TileResult
-        Of a tile.
-    earlier : EarlierBuildings
-        Those that had their anchors in the tile: no other tile can give their ids to another building.
+    The earlier ones had their anchors in the tile: no other tile can give their ids to another building.
     """
     natural = {one.building_id for one in result.outlines}
     kept: dict[int, int] = {}

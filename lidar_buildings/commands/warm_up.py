@@ -31,14 +31,7 @@ def warm_up_command(options: argparse.Namespace) -> int:
 
 
 def compile_loops(tell: Callable[[int, int], None]) -> None:
-    """
-    Compile every loop that is not compiled yet.
-
-    Parameters
-    ----------
-    tell : callable
-        Called with the number of parts that are done, and of all.
-    """
+    """Compile every loop that is not compiled yet; `tell` hears of the number of parts done, and of all."""
     complete = kernel_cache.marker()
     if complete is not None and not complete.exists():
         complete.parent.mkdir(parents=True, exist_ok=True)

@@ -48,12 +48,8 @@ def give_memory_back(period: float = 0.0) -> None:
     """
     Return to the system what is free: glibc keeps holes between what is in use, half a tile's memory.
 
-    What is taken again comes fresh from the kernel, which costs time. Does nothing without glibc.
-
-    Parameters
-    ----------
-    period : float
-        Least time since the last call of this process that did so [s].
+    What is taken again comes fresh from the kernel, which costs time: nothing is done within `period` [s] of
+    the last call that did so, nor without glibc.
     """
     global _last
     now = time.monotonic()

@@ -12,14 +12,7 @@ STEP = 1_000
 
 
 def anchor_row(points: NDArray[np.float64]) -> int:
-    """
-    Return the row of a building's anchor: its westernmost point, ties broken by y, then z.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        The building's points [m]; at least one.
-    """
+    """Return the row of a building's anchor: its westernmost point, ties broken by y, then z."""
     x = points[:, 0]
     west = np.flatnonzero(x == x.min())
     return int(west[np.lexsort((points[west, 2], points[west, 1]))[0]])
@@ -46,19 +39,10 @@ def rows_by_building(building_id: NDArray[np.uint32]) -> list[tuple[int, NDArray
 
 def anchor_near(number: int, place: NDArray[np.float64]) -> tuple[float, float]:
     """
-    Return the position that a building's id was made from, as far as the id tells.
+    Return the position that a building's id was made from, as far as the id tells, in the map frame [m].
 
-    Parameters
-    ----------
-    number : int
-        The building's id.
-    place : ndarray
-        x and y of a place less than 16 km away, its westernmost point for instance [m].
-
-    Returns
-    -------
-    tuple of two float
-        The place itself if it lies in the id's cell, else the middle of that cell, map frame [m].
+    That is `place`, x and y less than 16 km away, such as the westernmost point, if it lies in the id's cell;
+    else the middle of that cell.
     """
     x, y = float(place[0]), float(place[1])
     if building_id(np.array([x, y])) == number:

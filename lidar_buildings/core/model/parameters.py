@@ -47,16 +47,7 @@ class ParameterSpec:
 
 def parameter(default: Any, description: str, **spec: Any) -> Any:
     """
-    Declare a config field with its description, unit and range.
-
-    Parameters
-    ----------
-    default : float, int, bool, str or tuple of str
-        Its type is the parameter's type.
-    description : str
-        One sentence; says what raising the value does.
-    **spec
-        The other members of `ParameterSpec`.
+    Declare a config field with its default, whose type is the parameter's, and what `ParameterSpec` holds.
     """
     return field(default=default, metadata={"spec": ParameterSpec(description, **spec)})
 

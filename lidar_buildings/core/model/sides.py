@@ -26,15 +26,8 @@ class Sides(NamedTuple):
         """
         Return on which sides something comes nearer to a tile's outer limits than a margin, or passes them.
 
-        Parameters
-        ----------
-        low, high : ndarray of shape (2,)
-            Least and greatest x and y of it [m].
-        bounds : tuple of four float or None
-            Of the tile: west, south, east, north [m], infinite where nothing lies beyond; None if so all
-            round.
-        margin : float
-            [m]
+        `low` and `high` are its least and greatest x and y; `bounds` the tile's west, south, east and north
+        [m], infinite where nothing lies beyond, None if so all round.
         """
         if bounds is None:
             return NONE

@@ -184,12 +184,7 @@ class PointTile:
 
     def joined(self, other: PointTile) -> PointTile:
         """
-        Return the tile with another one's points after its own, in the columns that it has.
-
-        Raises
-        ------
-        ValueError
-            If the other tile lacks one of these columns.
+        Return the tile with another one's points after its own; ValueError if that lacks one of its columns.
         """
         missing = sorted(self.columns.keys() - other.columns.keys())
         if missing:

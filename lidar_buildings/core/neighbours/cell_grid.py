@@ -43,14 +43,9 @@ class CellGrid(NamedTuple):
 
 def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
-    Gather points cell by cell, those of one cell in the order given.
+    Gather points cell by cell, those of one cell in the order given; only x and y decide.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        Only x and y decide [m].
-    cell : float
-        Side of a cell [m]; doubled until an enormous extent can be numbered.
+    The side of cells [m] is doubled until an enormous extent can be numbered.
     """
     numbers, n_columns, cell = _numbered(points, cell)
     rows, numbers, first = _rows_by_number(numbers)
@@ -61,14 +56,8 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     """
     Sort points by cell, and by z, x, y within each: the same sequence whatever the rows' order.
 
-    Cells are counted, not compared: the time is linear in the number of points.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3), C-contiguous
-        In any order [m].
-    cell : float
-        Side of a cell [m]; doubled until an enormous extent can be numbered.
+    Cells are counted, not compared: the time is linear in the number of points, which are C-contiguous. The
+    side of cells [m] is doubled until an enormous extent can be numbered.
     """
     numbers, n_columns, cell = _numbered(points, cell)
     rows, numbers, first = _rows_by_number(numbers)
@@ -80,16 +69,7 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
 
 
 def lowest_of_cells(grid: CellGrid, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """
-    Return the sorted point that is the lowest kept one of each cell, where there is one, cell by cell.
-
-    Parameters
-    ----------
-    grid : CellGrid
-        Of `sort_by_cell`.
-    kept : ndarray of shape (n_points,), bool
-        Which of the sorted points count.
-    """
+    """Return the lowest kept point of each cell of a sorted grid, where there is one, cell by cell."""
     rows = np.flatnonzero(kept)
     place = np.searchsorted(rows, grid.first)
     return rows[place[:-1][place[:-1] < place[1:]]]
@@ -106,12 +86,7 @@ def cell_numbers(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
     """
     Number the points' cells row by row from the south-west; cells start at multiples of `cell` from (0, 0).
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        Only x and y are looked at [m].
-    cell : float
-        Side of a cell [m]; doubled until an enormous extent can be numbered.
+    The side of cells [m] is doubled until an enormous extent can be numbered.
     """
     return _numbered(points, cell)[0]
 
@@ -126,13 +101,6 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
     Return the row of the lowest point of every occupied cell, cell by cell from the south-west.
 
     Ties are broken by x, then y, so that the same points come out whatever their order.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    cell : float
-        Side of a cell [m].
     """
     rows, _, first = _rows_by_number(cell_numbers(points, cell))
     return _lowest_of_runs(rows, first, np.ascontiguousarray(points))
@@ -143,16 +111,8 @@ def mark_cells(points, cell, low_x, low_y, plan):  # type: ignore[no-untyped-def
     """
     Mark which cells of a window hold points, whatever else it marks.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        Only x and y are looked at [m].
-    cell : float
-        Side of a cell [m].
-    low_x, low_y : int
-        The window's first column and row; cells count from (0, 0).
-    plan : ndarray of bool, shape (n_columns, n_rows)
-        The window.
+    `plan` is the window, shape (n_columns, n_rows), from column `low_x` and row `low_y` on; cells count from
+    (0, 0).
     """
     for i in range(len(points)):
         x, y = np.floor(points[i, 0] / cell) - low_x, np.floor(points[i, 1] / cell) - low_y

@@ -21,18 +21,8 @@ def without_crowds(columns: Columns) -> tuple[NDArray[np.bool_], NDArray[np.int6
     Choose points that stand for all: of each voxel at most `MOST`, spread evenly over its heights.
 
     Pairs of neighbours grow with the square of the points at a place; of the chosen ones they do not.
-
-    Parameters
-    ----------
-    columns : Columns
-        The points [m].
-
-    Returns
-    -------
-    is_chosen : ndarray of bool, shape (n_points,)
-        Which stand for all.
-    place : ndarray of int64, shape (n_points,)
-        Which one of the chosen, in their order, stands for each point: itself, or one of its voxel.
+    Returned is also which one of the chosen, in their order, stands for each point: itself, or one of its
+    voxel.
     """
     is_chosen = np.empty(len(columns.points), dtype=np.bool_)
     place = np.empty(len(columns.points), dtype=np.int64)

@@ -34,23 +34,11 @@ SHORTER, LONGER = 0.8, 1.25
 
 def nth_distances(plan: NDArray[np.float64], step: int, n: int) -> tuple[NDArray[np.float64], float]:
     """
-    Return the distances from some points to their n-th nearest other ones, where these are near.
+    Return the distances from some points to their n-th nearest other ones, and how far they are sure [m].
 
-    Parameters
-    ----------
-    plan : ndarray of shape (n_points, 2)
-        Distinct positions, more than n [m].
-    step : int
-        One of so many is asked for.
-    n : int
-        Counted from 1, at most `MAX_NTH`.
-
-    Returns
-    -------
-    distances : ndarray of shape (n_points / step,)
-        The same numbers that a search by tree finds; infinite where they are more than `reach` [m].
-    reach : float
-        A few times what is usual [m].
+    `plan` holds more than n distinct positions, of which one of `step` is asked for; n is at most `MAX_NTH`.
+    The distances are the numbers that a search by tree finds, infinite beyond that reach, a few times what is
+    usual.
     """
     # Positions may be so near that the square of their distance is 0.
     side = max(CELL * math.sqrt(n + 1) * _guessed_spacing(plan), float(np.finfo(np.float64).tiny))

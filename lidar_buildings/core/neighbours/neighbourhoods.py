@@ -16,23 +16,9 @@ def build_grid(points: ArrayLike, size: float) -> CellGrid:
     """
     Sort points into square columns as `sort_by_cell`, and list the columns beside each.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        In any order [m].
-    size : float
-        Side of a column [m], > 0: the largest radius to be asked for. It is doubled while the extent would
-        need too many columns to number.
-
-    Returns
-    -------
-    CellGrid
-        Only occupied columns take memory, however far apart the points are.
-
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or `size` is not positive.
+    `size`, their side [m], is the largest radius to be asked for; it is doubled while the extent would need
+    too many columns to number. Only occupied ones take memory. ValueError if it is not positive, or `points`
+    are of another shape or not finite.
     """
     points = checked_points(points)
     if not (np.isfinite(size) and size > 0):

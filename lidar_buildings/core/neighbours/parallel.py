@@ -49,15 +49,9 @@ def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int
     """
     Call ``kernel(first, last)`` for blocks of rows on all cores, and wait.
 
-    Parameters
-    ----------
-    kernel : callable
-        Releases the interpreter lock and writes rows `first` to `last` (exclusive) of its outputs only, so
-        that the result does not depend on the number of threads.
-    n_rows : int
-        Number of rows in all.
-    block : int
-        Rows a block; fewer where a row stands for much work.
+    It releases the interpreter lock and writes rows `first` to `last` (exclusive) of its outputs only, so
+    that the result does not depend on the number of threads. Blocks are smaller where a row stands for much
+    work.
     """
     starts = range(0, n_rows, block)
     is_alone = len(starts) < 2 or getattr(_thread, "is_alone", False) or not _are_cores_free()

@@ -159,22 +159,10 @@ def _comes_first(one, other):  # type: ignore[no-untyped-def]
 
 def steady_spacing(points: ArrayLike, expected: float | None) -> float:
     """
-    Return the expected spacing where the points bear it out, else their own, quantised.
+    Return the expected spacing where the points bear it out, else their own, quantised [m].
 
     With one expectation for a whole survey neighbouring tiles use the same spacing, and a tile of another
     density still its own. None is less than `FINEST`.
-
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        In any order [m].
-    expected : float or None
-        What the survey's points have in general [m].
-
-    Returns
-    -------
-    float
-        Spacing [m].
     """
     return max(_of_survey_or_own(points, expected), FINEST)
 
@@ -208,20 +196,10 @@ def _has_plainly(points: NDArray[np.float64], spacing: float) -> bool:
 
 def quantised_spacing(points: ArrayLike) -> float:
     """
-    Measure the point spacing and round it to the nearest power of 2^(1/4).
+    Measure the point spacing and round it to the nearest power of 2^(1/4) [m].
 
-    Neighbouring tiles whose spacings differ a little so get the same value, unless they lie on either side
-    of a rounding limit.
-
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        In any order [m].
-
-    Returns
-    -------
-    float
-        Spacing [m]; `FALLBACK_SPACING` (a power itself) where there is none to measure.
+    Neighbouring tiles whose spacings differ a little so get the same value, unless they lie on either side of
+    a rounding limit. `FALLBACK_SPACING` (a power itself) where there is none to measure.
     """
     return rounded_spacing(measure_spacing(points))
 

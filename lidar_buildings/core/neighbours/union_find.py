@@ -14,16 +14,7 @@ from lidar_buildings.core.kernels import kernel
 
 
 def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
-    """
-    Return, for each of `count` members, the lowest number of the set that pairs link it to.
-
-    Parameters
-    ----------
-    count : int
-        Members are 0 to `count` (exclusive).
-    one, other : ndarray of int, shape (n_pairs,)
-        Linked members.
-    """
+    """Return, for each of `count` members, the lowest number of the set that pairs link it to."""
     parent = np.arange(count)
     _link_pairs(parent, np.ascontiguousarray(one, np.int64), np.ascontiguousarray(other, np.int64))
     return parent

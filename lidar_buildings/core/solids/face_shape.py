@@ -23,12 +23,7 @@ class FaceShape(NamedTuple):
 
 def face_shape(rings: Sequence[FloatArray]) -> FaceShape:
     """
-    Measure a face.
-
-    Parameters
-    ----------
-    rings : sequence of ndarray of shape (n_vertices, 3)
-        The exterior, counter-clockwise seen from the side that the face looks to, then its holes [m].
+    Measure a face: the exterior, counter-clockwise seen from the side that it looks to, then its holes [m].
     """
     x, y, z = area_vector(rings)
     plan = math.hypot(x, y)
@@ -54,12 +49,7 @@ def face_plane(rings: Sequence[FloatArray]) -> tuple[float, float, float] | None
 
 def area_vector(rings: Sequence[FloatArray]) -> tuple[float, float, float]:
     """
-    Return the normal of a face, as long as its area is large (Newell's method) [m²].
-
-    Parameters
-    ----------
-    rings : sequence of ndarray of shape (n_vertices, 3)
-        The exterior and the holes, which run the other way round [m].
+    Return the normal of a face, as long as its area is large (Newell's method) [m²]; holes run the other way.
     """
     x = y = z = 0.0
     for ring in rings:

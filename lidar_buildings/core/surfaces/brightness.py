@@ -76,20 +76,9 @@ def brightness_raster(
     cover: NDArray[np.float64] | None = None,
 ) -> BrightnessRaster:
     """
-    Measure the brightness of the ground.
+    Measure the brightness of the ground, one point at least, by pulses' only returns: others are too dark.
 
-    Parameters
-    ----------
-    ground : ndarray of shape (n_points, 3)
-        Ground points, one at least [m].
-    normalised : ndarray of shape (n_points,)
-        Their normalised intensities.
-    is_single : ndarray of bool, shape (n_points,)
-        Whether the point is the only return of its pulse; the others are too dark.
-    spacing : float
-        Spacing of the pulses [m].
-    cover : ndarray of shape (n_cover_points, 3), optional
-        Leaves above the ground [m].
+    `cover` are leaves above the ground.
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
     low, high = extent_of(ground)[:, :2]
@@ -152,22 +141,12 @@ def _range_around(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def valley_between_modes(values: NDArray[np.floating]) -> float | None:
     """
-    Find the brightness that parts a dark mode from a bright one.
+    Find the brightness that parts a dark mode from a bright one; None for one mode, or too little to tell.
 
     Thresholds that part two groups best exist whether there are two or not: Otsu's (1979), and that of least
     error (Kittler and Illingworth, 1986) for a small group beside a large one. Here they only say on which
     side to look for either peak of the smoothed histogram; if the floor between the peaks is clearly lower
     than both, there are two modes, and the middle of that floor parts them.
-
-    Parameters
-    ----------
-    values : ndarray of shape (n_values,)
-        Normalised intensities, 0 to 255.
-
-    Returns
-    -------
-    float or None
-        None where there is one mode, or too little to tell.
     """
     if len(values) < MIN_VALUES:
         return None

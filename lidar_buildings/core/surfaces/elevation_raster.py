@@ -18,16 +18,7 @@ RELAXATIONS = 2
 
 
 def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """
-    Return the (row, column) of the first and of the last cell that holds a point, shape (2, 2).
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        At least one [m].
-    cell : float
-        Side of a cell [m].
-    """
+    """Return the (row, column) of the first and of the last cell that holds a point, shape (2, 2)."""
     return np.floor(extent_of(points)[:, 1::-1] / cell)
 
 
@@ -35,18 +26,9 @@ def lowest_elevations(
     points: NDArray[np.float64], cell: float, first: NDArray[np.float64], shape: tuple[int, int]
 ) -> NDArray[np.float64]:
     """
-    Return the lowest elevation in each cell, +inf where there is no point.
+    Return the lowest elevation in each cell, +inf where there is no point; all points lie within the raster.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order, all within the raster [m].
-    cell : float
-        Side of a cell [m].
-    first : ndarray of shape (2,)
-        Row and column of the raster's first cell, as `cell_bounds` counts them.
-    shape : (int, int)
-        Rows and columns.
+    `first` is its first row and column, as `cell_bounds` counts them.
     """
     lowest = np.full(shape, np.inf)
     _lower(np.ascontiguousarray(points), cell, first, lowest)
@@ -66,22 +48,9 @@ def filled(
     Return the raster with unknown cells filled smoothly from the known ones around.
 
     A pyramid of means fills cell by cell from the coarsest level down, and a few rounds of relaxation on each
-    level bring it near to the membrane spanned between the known cells. A slope is bridged as a slope.
-
-    Parameters
-    ----------
-    elevation : ndarray of shape (n_rows, n_columns)
-        What is in unknown cells does not matter [m].
-    known : ndarray of shape (n_rows, n_columns), bool
-        At least one cell.
-    first : (int, int)
-        Row and column of the first cell in the grid: cells are paired from the grid's origin, so that a
-        window of a raster is filled like the whole.
-
-    Raises
-    ------
-    ValueError
-        If no cell is known.
+    level bring it near to the membrane spanned between the known cells. A slope is bridged as a slope. Cells
+    are paired from the grid's origin, in which `first` is the first row and column, so that a window of a
+    raster is filled like the whole. ValueError if no cell is known.
     """
     if not known.any():
         raise ValueError("known has no True cell: there is nothing to fill the others from")

@@ -35,25 +35,11 @@ def strip_scales(
     intensity: NDArray[np.floating], strip: NDArray[np.integer], is_single: NDArray[np.bool_]
 ) -> dict[int, IntensityScale]:
     """
-    Measure the scale of every flight strip.
+    Measure the scale of every flight strip that has a point; of none if there is no single return at all.
 
     Sensors and flying heights change gain and offset from strip to strip, so that each is anchored at two
     percentiles of its own. Only pulses that came back as one return are looked at: where a pulse was split
     among leaves, every part is dark. A strip with few of them takes the scale of all strips together.
-
-    Parameters
-    ----------
-    intensity : ndarray of shape (n_points,)
-        As recorded.
-    strip : ndarray of int, shape (n_points,)
-        Which strip a point is of.
-    is_single : ndarray of bool, shape (n_points,)
-        Whether the point is the only return of its pulse.
-
-    Returns
-    -------
-    dict
-        Strip → scale, for every strip that has a point; empty where there is no single return at all.
     """
     single = intensity[is_single]
     if not len(single):
@@ -74,23 +60,9 @@ def normalised_intensity(
     other: IntensityScale | None = None,
 ) -> NDArray[np.float32]:
     """
-    Bring intensities to the common scale.
+    Bring intensities to the common scale, 0 to 255; 0 throughout a strip of constant intensity.
 
-    Parameters
-    ----------
-    intensity : ndarray of shape (n_points,)
-        As recorded.
-    strip : ndarray of int, shape (n_points,)
-        Which strip a point is of.
-    scales : mapping
-        Strip → scale.
-    other : IntensityScale, optional
-        For strips that have none; these become 0 if it is not given.
-
-    Returns
-    -------
-    ndarray of float32, shape (n_points,)
-        0 to 255; 0 throughout a strip of constant intensity.
+    `other` is for strips that have no scale; these become 0 without.
     """
     normalised = np.zeros(len(intensity), dtype=np.float32)
     for number in np.unique(strip).tolist():

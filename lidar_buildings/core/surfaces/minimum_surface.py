@@ -34,26 +34,12 @@ MAX_PIT = 1.0
 
 def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Estimate heights above ground from the lowest points alone.
+    Estimate heights above ground from the lowest points alone [m]; 0 for one point.
 
     A progressive morphological filter (Zhang and others, 2003): the raster of cell minima is opened with
-    growing windows; a cell that sinks by more than the terrain can rise over the window is an object.
-    Ground is interpolated across objects.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-
-    Returns
-    -------
-    ndarray of shape (n_points,)
-        Height above the rough ground [m]; 0 for one point.
-
-    Notes
-    -----
-    Good to 0.1 m on even ground for 95 % of the points; on slopes it is lower by half a cell's rise. The
-    ground filter stage is the better choice wherever it can be run.
+    growing windows; a cell that sinks by more than the terrain can rise over the window is an object. Ground
+    is interpolated across objects. Good to 0.1 m on even ground for 95 % of the points; on slopes it is lower
+    by half a cell's rise. The ground filter stage is the better choice wherever it can be run.
     """
     if len(points) == 0:
         return np.zeros(0)

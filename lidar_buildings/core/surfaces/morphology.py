@@ -36,13 +36,7 @@ def opened(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
     """
     Return the surface with all narrower than a disc cut off: the highest disc that fits under it, everywhere.
 
-    Parameters
-    ----------
-    surface : ndarray of shape (n_rows, n_columns)
-        May hold +inf where nothing is known: discs rest on known cells only, and a cell without any within
-        reach stays +inf. Discs are centred on cells of the raster.
-    radius : int
-        Radius of the disc in cells.
+    Discs, centred on cells, rest on known cells only; one without any within reach stays +inf.
     """
     return -eroded(-eroded(surface, radius), radius)
 

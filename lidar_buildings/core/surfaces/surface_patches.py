@@ -95,16 +95,7 @@ def plan_areas(
     """
     Return the area of the grid cells that the points of each label occupy [m²].
 
-    Parameters
-    ----------
-    labels : ndarray of int64, shape (n_points,)
-        Cell by cell; −1 is none.
-    n_labels : int
-        How many there are.
-    first : ndarray of int64, shape (n_cells + 1,)
-        Cell k holds the points first[k] to first[k + 1] (exclusive).
-    cell : float
-        Side of a cell [m].
+    Labels come cell by cell, −1 is none; cell k holds the points first[k] to first[k + 1] (exclusive).
     """
     counts = np.zeros(n_labels, dtype=np.int64)
     _count_cells(labels, first, counts)
@@ -215,12 +206,7 @@ def own_roofs(tile: PointTile) -> NDArray[np.bool_]:
     Tell which points are roof and hang together with roof points of the tile's core.
 
     All that a tile says of its core points and of its own buildings, whose westernmost points are core
-    points, depends on these alone.
-
-    Parameters
-    ----------
-    tile : PointTile
-        With classes. All its roofs are its own if it has no buffer or its spacing is not known.
+    points, depends on these alone. All roofs are its own if it has no buffer or its spacing is not known.
     """
     is_own = tile.is_roof
     if tile.buffer is None or tile.point_spacing is None:

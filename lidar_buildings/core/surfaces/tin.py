@@ -43,34 +43,15 @@ class Tin:
         Return the triangle in which (or nearest to which, beyond the frame) each point lies.
 
         Fastest where consecutive points are near each other.
-
-        Parameters
-        ----------
-        xy : ndarray of shape (n_points, 2 or more)
-            Only x and y are looked at [m].
         """
         return _locate(self._inside_frame(xy), self.vertices, self.triangles, self.neighbours)
 
     def elevation(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return the elevation of the TIN at each point [m], by linear interpolation in its triangle.
-
-        Parameters
-        ----------
-        xy : ndarray of shape (n_points, 2 or more)
-            Only x and y are looked at, in any order [m].
-        """
+        """Return the elevation of the TIN at each point [m], by linear interpolation in its triangle."""
         return self.elevation_and_slope(xy)[0]
 
     def elevation_and_slope(self, xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """
-        Return the elevation [m] and the slope (rise over run) of the TIN at each point.
-
-        Parameters
-        ----------
-        xy : ndarray of shape (n_points, 2 or more)
-            Only x and y are looked at, in any order [m].
-        """
+        """Return the elevation [m] and the slope (rise over run) of the TIN at each point."""
         xy = np.asarray(xy, dtype=np.float64)[:, :2]
         order = cell_order(xy, self._typical_side())
         elevation, slope = np.empty(len(xy)), np.empty(len(xy))
@@ -84,11 +65,6 @@ class Tin:
         Return the same as `elevation_and_slope` of points whose consecutive ones are near each other.
 
         Without sorting them first; on all cores.
-
-        Parameters
-        ----------
-        xy : ndarray of shape (n_points, 2 or more), float64
-            Only x and y are looked at [m].
         """
         elevation, slope = np.empty(len(xy)), np.empty(len(xy))
         mesh = (self.vertices, self.triangles, self.neighbours)

@@ -29,26 +29,10 @@ _FRAME_MARGIN, _MIN_MARGIN = 0.05, 1.0
 
 def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) -> Tin:
     """
-    Triangulate points; the result depends on neither their order nor their repetition.
+    Triangulate points, one at least; the result depends on neither their order nor their repetition.
 
-    Of several points at one place the lowest counts.
-
-    Parameters
-    ----------
-    vertices : array_like of shape (n_points, 3)
-        At least one point [m]. Identical and collinear points are fine.
-    extent : ndarray of shape (2, 2), optional
-        See `triangulate`.
-
-    Returns
-    -------
-    Tin
-        Its real vertices are ordered by x, then y.
-
-    Raises
-    ------
-    ValueError
-        If there is no point, the shape is wrong, or a coordinate is not finite.
+    Of several points at one place the lowest counts; collinear ones are fine. Vertices are ordered by x, then
+    y. ValueError as `checked_points` and `triangulate`, which says what `extent` is.
     """
     return triangulate(_one_per_place(checked_points(vertices)), extent, 0.0)
 

@@ -46,21 +46,9 @@ def judge_buildings(
     """
     Tell what has changed of which building.
 
-    Parameters
-    ----------
-    cells : CellChanges
-        What became of each cell.
-    outlines : tuple of ndarray of shapely.Polygon
-        Of both surveys [m].
-    scatter : float
-        Of the elevations of single cells that have not changed [m].
-
-    Returns
-    -------
-    changes : list of Change
-        In the order of the new buildings, then those of the old survey alone.
-    words : tuple of list of str
-        For every building of either survey what has changed most, ``"unchanged"`` or ``"not seen"``.
+    `scatter` is that of the elevations of single cells that have not changed [m]. Changes come in the order
+    of the new buildings, then those of the old survey alone; beside them for every building of either what
+    has changed most, ``"unchanged"`` or ``"not seen"``.
     """
     partner = [_partners(outlines[1], outlines[0]), _partners(outlines[0], outlines[1])]
     changes: list[Change] = []

@@ -28,14 +28,8 @@ def compare_command(options: argparse.Namespace) -> int:
     """
     Execute ``lidar-buildings compare``: write the changes, print them, return 0.
 
-    Raises
-    ------
-    InputError
-        If one of both is no output folder of a run, or they do not fit together.
-    OutputError
-        If the file cannot be written.
-    ParameterError
-        If a limit is out of range.
+    InputError if one of both is no output folder of a run, or they do not fit together; OutputError if the
+    file cannot be written; ParameterError if a limit is out of range.
     """
     # Imported late: --help answers at once.
     from lidar_buildings.evaluation.changes import ChangeConfig, compare_runs

@@ -114,12 +114,8 @@ def score_command(options: argparse.Namespace) -> int:
     """
     Execute ``lidar-buildings score``: print a table of each kind or JSON, return 0.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read or the two sides cannot be compared.
-    ParameterError
-        If an option is out of range or has no meaning for this kind.
+    InputError if a file cannot be read or the two sides cannot be compared; ParameterError if an option is
+    out of range or has no meaning for this kind.
     """
     names = sorted(set().union(*_OPTIONS.values()))
     given = {name: getattr(options, name) for name in names}

@@ -62,15 +62,8 @@ def read_city_model(path: Path) -> CityModel:
     """
     Read the solids of all buildings, with the parts of a building as one.
 
-    Parameters
-    ----------
-    path : Path
-        A file; or the output folder of a run, the folder of a simulated survey, or one with sequences.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is no CityJSON.
+    Of a file, the output folder of a run, the folder of a simulated survey, or one with sequences; InputError
+    if there is no such file, or it is no CityJSON.
     """
     buildings: list[CityBuilding] = []
     crs = ""

@@ -52,21 +52,10 @@ def find_clouds(path: Path) -> list[Path]:
 
 def read_labels(path: Path, *, prefer_truth: bool, beside: tuple[str, ...] = ()) -> LabelledPoints:
     """
-    Read points and their classes, and what else is asked for.
+    Read the points of a cloud, or a folder of them, their classes, and then the dimensions asked for.
 
-    Parameters
-    ----------
-    path : Path
-        A cloud, or a folder of them.
-    prefer_truth : bool
-        Whether the true class of a simulated survey counts where a cloud has it.
-    beside : tuple of str
-        Dimensions that come after the classes.
-
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read, or has no edge labels.
+    The true class of a simulated survey counts where a cloud has it and it is preferred. InputError if a
+    cloud cannot be read, or has no edge labels.
     """
     clouds = [open_cloud(file) for file in find_clouds(path)]
     parts = [part for cloud in clouds for part in _parts(cloud, (_class_of(cloud, prefer_truth), *beside))]
@@ -77,17 +66,7 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
     """
     Read the points of some classes that are no façades, and the name of their reference system.
 
-    Parameters
-    ----------
-    path : Path
-        A cloud, or a folder of them; the true classes of a simulated survey count where it has them.
-    classes : collection of int
-        ASPRS classes of roofs.
-
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read.
+    The true classes of a simulated survey count where a cloud has them. InputError if one cannot be read.
     """
     cloud = read_labels(path, prefer_truth=True, beside=(FACADE,))
     is_roof = np.isin(cloud.labels[0], list(classes)) & (cloud.labels[1] == 0)
@@ -108,19 +87,9 @@ def read_label_pairs(result: Path, reference: Path, *, beside: tuple[str, ...] =
     """
     Read what a result and a reference say of the same points; several files are matched by name.
 
-    Parameters
-    ----------
-    result, reference : Path
-        A cloud each, or folders of clouds that carry the same names up to their endings.
-    beside : tuple of str
-        Dimensions of the result that come after its classes, and before those of the reference: of the truth
-        of a simulated survey where there is one.
-
-    Raises
-    ------
-    InputError
-        If a cloud cannot be read or has no counterpart or no edge labels, or if two are not of the same
-        points in the same order.
+    Dimensions `beside` come after the result's classes, and before those of the reference: of the truth of a
+    simulated survey where there is one. InputError if a cloud cannot be read or has no counterpart or no edge
+    labels, or if two are not of the same points in the same order.
     """
     parts: list[tuple[NDArray[Any], ...]] = []
     clouds = []

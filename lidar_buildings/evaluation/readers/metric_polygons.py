@@ -35,18 +35,11 @@ class MetricPolygons:
 
 def read_metric_polygons(path: Path) -> MetricPolygons:
     """
-    Read a GeoPackage or another vector file: its layer ``outlines``, else its first layer of polygons.
+    Read a vector file: its layer ``outlines``, else its first layer of polygons.
 
-    Parameters
-    ----------
-    path : Path
-        A file; or a folder with ``buildings.gpkg``, ``outlines.fgb`` or ``.parquet``, one of these in each of
-        its blocks, or ``truth.gpkg``.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, no layer of polygons in it, or a coordinate is not finite.
+    Or a folder with ``buildings.gpkg``, ``outlines.fgb`` or ``.parquet``, one of these in each of its blocks,
+    or ``truth.gpkg``. InputError if there is no such file, no layer of polygons in it, or a coordinate is not
+    finite.
     """
     parts, columns, systems = zip(*map(read_polygons, _files_of(path)), strict=True)
     attributes = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}

@@ -38,12 +38,7 @@ def boundary_distances(
     """
     Measure the distances between the boundaries of pairs of outlines, courtyards included.
 
-    Parameters
-    ----------
-    result, reference : ndarray of shapely geometries, shape (n_pairs,)
-        Polygons, row by row the partners [m].
-    limits : shapely geometry, optional
-        The area that both were cut to: along its edge nothing is measured.
+    Along the edge of the limits that both were cut to nothing is measured.
     """
     cut = None if limits is None else shapely.boundary(limits)
     along, corners = [np.empty(0)], [np.empty(0)]
@@ -67,19 +62,10 @@ def distances_of_unions(
     result: shapely.Geometry, reference: shapely.Geometry, *, limits: shapely.Geometry | None = None
 ) -> BoundaryDistances:
     """
-    Measure the distances between the boundaries of all that a result and a reference cover.
+    Measure the distances between the boundaries of what a result and a reference cover; NaN if either is
+    empty.
 
-    Parameters
-    ----------
-    result, reference : shapely geometry
-        Each the union of its side's outlines [m].
-    limits : shapely geometry, optional
-        The area that both were cut to: along its edge nothing is measured.
-
-    Returns
-    -------
-    BoundaryDistances
-        NaN if either covers nothing.
+    Along the edge of the limits that both were cut to nothing is measured.
     """
     sides = [[] if side.is_empty else [side] for side in (result, reference)]
     if not all(sides):

@@ -33,19 +33,9 @@ DEFAULT_CELL = 0.5
 
 def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
     """
-    Return the cells whose centre lies in a polygon or on its edge.
+    Return the cells whose centre lies in a polygon or on its edge; invalid polygons are repaired.
 
-    Parameters
-    ----------
-    polygons : array_like of shapely.Polygon or MultiPolygon
-        Invalid ones are repaired, empty ones and None have no cells [m].
-    cell : float
-        Side of a cell [m].
-
-    Raises
-    ------
-    ValueError
-        If `cell` is not positive, or so small that coordinates overflow.
+    ValueError if `cell` is not positive, or so small that coordinates overflow.
     """
     parts = polygon_parts(polygons)
     _checked_size(cell, shapely.bounds(parts))
@@ -207,14 +197,7 @@ def score_buildings(
     """
     Compare the building cells of a result with those of a reference (Rutzinger et al. 2009, pixel-based).
 
-    Parameters
-    ----------
-    result, reference : ndarray of int64
-        Cells as `cells_of_polygons` and `cells_of_points` make them.
-    cell : float
-        Side of the cells [m].
-    area : array_like of shapely.Polygon or MultiPolygon, optional
-        Only cells with their centre inside count; everywhere if not given.
+    Only cells with their centre inside an area count, where one is given.
     """
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)

@@ -51,19 +51,8 @@ def score_corners(
     """
     Match corners one to one, the nearest pair first, and count what is left on either side.
 
-    Parameters
-    ----------
-    result, reference : array_like of shapely.Polygon or MultiPolygon
-        One geometry per building [m]; invalid ones are repaired.
-    tolerance : float
-        Greatest distance of a pair [m].
-    area : array_like of shapely.Polygon or MultiPolygon, optional
-        Only corners inside count.
-
-    Raises
-    ------
-    ValueError
-        If the tolerance is not a positive number.
+    Polygons are one a building, invalid ones are repaired; only corners inside an area count, where one is
+    given. ValueError if the tolerance is not a positive number.
     """
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
@@ -83,17 +72,9 @@ def score_corners(
 
 def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
     """
-    Return the vertices at which the simplified outlines turn by more than ten degrees, ring after ring.
+    Return the vertices at which simplified valid outlines turn by more than ten degrees, ring after ring.
 
-    Parameters
-    ----------
-    polygons : ndarray of shapely geometries
-        Valid polygons [m].
-
-    Returns
-    -------
-    ndarray of shape (n_corners, 2)
-        Courtyards' corners included; where buildings touch, every one's own.
+    Courtyards' corners included; where buildings touch, every one's own.
     """
     corners = [ring[_turns(ring) > math.radians(MIN_TURN_DEG)] for ring in open_rings(simplified(polygons))]
     return np.concatenate([*corners, np.empty((0, 2))])

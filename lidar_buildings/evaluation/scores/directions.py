@@ -41,18 +41,10 @@ def score_directions(
     limits: shapely.Geometry | None = None,
 ) -> DirectionScore:
     """
-    Compare the directions of walls, outline by outline.
+    Compare the directions of walls, outline by outline; the rows are partners.
 
-    A result's wall belongs to the reference's wall that is the nearest to most of its length.
-
-    Parameters
-    ----------
-    result, reference : ndarray of shapely geometries, shape (n_pairs,)
-        Valid polygons, row by row the partners [m].
-    reach : float
-        Greatest distance of half a wall from the one that it stands for [m].
-    limits : shapely geometry, optional
-        Only walls with their middle inside count.
+    A result's wall belongs to the reference's wall that is the nearest to most of its length, within `reach`
+    [m]. Only walls with their middle inside the limits count, where they are given.
     """
     angles, lengths = [np.empty(0)], [np.empty(0)]
     for mine, theirs in zip(result, simplified(reference), strict=True):

@@ -67,19 +67,7 @@ def reference_edges(points: ArrayLike, roof: ArrayLike, alpha: float) -> NDArray
 
 
 def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
-    """
-    Compare the labels of the same points: edge or not.
-
-    Parameters
-    ----------
-    result, reference : array_like of bool, shape (n_points,)
-        True = edge, in the same order.
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ.
-    """
+    """Compare the labels of the same points, edge or not; ValueError if the lengths differ."""
     edge = confusion_of(result, reference)
     other = Confusion(edge.rejections, edge.misses, edge.false_alarms, edge.hits)
     return EdgeScore(
@@ -98,18 +86,7 @@ def score_edges(result: ArrayLike, reference: ArrayLike) -> EdgeScore:
 def score_edges_per_roof(
     result: ArrayLike, reference: ArrayLike, roof: ArrayLike, n_roofs: int
 ) -> list[EdgeScore]:
-    """
-    Compare the labels roof by roof.
-
-    Parameters
-    ----------
-    result, reference : array_like of bool, shape (n_points,)
-        True = edge, in the same order.
-    roof : array_like of int, shape (n_points,)
-        Number of each point's roof, below `n_roofs`; negative for none.
-    n_roofs : int
-        Number of roofs; one without points has figures of nothing.
-    """
+    """Compare the labels roof by roof; points of negative roofs do not count, one without has no figures."""
     mine, theirs = np.asarray(result, dtype=bool), np.asarray(reference, dtype=bool)
     number = checked_column("roof", roof, len(mine), np.int64)
     rows_of = {int(number[rows[0]]): rows for rows in roof_rows(number)}

@@ -39,16 +39,7 @@ class ModelPointScore:
 
 
 def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelPointScore:
-    """
-    Measure how far points lie above or below the roof at their place, and whose roof that is.
-
-    Parameters
-    ----------
-    buildings : sequence of sequences of Solid
-        The parts of each building [m].
-    points : array_like of shape (n_points, 3)
-        Points on roofs [m].
-    """
+    """Measure how far roof points lie above or below the roof at their place, and whose roof that is."""
     cloud = checked_points(points)
     building, elevation = roof_surfaces(buildings).over(cloud)
     is_on = building >= 0

@@ -235,14 +235,9 @@ def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
 
 def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
     """
-    Whether a result's word for a roof says what the reference says.
+    Whether a result's word for a roof says what the reference's attributes say.
 
-    Parameters
-    ----------
-    found : str
-    true : mapping
-        The reference's attributes: `roof_type`, and `n_planes` where it is known: whatever the outline's
-        shape, one level plane is a flat roof.
+    Whatever the outline's shape, one level plane, where `n_planes` is known, is a flat roof.
     """
     mine, theirs = _plain(found), _plain(str(true["roof_type"]))
     types = {theirs} | _ALSO.get(theirs, set())

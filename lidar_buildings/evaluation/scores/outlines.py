@@ -129,17 +129,7 @@ def match_outlines(
     """
     Give each reference outline at most one result outline and the reverse, largest IoU first.
 
-    Parameters
-    ----------
-    result, reference : ndarray of shapely geometries
-        Valid polygons [m].
-
-    Returns
-    -------
-    partner : ndarray of int, shape (n_reference,)
-        Row in `result`, −1 where no outline is left that overlaps.
-    iou : ndarray of float, shape (n_reference,)
-        Intersection over union with the partner, 0 where there is none.
+    Returned are the partner of each reference, −1 where no outline is left that overlaps, and their IoU.
     """
     partner, best = np.full(len(reference), -1, dtype=np.int64), np.zeros(len(reference))
     theirs, mine = shapely.STRtree(result).query(reference, predicate="intersects")
@@ -174,12 +164,7 @@ def score_coverage(
     """
     Count the reference buildings that lie under the union of all result outlines.
 
-    Parameters
-    ----------
-    result, reference : array_like of shapely.Polygon or MultiPolygon
-        One geometry per building [m]; invalid ones are repaired.
-    area : array_like of shapely.Polygon or MultiPolygon, optional
-        Where the reference is complete; buildings are cut to it, and those mostly outside do not count.
+    Where an area is given buildings are cut to it, and those mostly outside do not count.
     """
     theirs, inside = cut_to(valid_polygons(reference), limits_of(area))
     size = shapely.area(theirs)
@@ -212,15 +197,7 @@ def score_adjustment(spacing: ArrayLike, sigma: ArrayLike, max_offset: ArrayLike
     """
     Average what the least squares adjustment says of its buildings, as the paper does.
 
-    Parameters
-    ----------
-    spacing, sigma, max_offset : array_like of shape (n_buildings,)
-        Per building [m]; NaN where unknown, σ = 0 where the outline is the traced one.
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ.
+    NaN is unknown; σ = 0 where the outline is the traced one. ValueError if the lengths differ.
     """
     columns = [np.asarray(column, dtype=np.float64) for column in (spacing, sigma, max_offset)]
     if len({column.shape for column in columns}) > 1:

@@ -91,17 +91,7 @@ def planes_of_colours(points: ArrayLike, colour: ArrayLike) -> NDArray[np.int64]
     """
     Number the planes of points that somebody has coloured by hand: each connected part of a colour is one.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        The points of one roof, or of several apart from each other [m].
-    colour : array_like of int, shape (n_points,)
-        A number for each point's colour; a negative one for no colour.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        From 1; −1 for points without colour, and for those of parts too small to be meant.
+    From 1; −1 for points without colour, which is negative, and for those of parts too small to be meant.
     """
     cloud = checked_points(points)
     given = checked_column("colour", colour, len(cloud), np.int64)

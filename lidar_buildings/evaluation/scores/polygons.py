@@ -48,14 +48,7 @@ def cut_to(
 
 def simplified(polygons: NDArray[Any], tolerance: float = STRAIGHT) -> NDArray[Any]:
     """
-    Return valid polygons without vertices on straight walls (Douglas & Peucker, 1973).
-
-    Parameters
-    ----------
-    polygons : ndarray of shapely geometries
-        Valid polygons [m].
-    tolerance : float
-        How far what is left out may lie from the new walls [m].
+    Return valid polygons without vertices on straight walls, within a tolerance (Douglas & Peucker, 1973).
     """
     return np.asarray(shapely.simplify(polygons, tolerance, preserve_topology=True), dtype=object)
 

@@ -49,14 +49,7 @@ class RoofSurfaces:
 
 
 def roof_surfaces(buildings: Sequence[Solids]) -> RoofSurfaces:
-    """
-    Collect the roof faces of buildings.
-
-    Parameters
-    ----------
-    buildings : sequence of sequences of Solid
-        The parts of each building, map frame [m].
-    """
+    """Collect the roof faces of buildings, of whose parts each has a solid."""
     polygons, slopes, origins, rows = [], [], [], []
     for row, parts in enumerate(buildings):
         for solid in parts:

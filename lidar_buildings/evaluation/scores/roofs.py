@@ -27,12 +27,7 @@ def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int6
     """
     Return the row of the polygon that each point lies in or on, of several the first; −1 for none.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 2 or more)
-        In any order [m].
-    polygons : array_like of shapely.Polygon or MultiPolygon
-        One geometry per roof or block; invalid ones are repaired [m].
+    There is one geometry a roof or block; invalid ones are repaired.
     """
     given = np.atleast_1d(np.asarray(polygons, dtype=object))
     valid = shapely.make_valid(given)
@@ -57,19 +52,8 @@ def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> ND
     """
     Number the parts of a cloud that are connected in plan, from west to east; −1 for too small ones.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Roof points in any order [m].
-    gap : float
-        Points no further apart than this in plan belong together [m], > 0.
-    min_points : int
-        Parts of fewer points are no roofs.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Numbers follow the parts' westernmost points, of as western ones the southernmost.
+    Points no further apart than `gap` belong together. Numbers follow the parts' westernmost points, of as
+    western ones the southernmost.
     """
     cloud = checked_points(points)
     part = connected_parts(cloud, gap, in_plan=True)
@@ -83,22 +67,9 @@ def split_at_steps(
     """
     Split each roof into parts between which the surface steps, so that a step is an edge of the upper part.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Roof points in any order [m].
-    roof : array_like of int, shape (n_points,)
-        Number of each point's roof, −1 for none.
-    gap : float
-        Points no further apart than this in space belong together [m], > 0.
-    min_points : int
-        Smaller parts (chimneys, dormers, noise) stay with the nearest larger part of their roof in plan; a
-        roof without a larger one stays whole.
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        Numbers as of `roofs_of_points`.
+    Points no further apart than `gap` in space belong together. Smaller parts than `min_points` (chimneys,
+    dormers, noise) stay with the nearest larger part of their roof in plan; a roof without a larger one stays
+    whole.
     """
     cloud = checked_points(points)
     given = checked_column("roof", roof, len(cloud), np.int64)

@@ -60,17 +60,7 @@ class Confusion:
 
 def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
     """
-    Count the agreement of two masks over the same items in the same order.
-
-    Parameters
-    ----------
-    result, reference : array_like of bool, shape (n_items,)
-        True = yes.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ or are not one-dimensional.
+    Count the agreement of two masks over the same items; ValueError if their shapes differ or are not 1D.
     """
     result_mask, reference_mask = _same_length(np.asarray(result, bool), np.asarray(reference, bool))
     hits = int(np.count_nonzero(result_mask & reference_mask))

@@ -95,11 +95,7 @@ def match_corners(
     """
     Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
 
-    Returns
-    -------
-    result_row, reference_row : ndarray of int, shape (n_pairs,)
-    distance : ndarray of shape (n_pairs,)
-        [m].
+    Returned are the rows of both, and the distances.
     """
     if not (len(result) and len(reference)):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
@@ -179,15 +175,7 @@ class RidgeScore:
 
 
 def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> RidgeScore:
-    """
-    Compare the elevation of each ridge with that of the nearest ridge of the result.
-
-    Parameters
-    ----------
-    result, reference : Wireframe
-    tolerance : float
-        How far beside the reference's ridge, in plan, that of the result may lie [m].
-    """
+    """Compare the elevation of each ridge with that of the nearest ridge of the result, in plan."""
     ridges = reference.segments[reference.is_ridge]
     errors = ridge_errors(result.segments[result.is_ridge], ridges, tolerance)
     found = errors[np.isfinite(errors)]
@@ -205,11 +193,6 @@ def ridge_errors(
 ) -> NDArray[np.float64]:
     """
     Return how much too high the result's ridge is at the middle of each of the reference's [m], NaN if none.
-
-    Parameters
-    ----------
-    result, reference : ndarray of shape (n, 2, 3)
-        The ends of ridges [m].
     """
     errors = np.full(len(reference), np.nan)
     if not len(result):

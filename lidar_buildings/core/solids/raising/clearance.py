@@ -16,14 +16,8 @@ def n_joints(edges: FloatArray | IntArray, distance: float) -> int:
     Return how many pairs of edges have a common end, −1 if edges do not keep clear of each other.
 
     They do if they meet in common ends only, and lie farther than a distance from the ends of others. Rings
-    that pass no place twice have as many joints as edges.
-
-    Parameters
-    ----------
-    edges : ndarray of shape (n, 4)
-        x and y of one end, which lies no further east, and of the other; rising by the first x.
-    distance : float
-        In the unit of the edges.
+    that pass no place twice have as many joints as edges. Edges are x and y of one end, which lies no further
+    east, and of the other, rising by the first x.
     """
     return int(_n_joints(edges.astype(np.float64), distance))
 

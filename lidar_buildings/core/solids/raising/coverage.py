@@ -21,13 +21,7 @@ LEAST_DISTANCE = 3.0
 
 def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGraph:
     """
-    Return the graph of the pieces, noded anew if they do not match edge by edge.
-
-    Parameters
-    ----------
-    pieces : sequence of RoofPiece
-    numbers : ndarray of shape (n_pieces,)
-        What each is called in the graph; pieces of one number are one.
+    Return the graph of the pieces, noded anew if they do not match edge by edge; those of one number are one.
     """
     rings = piece_rings(pieces)
     by_piece = labelled_graph(rings)
@@ -81,17 +75,9 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     """
     Return the graph of the faces into which the pieces' rings divide the plan, each given to one piece.
 
-    Parameters
-    ----------
-    pieces : sequence of RoofPiece
-        The pieces, however badly they match.
-    numbers : ndarray of shape (n_pieces,)
-        What each is called in the graph.
-    within : float
-        Vertices, gaps and overlaps narrower than this vanish [grid steps].
-    grid : float
-        All vertices come to lie on multiples of this, edges nearer than half of it to a vertex run through it
-        (snap rounding, Hobby 1999) [grid steps].
+    However badly pieces match: vertices, gaps and overlaps narrower than `within` vanish, and all vertices
+    come to lie on multiples of `grid`, through which edges nearer than half of it run (snap rounding, Hobby
+    1999) [grid steps].
     """
     rings = piece_rings(pieces)
     nothing = PlanGraph(rings.corners[:0], rings.corners[:0], rings.corners[:0])

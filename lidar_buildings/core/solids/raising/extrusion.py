@@ -19,20 +19,7 @@ _CLEARANCE = CLEARANCE * GRID
 
 def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
     """
-    Raise an outline from one elevation to another.
-
-    Parameters
-    ----------
-    outline : Outline
-        Outer ring and courtyards in the map frame [m].
-    z_bottom, z_top : float
-        Elevations of the ground and the roof face [m].
-
-    Returns
-    -------
-    Solid
-        One ground face, one roof face and a wall per edge of the outline, whether valid or not: see
-        `lidar_buildings.core.solids.validity`.
+    Raise an outline from one elevation to another: ground, roof, and a wall an edge, whether valid or not.
     """
     rings = outline.oriented().rings
     plan = np.concatenate(rings)

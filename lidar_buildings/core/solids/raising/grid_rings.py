@@ -56,14 +56,7 @@ def grid_rings(
     corners: FloatArray | IntArray, starts: IntArray, is_exterior: BoolArray, owner: IntArray
 ) -> GridRings:
     """
-    Put rings on the grid: exteriors counter-clockwise, the holes that follow each clockwise.
-
-    Parameters
-    ----------
-    corners : ndarray of shape (n_corners, 2)
-        In steps of the grid, with fractions.
-    starts, is_exterior, owner : ndarray of shape (n_rings + 1,), (n_rings,) and (n_rings,)
-        As of `GridRings`.
+    Put rings, in steps of the grid, on it: exteriors counter-clockwise, the holes that follow each clockwise.
     """
     corners, starts, owner = np.rint(corners).astype(np.int64), starts.copy(), owner.copy()
     n_rings = _clean(corners, starts, is_exterior, owner)

@@ -17,16 +17,9 @@ def cut_at(
     rings: _Rings, plane: Sequence[float] | FloatArray, elevation: float
 ) -> tuple[list[_Rings], list[_Rings]]:
     """
-    Return the rings, open, of the parts of a face above an elevation, and of the others.
+    Return the rings, open, of the parts of a face above an elevation [m], and of the others.
 
-    Parameters
-    ----------
-    rings : tuple of ndarray of shape (n_vertices, 2)
-        The exterior, then the holes; open, and sound or not [m].
-    plane : array_like of shape (3,)
-        a, b, c of z = a·x + b·y + c, not level.
-    elevation : float
-        [m].
+    The face's exterior and holes may be unsound; its plane, z = a·x + b·y + c, is not level.
     """
     polygon = shapely.make_valid(
         shapely.Polygon(rings[0], rings[1:]), method="structure", keep_collapsed=False

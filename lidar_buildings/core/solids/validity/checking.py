@@ -70,10 +70,7 @@ def codes_of_upward_faces(faces: FaceArrays) -> tuple[int, ...] | None:
     """
     Return what is wrong with faces by themselves, None if one is not a function of its plan.
 
-    Parameters
-    ----------
-    faces : FaceArrays
-        Faces that look upwards, with rings of three distinct vertices at least.
+    They look upwards, with rings of three distinct vertices at least.
     """
     if not len(faces.corners):
         return ()

@@ -13,11 +13,6 @@ def broken_edges(triangles: IntArray) -> set[int]:
     Return the codes 302, 303, 305 and 307 of a shell whose faces are cut into triangles.
 
     Triangles, and not rings, because a hole may touch the exterior of its face at a vertex.
-
-    Parameters
-    ----------
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the vertices, counter-clockwise seen from outside.
     """
     starts, ends = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(starts, ends), np.maximum(starts, ends)

@@ -48,11 +48,6 @@ def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:
 
     The planes are least-squares planes through all corners of a face. In its own plane every exterior runs
     counter-clockwise.
-
-    Returns
-    -------
-    off_plane : ndarray of shape (n_faces,)
-    flat : ndarray of shape (n_corners, 2)
     """
     starts = faces.corner_starts
     counts = starts[1:] - starts[:-1]

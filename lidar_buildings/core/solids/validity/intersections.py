@@ -25,15 +25,6 @@ def self_intersects(vertices: FloatArray, triangles: IntArray, face_of: IntArray
 
     Boxes around the triangles are swept along the longest axis (Cohen et al. 1995); where two overlap, the
     triangles are tested exactly.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        Map frame [m].
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the vertices.
-    face_of : ndarray of shape (n_triangles,)
-        The face of each triangle: triangles of one face are not compared.
     """
     points = whole_numbers(vertices)
     sweep = int(np.argmax(np.ptp(points, axis=0)))

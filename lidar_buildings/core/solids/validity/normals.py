@@ -17,18 +17,7 @@ _COSINE_OF_HALF = math.cos(0.5 * _MAX_ANGLE)
 
 
 def folds(vertices: FloatArray, triangles: IntArray, face_of: IntArray) -> BoolArray:
-    """
-    Return for each face whether it is folded: code 204.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        Map frame [m].
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the vertices.
-    face_of : ndarray of shape (n_triangles,)
-        The face of each triangle, rising.
-    """
+    """Return for each face whether it is folded, code 204; `face_of` names each triangle's face, rising."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     normals = cross(b - a, c - a)
     sizes = _lengths(normals)

@@ -26,16 +26,7 @@ _BLOCKED, _UNKNOWN = -2.0, -9.0
 
 
 def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray]:
-    """
-    Return the triangles of all faces, counter-clockwise seen from outside.
-
-    Returns
-    -------
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the vertices.
-    face_of : ndarray of shape (n_triangles,)
-        The face of each triangle.
-    """
+    """Return the triangles of all faces, counter-clockwise seen from outside, and the face of each."""
     n_holes = np.diff(faces.face_starts) - 1
     counts = np.diff(faces.corner_starts) - 2 + 2 * n_holes
     starts = np.concatenate(([0], np.cumsum(counts)))

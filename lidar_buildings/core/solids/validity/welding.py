@@ -10,15 +10,9 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 def weld(vertices: FloatArray, tolerance: float) -> IntArray:
     """
-    Return for each vertex the row of the one that it counts as.
+    Return for each vertex, in space or in plan, the row of the one that it counts as.
 
     A vertex joins the earliest kept one within the tolerance, as val3dity does it.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n, 3) or (n, 2)
-    tolerance : float
-        Distance, in the unit of the vertices.
     """
     leader = np.arange(len(vertices))
     pairs = cKDTree(vertices).query_pairs(tolerance, output_type="ndarray")

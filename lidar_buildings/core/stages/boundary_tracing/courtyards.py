@@ -27,12 +27,7 @@ class CourtyardRules:
         """
         Say why the place inside a ring is no courtyard; nothing to say of small ones, None if it is one.
 
-        Parameters
-        ----------
-        ring : ndarray of shape (n_vertices, 2)
-            The place's rim [m].
-        narrow_share : float
-            Share of the rim along which the roof round it is narrower than `min_band`.
+        `narrow_share` of its rim has a roof round it that is narrower than `min_band`.
         """
         if abs(signed_area(ring)) < self.min_area:
             return ""
@@ -47,16 +42,8 @@ def narrow_share(
     """
     Return the share of a courtyard's rim along which the outer ring is nearer than a width.
 
-    Distances are those between vertices, and each vertex of the rim stands for half of its two edges.
-
-    Parameters
-    ----------
-    grid : PointGrid
-        The points.
-    hole, exterior : ndarray of int64
-        Rows of the rings.
-    width : float
-        Of the roof between them [spacings' half sides of the neighbourhood].
+    Distances are those between vertices, and each vertex of the rim stands for half of its two edges. The
+    width is in half sides of the neighbourhood.
     """
     u, v = grid.ux * grid.x + grid.uy * grid.y, grid.vx * grid.x + grid.vy * grid.y
     rim, outer = np.column_stack((u[hole], v[hole])), np.column_stack((u[exterior], v[exterior]))

@@ -18,24 +18,11 @@ _WIDEST = 2.0
 
 def gap_spacing(positions: NDArray[np.float64], outline: shapely.Polygon, spacing: float) -> float:
     """
-    Return the spacing that an even pattern with gaps as wide as a roof's has.
+    Return the spacing that an even pattern with gaps as wide as a roof's has: up to twice the given one [m].
 
     How far it is from any place of the roof to the nearest point is the empty-space function of spatial
-    statistics (Diggle, 1983, Statistical Analysis of Spatial Point Patterns).
-
-    Parameters
-    ----------
-    positions : ndarray of shape (n_points, 2)
-        Of the roof's points [m].
-    outline : Polygon
-        Round them, courtyards left out.
-    spacing : float
-        By the number of points on an area [m].
-
-    Returns
-    -------
-    float
-        Between `spacing` and twice that [m]; turned and mirrored points have the same.
+    statistics (Diggle, 1983, Statistical Analysis of Spatial Point Patterns). Turned and mirrored points have
+    the same.
     """
     if outline.area == 0.0:
         return spacing

@@ -57,16 +57,8 @@ def build_point_grid(
     """
     Sort positions into cells, every position once.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        In any order [m].
-    pattern : ScanPattern
-        The spacing along and across the scan lines; a disc where both are the same, else a rectangle.
-    window : float
-        Sides of the neighbourhood [spacings].
-    is_rectangle : bool
-        Whether it is a rectangle where the spacings are the same, too.
+    The neighbourhood's sides are so many spacings along and across the scan lines; it is a disc where both
+    are the same, unless `is_rectangle`.
     """
     along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
     cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))

@@ -20,15 +20,6 @@ def misplaced(grid: PointGrid, ring: NDArray[np.int64], wrong_inside: bool) -> N
 
     Only points in cells that the ring passes are tested one by one, against the edges in their row of cells;
     all others share the side of their cell's centre.
-
-    Parameters
-    ----------
-    grid : PointGrid
-        The points.
-    ring : ndarray of int64
-        Rows of the ring's vertices.
-    wrong_inside : bool
-        Which of them to return.
     """
     x, y = grid.x[ring], grid.y[ring]
     u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell

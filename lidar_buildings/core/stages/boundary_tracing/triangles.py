@@ -11,18 +11,11 @@ from scipy.spatial import ConvexHull, Delaunay, QhullError
 
 def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.int64]:
     """
-    Return the rows of a simple, counter-clockwise ring round all points.
+    Return the rows of a simple, counter-clockwise ring round all points, distinct and not all on a line.
 
     The boundary of the Delaunay triangulation is worn away from outside, the longest boundary edge first,
-    until none is longer than `max_edge` but where wearing on would break the ring in two: the
-    characteristic shape of Duckham et al. (2008). Where no triangulation exists, the convex hull.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_points, 2)
-        Distinct positions, not all on a line [m].
-    max_edge : float
-        Edges longer than this are worn away [m].
+    until none is longer than `max_edge` but where wearing on would break the ring in two: the characteristic
+    shape of Duckham et al. (2008). Where no triangulation exists, the convex hull.
     """
     try:
         triangles = Delaunay(xy)

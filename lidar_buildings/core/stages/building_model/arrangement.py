@@ -46,14 +46,7 @@ class Cells:
 
     def rings_of(self, face: IntArray, kept: BoolArray) -> list[tuple[FloatArray, ...]]:
         """
-        Return the rings of faces that consist of cells.
-
-        Parameters
-        ----------
-        face : ndarray of shape (n_cells,), int64
-            Number of each cell's face.
-        kept : ndarray of shape (n_vertices,), bool
-            The vertices that rings show.
+        Return the rings of faces, each of the cells with its number, that show the vertices that are kept.
         """
         number = np.append(face, -1)[self.sides].reshape(-1)
         rings = rings_round(self._units, self.borders, self._rotation, number, kept)
@@ -62,17 +55,10 @@ class Cells:
 
 def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     """
-    Cut an outline along segments.
+    Cut an outline, valid and on the output grid, along segments.
 
     The lines are noded with snap rounding on the output grid, so that the cells are valid as they will be
     written. Segments that end inside do not cut: see `extend_segments`.
-
-    Parameters
-    ----------
-    outline : Outline
-        Valid, on the output grid, its outer ring counter-clockwise and its holes clockwise [m].
-    segments : ndarray of shape (n_segments, 2, 2)
-        Ends in plan [m].
     """
     units, borders, enclosed, corners = node_segments(walls_of(outline), segments)
     first, order, place, sides, doubled = enclosed_cells(units, borders, enclosed)
@@ -92,18 +78,9 @@ def rings_round(
     """
     Return the rings round faces or sets of them: per face its outer ring, counter-clockwise, then its holes.
 
-    Rings are simple, begin at their first vertex, and are rows of vertices; a face without a ring of three
-    vertices has none.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 2), int64
-    edges : ndarray of shape (n_edges, 2), int64
-    rotation : Rotation
-    face : ndarray of shape (n_half_edges,), int64
-        Face or set to the left of each half-edge, -1 = none.
-    kept : ndarray of shape (n_vertices,), bool
-        The vertices that rings show.
+    `face` is the one to the left of each half-edge, -1 = none; rings show the vertices that are `kept`. They
+    are simple, begin at their first vertex, and are rows of vertices; a face without a ring of three has
+    none.
     """
     ends = edges.reshape(-1)
     corners = np.empty(len(ends), dtype=np.int64)

@@ -49,15 +49,7 @@ class _Squares(NamedTuple):
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
-    """
-    Return the cell that each point lies in, -1 for those beside the outline.
-
-    Parameters
-    ----------
-    cells : Cells
-    points : ndarray of shape (n_points, 2 or more)
-        [m].
-    """
+    """Return the cell that each point lies in, -1 for those beside the outline."""
     # Lines that end inside a cell part nothing.
     parts = cells.sides[:, 0] != cells.sides[:, 1]
     lines = cells.vertices[cells.borders[parts]].reshape(-1, 4)
@@ -146,15 +138,6 @@ def point_weights(points: FloatArray, outline: Outline, spacing: float) -> Float
     Return the area that each point stands for [m²]: it shares a square of a spacing with others in it.
 
     Points beside the outline's bounding box stand for none.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2 or more)
-        [m].
-    outline : Outline
-        Of the building [m].
-    spacing : float
-        Point spacing [m].
     """
     squares = _Squares.over(outline.exterior, spacing)
     square = squares.of(points)

@@ -22,22 +22,9 @@ def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
 
 def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_step: float) -> IntArray:
     """
-    Number the parts of a roof: faces that meet, or are parted by a low step only, belong together.
+    Number the parts of a roof, from 0: faces that meet, or are parted by a low step only, belong together.
 
-    Parameters
-    ----------
-    cells : Cells
-    face : ndarray of shape (n_cells,), int64
-        Number of each cell's face.
-    planes : ndarray of shape (n_faces, 3)
-        z = a·x + b·y + c of each face.
-    min_step : float
-        Mean step along a common border that makes two parts of two faces [m].
-
-    Returns
-    -------
-    ndarray of shape (n_faces,), int64
-        From 0.
+    Two parts are parted by a mean step of `min_step` [m] along their common border.
     """
     if len(planes) < 2:
         return np.zeros(len(planes), dtype=np.int64)
@@ -61,19 +48,8 @@ def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
     """
     Return the rings of faces, without vertices in the middle of straight edges.
 
-    The outline keeps its own vertices, whatever lies around them.
-
-    Parameters
-    ----------
-    cells : Cells
-    face : ndarray of shape (n_cells,), int64
-        Number of each cell's face.
-
-    Returns
-    -------
-    list of tuple of ndarray of shape (n_vertices, 2)
-        Per face its outer ring counter-clockwise, then its holes clockwise, open; none for a face without
-        corners: the solid closes such gaps.
+    The outline keeps its own vertices, whatever lies around them. A face has its outer ring
+    counter-clockwise, then its holes clockwise, open; none if it has no corners: the solid closes such gaps.
     """
     sides = np.append(face, -1)[cells.sides]
     borders = cells.borders[sides[:, 0] != sides[:, 1]]

@@ -16,15 +16,8 @@ def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     """
     Cut off what rises above all points, as where a whole slope of a roof has none.
 
-    A plane is good where its points are. Beyond them the roof is level, at the height of the highest return.
-
-    Parameters
-    ----------
-    faces : list of RoofFacePatch
-    points : ndarray of shape (n_points, 3)
-        The building's points [m].
-    spacing : float
-        Point spacing: roofs run on for so much beyond their points [m].
+    A plane is good where its points are, and for a spacing beyond. There the roof is level, at the height of
+    the highest return.
     """
     planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
     sizes = np.array([len(ring) for ring in exteriors])

@@ -42,17 +42,7 @@ def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outli
 
 
 def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float) -> Level:
-    """
-    Raise every face to the elevation of its part.
-
-    Parameters
-    ----------
-    faces : list of RoofFacePatch
-    elevations : ndarray of shape (n_faces,)
-        Equal for the faces of one part [m].
-    ground : float
-        Elevation of the ground [m].
-    """
+    """Raise every face to the elevation of its part, equal for the faces of one part [m]."""
     order = np.argsort(elevations, kind="stable")
     pieces = [RoofPiece(faces[k].rings, (0.0, 0.0, float(elevations[k]))) for k in order]
     return _level(*checked_roof_solid(pieces, ground, join_equal=True))
@@ -73,15 +63,7 @@ def part_elevations(
     elevation_of: Callable[[FloatArray], float],
 ) -> FloatArray:
     """
-    Return the elevation of each face's part for LoD1.3 [m], on the output grid.
-
-    Parameters
-    ----------
-    faces : list of RoofFacePatch
-    points : ndarray of shape (n_points, 3)
-        The building's points [m].
-    elevation_of : callable
-        Turns elevations of points into the one of their part.
+    Return the elevation of each face's part for LoD1.3 [m], on the output grid, as `elevation_of` has it.
     """
     members: dict[int, list[RoofFacePatch]] = {}
     for face in faces:

@@ -40,20 +40,9 @@ def measure_model(
     faces: list[RoofFacePatch], solid: Solid, points: FloatArray, outline: Outline, spacing: float
 ) -> ModelQuality:
     """
-    Measure how well roof faces agree with the points.
+    Measure how well one level's faces and solid agree with the building's points.
 
-    Parameters
-    ----------
-    faces : list of RoofFacePatch
-        Of the level of detail; points over none of them are measured against the nearest one.
-    solid : Solid
-        Of the level of detail.
-    points : ndarray of shape (n_points, 3)
-        The building's points [m].
-    outline : Outline
-        The building's [m].
-    spacing : float
-        Point spacing [m].
+    Points over none of the faces are measured against the nearest one.
     """
     misfit = _misfits(faces, points)
     far = np.flatnonzero(misfit > _NEAR)
@@ -83,18 +72,8 @@ def outline_coverage(
     """
     Return the shares of an outline's area with a point near that agrees, and without any point near.
 
-    Parameters
-    ----------
-    outline : Outline
-        Probed on a regular grid; what lies on its edges does not count [m].
-    xy : ndarray of shape (n_points, 2)
-        [m].
-    agrees : ndarray of shape (n_points,)
-        Whether a point agrees.
-    spacing : float
-        Of the grid at least [m].
-    reach : float
-        Points are near within this [m].
+    It is probed on a grid of a spacing at least [m]; what lies on its edges does not count. Near is within
+    `reach` [m].
     """
     if len(outline.exterior) < 3 or outline.area <= 0 or not len(xy):
         return 0.0, 1.0

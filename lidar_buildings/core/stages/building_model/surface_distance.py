@@ -17,21 +17,9 @@ _REACHES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 1e300])
 
 def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -> FloatArray:
     """
-    Return each point's distance to the nearest face of a solid.
+    Return each point's distance to the nearest face of a solid [m]: roof, walls and ground all count.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        [m].
-    solid : Solid
-        Roof, walls and ground all count.
-    at_most : ndarray of shape (n_points,)
-        A distance known to be no smaller than the one sought, as to a plane; infinite if unknown [m].
-
-    Returns
-    -------
-    ndarray of shape (n_points,)
-        [m].
+    `at_most` is known to be no smaller than the one sought, as the distance to a plane; infinite if unknown.
     """
     faces = face_arrays(solid)
     starts = faces.ring_starts

@@ -44,14 +44,7 @@ SHAPES = (
 
 
 def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
-    """
-    Return the row in `SHAPES` of the shape nearest to each point, of two as near the first.
-
-    Parameters
-    ----------
-    eigenvalues : ndarray of shape (n_points, 3)
-        λ1 ≥ λ2 ≥ λ3 in units of the neighbourhood's R².
-    """
+    """Return the row in `SHAPES` nearest to each λ1 ≥ λ2 ≥ λ3, in units of R²; of two as near the first."""
     from sklearn.metrics import pairwise_distances_argmin  # here, because it takes 0.7 s
 
     if len(eigenvalues) == 0:

@@ -48,11 +48,7 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
 
     Where two have their points in one cell, the one further east by its limits takes the next free cell to
     the east. So the ids depend on the footprints, not on their order nor on how points are cut into tiles.
-
-    Parameters
-    ----------
-    polygons : sequence of shapely.Polygon
-        Valid, map frame [m]; as `repaired_polygons` gives them.
+    The polygons are as `repaired_polygons` gives them.
     """
     shapes = np.array(list(polygons), dtype=object)
     outlines = tuple(Outline.of(polygon).as_carried() for polygon in shapes)

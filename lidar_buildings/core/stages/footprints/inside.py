@@ -18,15 +18,8 @@ def last_outline_around(xy: NDArray[np.float64], outlines: Sequence[Outline]) ->
     """
     Return for each point the last of the outlines that it lies in, −1 for none.
 
-    Rays towards the east are counted (even-odd rule), so holes need no orientation. A wall that two
-    outlines share divides the points between them: each lies in just one.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_points, 2)
-        Positions [m].
-    outlines : sequence of Outline
-        In the same frame; where they overlap the last one counts.
+    Rays towards the east are counted (even-odd rule), so holes need no orientation. A wall that two outlines
+    share divides the points between them: each lies in just one.
     """
     found = np.full(len(xy), -1, dtype=np.int32)
     if not len(xy) or not len(outlines):

@@ -8,14 +8,7 @@ from lidar_buildings.core.model.tile import PointTile
 
 
 def remark_on_points(building: PointTile) -> str:
-    """
-    Say how many of a building's points are no roof points; nothing if all are.
-
-    Parameters
-    ----------
-    building : PointTile
-        The points that carry the building's id.
-    """
+    """Say how many of a building's points are no roof points; nothing if all are."""
     n_others = int(np.count_nonzero(~building.is_roof))
     if not n_others:
         return ""

@@ -41,12 +41,7 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     Make valid polygons of whatever geometries; the parts of a multi-polygon become polygons of their own.
 
     Rings that cross themselves are repaired by structure (GEOS `make_valid`): every area that an outer ring
-    encloses counts, less its holes. Vertices are rounded to a millimetre.
-
-    Parameters
-    ----------
-    geometries : ndarray of shapely geometries or None
-        Coordinates near the origin [m].
+    encloses counts, less its holes. Vertices, near the origin, are rounded to a millimetre.
     """
     dropped: Counter[str] = Counter()
     found: list[shapely.Polygon] = []

@@ -19,18 +19,9 @@ def used_classes(
     point_spacing: float | None = None,
 ) -> NDArray[np.uint8] | None:
     """
-    Return the source's classes, 0 for points of class 12 where no other point covers the place.
+    Return the source's classes, 0 for points of class 12 where no other point but noise covers the place.
 
     So they are classified as any other point; those beside them are, too, up to where others begin.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    classification : ndarray of shape (n_points,), uint8, or None
-        Noise covers nothing.
-    point_spacing : float, optional
-        Measured if not given [m].
     """
     if classification is None or PointClass.OVERLAP not in classification:
         return classification

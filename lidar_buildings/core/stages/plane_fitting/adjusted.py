@@ -37,13 +37,6 @@ def why_degenerate(points: FloatArray) -> str:
 def numbered_by_size(points: FloatArray, labels: NDArray[np.int32]) -> NDArray[np.uint16]:
     """
     Number planes from the largest on, equal ones by their westernmost, southernmost and lowest coordinates.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    labels : ndarray of shape (n_points,)
-        Plane numbers, 0 = none.
     """
     size = int(labels.max(initial=0)) + 1
     count = np.bincount(labels, minlength=size)

@@ -35,19 +35,7 @@ _SMOOTHNESS = 1.0
 def connected_planes(
     points: FloatArray, spacing: float, min_points: int, config: PlaneFittingConfig
 ) -> NDArray[np.int32]:
-    """
-    Number the points of each plane, 0 = none.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order, repetitions allowed [m].
-    spacing : float
-        Point spacing [m].
-    min_points : int
-        Fewest points of a plane.
-    config : PlaneFittingConfig
-    """
+    """Number the points of each plane, in any order and with repetitions; 0 = none."""
     if len(points) < min_points:
         return np.zeros(len(points), dtype=np.int32)
     cloud, row_of, noise = survey_points(points, _CONNECTION_RADIUS * spacing)
@@ -91,14 +79,7 @@ def split_planes(
     """
     Make every connected part of a plane a plane of its own; parts with too few points are dissolved.
 
-    Parameters
-    ----------
-    neighbours : ndarray of shape (n_points, n_neighbours), int32
-        Rows of near points, first those that there are, then −1.
-    labels : ndarray of shape (n_points,), int32
-        Plane numbers, 0 = none.
-    min_points : int
-        Fewest points of a part.
+    Neighbours are rows of near points, first those that there are, then −1.
     """
     part = connected_parts(neighbours, labels)
     size = np.zeros(len(part), np.int64)

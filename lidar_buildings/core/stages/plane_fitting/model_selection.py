@@ -52,18 +52,7 @@ class Prices(NamedTuple):
 
 
 def prices_of(distance: float, noise: float, spacing: float) -> Prices:
-    """
-    Return the prices for a cloud.
-
-    Parameters
-    ----------
-    distance : float
-        Largest distance of a point from its plane [m].
-    noise : float
-        Standard deviation of points about the surface [m].
-    spacing : float
-        Point spacing [m].
-    """
+    """Return a cloud's prices by the largest distance from a plane, the noise and the point spacing [m]."""
     deviation = max(noise, distance / 3.0)
     weight = min(1.0, (spacing / _CORRELATION_LENGTH) ** 2)
     point = weight / (2.0 * deviation**2)

@@ -67,16 +67,8 @@ def best_plane(points: FloatArray, samples: FloatArray, tolerance: float, enough
     """
     Return which points lie on the adjusted plane of the sample with the best consensus.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        [m].
-    samples : ndarray of shape (n_samples, 3)
-        Numbers in [0, 1) that choose the points of each sample.
-    tolerance : float
-        Largest distance of a point to the plane [m].
-    enough : int
-        Points of a consensus after which no further sample is looked at.
+    Samples choose three points by numbers in [0, 1); after a consensus of `enough` points no further one is
+    looked at.
     """
     best, trial = np.zeros(4), np.empty(4)
     most = 0

@@ -63,12 +63,7 @@ def survey_points(points: FloatArray, radius: float) -> Survey:
     """
     Sort distinct points, list the neighbours of each, estimate the noise and find the normals.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order, repetitions allowed [m].
-    radius : float
-        Points closer than this are connected [m]; farther ones, too, where the noise is as large.
+    Points closer than `radius` [m] are connected; farther ones, too, where the noise is as large.
     """
     survey = _surveyed(points, radius)
     reach = min(REACH_OF_NOISE * survey.noise / OWN_SHARE, _MAX_WIDENING * radius)

@@ -25,23 +25,8 @@ def divide_building(
     """
     Find a building's directions and divide its rings into walls.
 
-    Parameters
-    ----------
-    samples : list of RingSamples
-        The outer ring, then the courtyards, about the building's centre.
-    spacing : float
-        Point spacing [m].
-    config : RegularisationConfig
-        Settings.
-
-    Returns
-    -------
-    samples : list of RingSamples
-        Those that the divisions are of.
-    directions : tuple of float
-        The most frequent first, each standing for itself and its perpendicular [rad].
-    divisions : list of Division
-        One per ring; their kinds number the directions as `both_ways` lists them.
+    Returned are the samples that the divisions are of, the directions, the most frequent first, each standing
+    for itself and its perpendicular [rad], and the divisions, whose kinds number them as `both_ways` does.
     """
     if config.division == "optimal":
         return samples, *_divided(samples, spacing, config)

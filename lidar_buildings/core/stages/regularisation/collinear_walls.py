@@ -41,20 +41,6 @@ def on_common_lines(samples: RingSamples, walled: WalledRing, fit: Fit) -> NDArr
     Walls of one direction with the building on the same side of them are joined, the nearest first, as long
     as the squared offsets rise by less than what a line of its own has to save. Beyond Sampath & Shan (2007),
     whose hierarchy ends with the walls.
-
-    Parameters
-    ----------
-    samples : RingSamples
-        The ring.
-    walled : WalledRing
-        Its walls; joints are not looked at.
-    fit : Fit
-        Directions, and what a line has to save.
-
-    Returns
-    -------
-    ndarray of shape (n_walls, 5)
-        See `walls.ANGLE` to `walls.RADIUS`.
     """
     shape = walled.shape.copy()
     for angle, lines in _lines_by_direction(samples, walled, fit):

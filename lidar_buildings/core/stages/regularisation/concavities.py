@@ -35,19 +35,8 @@ def bearing_points(ring: NDArray[np.float64], limits: ConcavityLimits) -> NDArra
     Points are scattered inside a wall, none outside: a ring dips inwards between those that happen to lie
     near it, and a line through all vertices runs inside the wall by a third of a spacing or more. A concavity
     is bridged if it is shallow, or so small that points leave its area empty by chance, and if the ring goes
-    straight on beside it: otherwise it is a re-entrant corner. All points stay inside the ring.
-
-    Parameters
-    ----------
-    ring : ndarray of shape (n_points, 2)
-        Open and simple, the building on its left (courtyards: clockwise) [m].
-    limits : ConcavityLimits
-        What a concavity may measure.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        At least four are marked, if there are so many.
+    straight on beside it: otherwise it is a re-entrant corner. All points stay inside the ring, which has the
+    building on its left; at least four are marked, if there are so many.
     """
     return np.asarray(_bridged(np.ascontiguousarray(ring), *map(float, limits)))
 

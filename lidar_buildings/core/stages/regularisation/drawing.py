@@ -31,16 +31,7 @@ class DrawnRing(NamedTuple):
 
 def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: float) -> DrawnRing:
     """
-    Draw a ring; where walls cross, draw them closer to their samples, as far as it takes.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_samples, 2)
-        The samples that the walls were fitted to [m].
-    walled : WalledRing
-        The walls.
-    chord_error : float
-        Largest distance of an arc from its chords [m].
+    Draw a ring, arcs in chords; where walls cross, draw them closer to their samples, as far as it takes.
     """
     m = len(walled.first)
     detail = np.zeros(m, dtype=np.int64)

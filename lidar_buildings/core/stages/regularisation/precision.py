@@ -19,14 +19,7 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
     """
     Return the standard deviation and the largest of the points' distances from an outline [m].
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2)
-        Traced points on walls [m].
-    outline : Outline
-        The walls [m].
-    n_unknowns : int
-        What was adjusted to the points: see `unknowns_of`.
+    The points lie on walls; `n_unknowns` were adjusted to them, see `unknowns_of`.
     """
     offsets = shapely.distance(outline.polygon.boundary, shapely.points(points))
     redundancy = max(len(points) - n_unknowns, 1)

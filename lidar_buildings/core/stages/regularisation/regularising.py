@@ -121,14 +121,8 @@ def outline_quality(
     """
     Return how well a building's final outline fits the traced one.
 
-    Parameters
-    ----------
-    traced, outline : Outline
-        Before regularisation, and what came of it with shared walls and rounding [m].
-    own : RegularisedOutline
-        The traced outline regularised alone; its precision holds where `outline` is still that.
-    config : RegularisationConfig
-        Settings that the outlines were made with.
+    `own` is the traced outline regularised alone: its precision holds where the final one, after shared walls
+    and rounding, is still that.
     """
     if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
         return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)

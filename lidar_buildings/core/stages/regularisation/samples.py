@@ -51,16 +51,9 @@ class RingSamples:
 
 def sample_ring(ring: NDArray[np.float64], spacing: float, limits: ConcavityLimits | None) -> RingSamples:
     """
-    Bridge a ring's concavities and spread samples along what is left.
+    Bridge the concavities of a ring, the building on its left, and spread samples along what is left.
 
-    Parameters
-    ----------
-    ring : ndarray of shape (n_points, 2)
-        Open and simple, the building on its left [m].
-    spacing : float
-        Point spacing [m].
-    limits : ConcavityLimits or None
-        What counts as a concavity; None: every point of the ring is a sample of weight 1.
+    Without limits every point of the ring is a sample of weight 1.
     """
     if limits is None:
         every = np.ones(len(ring), dtype=bool)

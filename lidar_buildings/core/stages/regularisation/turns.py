@@ -17,22 +17,9 @@ def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Di
     """
     Divide a ring into segments of consecutive edges with similar slopes (Sampath & Shan, 2007).
 
-    An edge that deviates from the edge before by more than the given angle begins the next segment. The point
-    between two segments is of both.
-
-    Parameters
-    ----------
-    ring : RingSamples
-        About the building's centre; every point of the ring is a sample.
-    max_turn : float
-        Largest angle between consecutive edges of a segment [rad].
-
-    Returns
-    -------
-    RingSamples
-        With the points between segments twice.
-    Division
-        Of these, free walls all; its cost is 0: nothing was weighed.
+    An edge that deviates from the edge before by more than the given angle [rad] begins the next segment. The
+    point between two segments is of both, and twice among the samples returned. All walls are free, and the
+    cost is 0: nothing was weighed.
     """
     n = len(ring.points)
     begins = _turns(ring.points, max_turn)
@@ -53,15 +40,7 @@ def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Di
 
 def along_nearest(ring: RingSamples, division: Division, angles: NDArray[np.float64]) -> Division:
     """
-    Let each segment go along that of some directions which is nearest to its own.
-
-    Parameters
-    ----------
-    ring : RingSamples
-    division : Division
-        Its segments.
-    angles : ndarray of shape (n_directions,)
-        Directions of the walls' normals [rad]; without any, every segment has its own.
+    Let each segment go along the nearest to its own of some directions, given by normals; its own without.
     """
     sums = running_sums(ring.points, ring.weights)
     return replace(division, kind=_nearest(sums, division.first, division.last, angles))

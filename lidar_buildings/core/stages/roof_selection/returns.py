@@ -22,14 +22,7 @@ def last_and_only_returns(
     Tell which points are the last return of their pulse, and which are its only one.
 
     Where no pulse has a single return, the scanner recorded two of every pulse. A point then counts as the
-    only return if another return number lies next to it.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given; else every point counts as the only return of its pulse.
+    only return if another return number lies next to it. Every point does if either column is missing.
     """
     n = len(points)
     if return_number is None or number_of_returns is None:

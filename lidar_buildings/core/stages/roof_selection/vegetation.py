@@ -16,12 +16,7 @@ def vegetation_classes(height: NDArray[np.float64], config: RoofSelectionConfig)
     """
     Return low, medium or high vegetation by height, unclassified below and above (Mancera-Taboada, 2012).
 
-    Parameters
-    ----------
-    height : ndarray of shape (n_points,)
-        Above ground [m], of points that are neither ground nor roof. A limit belongs to the class above it.
-    config : RoofSelectionConfig
-        The stage's parameters.
+    Of points that are neither ground nor roof; a limit belongs to the class above it.
     """
     limits = np.maximum.accumulate(
         [

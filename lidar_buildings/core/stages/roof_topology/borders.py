@@ -32,15 +32,7 @@ class Borders(NamedTuple):
 
 
 def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
-    """
-    Collect the sides of cells between different planes.
-
-    Parameters
-    ----------
-    raster : RegionRaster
-    centre : ndarray of shape (2 or more,)
-        Origin of the positions returned [m].
-    """
+    """Collect the sides of cells between different planes, with positions about a centre."""
     label = raster.label
     numbers, place = np.empty((2 * label.size, 4), dtype=np.int32), np.empty((2 * label.size, 4))
     n = _fill(label, raster.nearest, raster.square, numbers, place)

@@ -37,17 +37,7 @@ def find_common_vertices(
     """
     Collect the common vertices that lines hint at; the adjustment finds out which of them the points allow.
 
-    Parameters
-    ----------
-    pieces : Pieces
-    gradients : ndarray of shape (n_planes, 3)
-        a, b, c of the planes about the centre.
-    centre : ndarray of shape (2 or more,)
-        [m].
-    walls : ndarray of shape (n_walls, 2, 2)
-        Ends of the outline's edges about the centre [m].
-    spacing : float
-        Point spacing [m].
+    Planes and walls, the outline's edges, are about the centre.
     """
     if not len(pieces.pair):
         return []

@@ -49,20 +49,7 @@ class Pieces(NamedTuple):
 def find_pieces(
     borders: Borders, raster: RegionRaster, gradients: FloatArray, centre: FloatArray, spacing: float
 ) -> Pieces:
-    """
-    Find where pairs of planes meet.
-
-    Parameters
-    ----------
-    borders : Borders
-    raster : RegionRaster
-    gradients : ndarray of shape (n_planes, 3)
-        a, b [m/m] and c [m] of each plane z = a x + b y + c about the centre.
-    centre : ndarray of shape (2 or more,)
-        [m].
-    spacing : float
-        Point spacing [m].
-    """
+    """Find where pairs of planes z = a x + b y + c about the centre meet."""
     n = len(borders.first)
     pairs = np.empty(n, dtype=np.int64)
     values = np.empty((n, 4))
@@ -94,20 +81,8 @@ def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def
     Return foot, direction and bend of the lines in which pairs of planes meet, seen from above.
 
     The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). The foot
-    is the position nearest to the origin, which is in the building: one at z = 0 may be far off.
-
-    Parameters
-    ----------
-    first, second : ndarray of shape (n_pairs,)
-        Numbers of the planes.
-    gradients : ndarray of shape (n_planes, 3)
-        a, b, c of z = a x + b y + c.
-
-    Returns
-    -------
-    ndarray of shape (n_pairs, 5)
-        Position nearest to the origin, unit direction, and the difference of the planes' gradients; a bend
-        less than `LEAST_BEND` means that there is no line.
+    is the position nearest to the origin, which is in the building: one at z = 0 may be far off. The bend is
+    the difference of the planes' gradients; less than `LEAST_BEND` means that there is no line.
     """
     lines = np.zeros((len(first), 5))
     for k in range(len(first)):

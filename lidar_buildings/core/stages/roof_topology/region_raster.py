@@ -45,16 +45,7 @@ def region_raster(
     """
     Give each cell inside the outline the plane of its nearest point that is in one.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        [m].
-    plane_id : ndarray of shape (n_points,)
-        Number of each point's plane, 0 = none.
-    rings : tuple of ndarray of shape (n, 2)
-        The outline's rings; none: cells near points [m].
-    spacing : float
-        Point spacing [m].
+    Without rings it is the cells near points.
     """
     low, high = extent_of(points)[:, :2]
     reach = np.maximum(high - low, _LEAST_MARGIN)

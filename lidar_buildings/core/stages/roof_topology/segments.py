@@ -43,23 +43,8 @@ def finished(
     """
     Return the pieces as segments, their ends moved along the line to what they nearly reach.
 
-    A third plane that meets both has precedence, then the outline and step edges.
-
-    Parameters
-    ----------
-    pieces : Pieces
-    gradients : ndarray of shape (n_planes, 3)
-        a, b, c of the planes about the centre.
-    centre : ndarray of shape (3,)
-        [m].
-    walls : ndarray of shape (n_walls, 2, 2)
-        Ends of the outline's edges about the centre [m].
-    steps : ndarray of shape (n_steps, 2, 2)
-        Ends of the step edges about the centre [m].
-    vertices : tuple of CommonVertex
-        Where planes have been made to meet.
-    spacing : float
-        Point spacing [m].
+    A third plane that meets both has precedence, then the outline and step edges. Planes, walls and steps are
+    about the centre; at `vertices` planes have been made to meet.
     """
     stops = np.concatenate([walls, steps])
     partners = _partners(pieces, len(gradients))

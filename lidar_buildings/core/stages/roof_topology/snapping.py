@@ -21,17 +21,9 @@ _REACH, _PARALLEL_DEG = 4.0, 4.0
 
 def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     """
-    Move lines onto outline walls that they continue, else into corners that they end near.
+    Move lines onto outline walls, about the centre, that they continue, else into corners that they end near.
 
     Where in the gap between the points of both roofs a step lies is not known: what it continues tells.
-
-    Parameters
-    ----------
-    steps : StepLines
-    walls : ndarray of shape (n_walls, 2, 2)
-        Ends of the outline's edges about the centre [m].
-    spacing : float
-        Point spacing [m].
     """
     if not len(steps.angle):
         return steps
@@ -100,19 +92,7 @@ def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-unty
 
 
 def extended(steps: StepLines, ridges: FloatArray, walls: FloatArray, spacing: float) -> StepLines:
-    """
-    Move the ends of steps along their lines to walls, other steps and intersection lines that are near.
-
-    Parameters
-    ----------
-    steps : StepLines
-    ridges : ndarray of shape (n, 2, 2)
-        Ends of the pieces of intersection lines about the centre [m].
-    walls : ndarray of shape (n_walls, 2, 2)
-        Ends of the outline's edges about the centre [m].
-    spacing : float
-        Point spacing [m].
-    """
+    """Move the ends of steps along their lines to walls, other steps and intersection lines that are near."""
     if not len(steps.line):
         return steps
     angle, offset = steps.angle[steps.line], steps.offset[steps.line]

@@ -38,23 +38,8 @@ def find_step_lines(
     """
     Fit straight lines to the borders where planes do not meet.
 
-    Parameters
-    ----------
-    borders : Borders
-    on_line : ndarray of shape (n_sides,), bool
-        Sides that lie on an intersection line already.
-    points : ndarray of shape (n_points, 3)
-        [m].
-    gradients : ndarray of shape (n_planes, 3)
-        a, b, c of the planes about the centre.
-    area : ndarray of shape (n_planes,)
-        How large each plane is in plan [m²].
-    walls : ndarray of shape (n_walls, 2, 2)
-        Ends of the outline's edges [m].
-    centre : ndarray of shape (2 or more,)
-        [m].
-    spacing : float
-        Point spacing, or more if edges are to be straighter [m].
+    Sides `on_line` lie on an intersection line already. The planes are about the centre; `area` is how large
+    each is in plan, `spacing` the points' or more if edges are to be straighter [m].
     """
     rows = np.flatnonzero(~on_line)
     if not len(rows):

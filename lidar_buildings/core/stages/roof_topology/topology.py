@@ -36,21 +36,8 @@ def find_topology(
     """
     Adjust a roof's planes, and find the ridges, hips, valleys and step edges between them.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        The building's roof points, in any order [m].
-    plane_id : array_like of shape (n_points,)
-        Number of each point's plane, 0 = none.
-    outline : Outline, optional
-        Without it the roof is where points are.
-    point_spacing : float, optional
-        1/√density [m]; measured if not given.
-
-    Returns
-    -------
-    RoofTopology
-        Its planes are numbered from 1 in their order, without gaps.
+    Planes come numbered from 1, 0 = none, and are numbered anew without gaps. Without an outline the roof is
+    where points are; the point spacing is measured if not given [m].
     """
     numbers = without_gaps(np.asarray(plane_id, dtype=np.uint16))
     spacing = point_spacing or quantised_spacing(points)

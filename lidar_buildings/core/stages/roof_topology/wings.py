@@ -27,24 +27,9 @@ def l_or_t(
     intersections: Sequence[IntersectionSegment],
 ) -> str:
     """
-    Tell roofs of two wings from one another and from more complex ones.
+    Tell roofs of two wings, ``L`` or ``T``, from one another and from more complex ones.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Roof points [m].
-    plane_id : ndarray of shape (n_points,)
-        Number of each point's plane.
-    faces : list of list of int
-        Numbers of the planes of each large face.
-    valleys : list of (int, int)
-        Pairs of faces, numbered from 0, that meet in valleys.
-    intersections : sequence of IntersectionSegment
-
-    Returns
-    -------
-    str
-        ``L``, ``T`` or ``complex``.
+    Faces are lists of planes' numbers, valleys pairs of faces, numbered from 0, that meet in one.
     """
     face_of = {number: k for k, face in enumerate(faces) for number in face}
     ridges = _ridges(intersections, face_of)

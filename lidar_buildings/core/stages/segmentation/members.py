@@ -63,11 +63,6 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
     Return one id per anchor, all different.
 
     Where two anchors share a cell, and so an id, the western one keeps it and the other takes the next free.
-
-    Parameters
-    ----------
-    anchors : ndarray of shape (n_buildings, 3)
-        In any order [m].
     """
     wanted = [building_id(anchor) for anchor in anchors]
     order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0]))

@@ -33,20 +33,9 @@ def measure_borders(
     """
     Measure the borders of parts from the cells that they occupy.
 
-    A cell is the part's that has most points in it. A side between two parts' cells is on their border, one
-    beside two empty cells is in the open; a single empty one is a gap between points. A part that has most
-    points in no cell lies amid those that have.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    part : ndarray of int64, shape (n_points,)
-        From 0.
-    n_parts : int
-        Number of parts.
-    cell : float
-        Side of the cells, which start at multiples of it from (0, 0) [m].
+    A cell, counted from (0, 0), is the part's that has most points in it. A side between two parts' cells is
+    on their border, one beside two empty cells is in the open; a single empty one is a gap between points. A
+    part that has most points in no cell lies amid those that have.
     """
     cells = rows_by_cell(points, cell)
     owner, one, other = _owners(part, cells.rows, cells.first)

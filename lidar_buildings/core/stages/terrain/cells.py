@@ -86,16 +86,9 @@ class Cells:
         is_first: NDArray[np.bool_],
     ) -> CellContents:
         """
-        Return what the cells hold, whatever the order of the points.
+        Return what the cells hold, whatever the order of the points, all of which lie within the window.
 
-        Parameters
-        ----------
-        points : ndarray of shape (n_points, 3)
-            All within the window that are not left out [m].
-        kind : ndarray of uint8, shape (n_points,)
-            `LEFT_OUT`, `SEEN` or `GROUND`.
-        is_core, is_first : ndarray of bool, shape (n_points,)
-            False for points of neighbouring tiles, and for later returns.
+        Their kind is `LEFT_OUT`, `SEEN` or `GROUND`; those of neighbouring tiles are no core points.
         """
         window = self.window
         holds, n, sums, best = _contents(

@@ -18,14 +18,8 @@ def closed(occupied: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
     A cell stays unknown where a circle of this radius that holds no occupied cell covers it. Nothing is added
     beyond the outline of the data: a straight edge stays where it is. Cells are known to half their side
-    only, so circles keep half a cell away from occupied ones, lest every gap in an edge stay open.
-
-    Parameters
-    ----------
-    occupied : ndarray of bool, shape (height, width)
-        With at least `reach` + 1 empty cells on each side.
-    reach : int
-        Radius in cells.
+    only, so circles keep half a cell away from occupied ones, lest every gap in an edge stay open. At least
+    `reach` + 1 cells on each side are empty.
     """
     near = squared_distance(occupied, reach) <= reach * (reach + 1)  # (reach + ½)² in whole cells
     return squared_distance(~near, reach) > reach * reach

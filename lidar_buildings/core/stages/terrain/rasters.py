@@ -215,13 +215,6 @@ def main_area(points: NDArray[np.float64], square: float) -> NDArray[np.bool_]:
 
     A single point 10 km from a tile would make a window of gigabytes. Where it would be nearly empty the
     group of adjoining squares with the most points is kept; of equal ones the westernmost, then southernmost.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        [m]
-    square : float
-        Side of a square [m].
     """
     squares, at, count = np.unique(
         np.floor(points[:, :2] / square).astype(np.int64), axis=0, return_inverse=True, return_counts=True

@@ -18,14 +18,7 @@ _LOW_SHARE, _LOW = 0.05, 1.0
 
 
 def widest_gap(point_spacing: float, resolution: float) -> int:
-    """
-    Return the radius of the largest circle, in cells, that is empty by chance: a gap, and no hole.
-
-    Parameters
-    ----------
-    point_spacing, resolution : float
-        Mean distance of neighbouring points, and side of a cell [m].
-    """
+    """Return the radius of the largest circle, in cells, that is empty by chance: a gap, and no hole."""
     return reach_in_cells(max(_GAP_SPACINGS * point_spacing, _MIN_GAP), resolution)
 
 

@@ -74,21 +74,9 @@ class RasterWindow:
 
 def window_of(extent: NDArray[np.float64], origin: tuple[float, float], resolution: float) -> RasterWindow:
     """
-    Return the smallest window that holds all points of an extent.
+    Return the smallest window that holds all points of an extent, least and greatest x and y.
 
-    Parameters
-    ----------
-    extent : ndarray of shape (2, 2)
-        Least and greatest x and y in the map frame [m].
-    origin : tuple of two float
-        What to add to map coordinates [m].
-    resolution : float
-        Side of a cell [m].
-
-    Raises
-    ------
-    ValueError
-        If it has too many cells to be meant.
+    `origin` is what to add to map coordinates [m]. ValueError if it has too many cells to be meant.
     """
     # A cell holds its western and its southern edge.
     (west, south), (east, north) = np.floor((extent + origin) / resolution).astype(np.int64).tolist()

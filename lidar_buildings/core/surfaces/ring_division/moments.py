@@ -17,17 +17,7 @@ def running_sums(points, weights):  # type: ignore[no-untyped-def]
     """
     Return the sums over the points before each, going round twice, so that stretches may pass the start.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 2)
-        About the building's centre [m].
-    weights : ndarray of shape (n_points,)
-        Of the points.
-
-    Returns
-    -------
-    ndarray of shape (2 n_points + 2, 9)
-        Row i is of the points before the i-th.
+    Row i of (2 n_points + 2, 9) is of the points before the i-th, which are about the building's centre.
     """
     n = len(points)
     sums = np.zeros((2 * n + 2, N_SUMS))

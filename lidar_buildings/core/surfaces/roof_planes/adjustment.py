@@ -91,14 +91,8 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
     """
     Fit all planes of a roof by orthogonal least squares; those that are nearly level become exactly so.
 
-    Pieces of one level plane get one height.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        The building's roof points, in any order [m].
-    plane_id : ndarray of shape (n_points,), uint16
-        Number of each point's plane without gaps, 0 = none. Of very many planes each stays by itself.
+    Pieces of one level plane get one height. Planes are numbered without gaps, 0 = none; of very many each
+    stays by itself.
     """
     n_planes = int(plane_id.max()) if len(plane_id) else 0
     free = free_planes(plane_moments(points, plane_id, n_planes))
@@ -118,10 +112,7 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
     """
     Return where planes are nearest to meeting, x, y, z, and the root mean square of their misses there [m].
 
-    Parameters
-    ----------
-    coefficients : ndarray of shape (n_planes, 3)
-        a, b, c of z = a x + b y + c; planes that share a direction have their point far off.
+    Planes z = a x + b y + c that share a direction have their point far off.
     """
     n = len(coefficients)
     a, b, c = 0.0, 0.0, 0.0

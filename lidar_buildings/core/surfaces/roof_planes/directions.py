@@ -19,19 +19,9 @@ _MOST = 6
 
 def main_directions(angles: FloatArray, weights: FloatArray) -> FloatArray:
     """
-    Group directions that are parallel or perpendicular, and return the mean of each group.
+    Group weighted directions that are parallel or perpendicular; return the mean of each group, 0 to π/2.
 
-    Parameters
-    ----------
-    angles : ndarray of shape (n,)
-        Directions [rad].
-    weights : ndarray of shape (n,)
-        What each counts.
-
-    Returns
-    -------
-    ndarray of shape (n_groups,)
-        Angles from 0 to π/2 [rad], the weightiest first.
+    The weightiest comes first.
     """
     return np.asarray(_main_directions(angles, weights))
 

@@ -17,15 +17,10 @@ _MOST_SLOPE = 0.06
 
 def level_planes(planes: FreePlanes) -> IntArray:
     """
-    Return which roof planes are level, and which of these are pieces of one.
+    Return the number of the level surface that each roof plane is a piece of; -1 for planes that are not.
 
     Planes become level that do not move more at their points than these are rough, and one surface with the
     largest of those that are as near in height.
-
-    Returns
-    -------
-    ndarray of shape (n_planes,), int64
-        Number of the level surface, from 0 on; -1 for planes that are not level.
     """
     gradients = planes.coefficients[:, :2]
     scatter = planes.scatter[:, :2, :2] / planes.counts[:, None, None]

@@ -28,18 +28,9 @@ class PlaneMoments(NamedTuple):
 
 def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
     """
-    Sum the coordinates of each plane's points, and their products.
+    Sum the coordinates of each plane's points, and their products; plane 0 is none.
 
     Coordinates are counted in whole fractions of a metre: sums of integers do not depend on their order.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    plane_id : ndarray of shape (n_points,)
-        Number of each point's plane, 0 = none.
-    n_planes : int
-        The highest number.
     """
     if not len(points):
         return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))

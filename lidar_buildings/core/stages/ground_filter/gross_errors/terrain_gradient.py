@@ -28,18 +28,11 @@ MAX_GRADIENT = 1.0
 
 def terrain_gradient(lowest: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """
-    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2).
+    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2), from its lowest point.
 
-    Each block of cells has the elevation below which a quarter of its cells reach. Through the blocks
-    around, a plane is fitted from which those that stand out above, roofs and trees, are left out by and by.
-    It counts as far as it explains how those that remain differ.
-
-    Parameters
-    ----------
-    lowest : ndarray of shape (n_cells, 3)
-        The lowest point of each cell, at most one a cell [m].
-    cell : float
-        Side of the cells [m].
+    Each block of cells has the elevation below which a quarter of its cells reach. Through the blocks around,
+    a plane is fitted from which those that stand out above, roofs and trees, are left out by and by. It
+    counts as far as it explains how those that remain differ.
     """
     blocks = sort_by_cell(lowest, BLOCK_CELLS * cell)
     n = np.diff(blocks.first)

@@ -26,18 +26,7 @@ def nearest_by_sector(
     """
     Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    rows : ndarray of shape (n_rows,), intp
-        The candidates that neighbours are wanted of.
-    reach : float
-        How far a neighbour may be, in plan [m].
-
-    Returns
-    -------
-    ndarray of shape (n_rows, 8), int32
+    At most one candidate a place; none farther away in plan than `reach` [m].
     """
     cells = by_column(candidates, reach)
     found = np.full((len(rows), SECTORS), -1, dtype=np.int32)

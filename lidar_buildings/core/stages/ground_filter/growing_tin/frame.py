@@ -17,21 +17,9 @@ LEVEL_VARIANCE = 100.0
 
 def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return the terrain's gradient at each virtual point, from the seeds nearest to it.
+    Return the terrain's rise over run along x and y at each virtual point, from the seeds nearest to it.
 
     Least squares, damped so that seeds close together or on a line say nothing about where they do not reach.
-
-    Parameters
-    ----------
-    seeds : ndarray of shape (n_seeds, 3)
-        At least one [m].
-    frame : ndarray of shape (n_frame, 2 or more)
-        The virtual points [m].
-
-    Returns
-    -------
-    ndarray of shape (n_frame, 2)
-        Rise over run along x and y.
     """
     k = min(NEIGHBOURS, len(seeds))
     _, nearest = cKDTree(seeds[:, :2]).query(frame[:, :2], [*range(1, k + 1)])

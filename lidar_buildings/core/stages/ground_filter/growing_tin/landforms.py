@@ -124,13 +124,6 @@ def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]
     Return the share of objects among the candidates around each, 0 to 1.
 
     Cells up to 60 m away along x and y count with Gaussian weights (σ = 30 m).
-
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At least one [m].
-    is_object : ndarray of shape (n_candidates,), bool
-        Which of them are objects beyond doubt.
     """
     cells = sort_by_cell(candidates, CELL)
     n_objects = np.add.reduceat(is_object[cells.rows].astype(np.float64), cells.first[:-1])

@@ -80,16 +80,10 @@ def start_growth(
     candidates: NDArray[np.float64], is_seed: NDArray[np.bool_], extent: NDArray[np.float64]
 ) -> TerrainGrowth:
     """
-    Triangulate the seeds; the other candidates wait.
+    Triangulate the seeds, one at least; the other candidates wait.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place, in an order that puts neighbours together [m].
-    is_seed : ndarray of shape (n_candidates,), bool
-        At least one.
-    extent : ndarray of shape (2, 2)
-        Lower left and upper right corner of what the terrain has to cover [m].
+    At most one candidate a place, in an order that puts neighbours together; `extent` is what the terrain has
+    to cover.
     """
     start = build_tin(candidates[is_seed], extent)
     waiting = candidates[~is_seed] - [*start.origin, 0.0]

@@ -25,18 +25,11 @@ class Profiles:
 
 def cut_profiles(points: NDArray[np.float64], width: float, direction_deg: float) -> Profiles:
     """
-    Cut a cloud into parallel strips; each is a profile.
+    Cut a cloud into parallel strips along a direction, from x towards y; each is a profile.
 
-    Strips begin at multiples of `width` from the map origin, so that a cloud's tiles are cut alike.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In canonical order: points at one place along a strip stay as they are [m].
-    width : float
-        Width of the strips [m]; doubled until an enormous extent can be numbered.
-    direction_deg : float
-        Direction of travel, from x towards y [deg].
+    Strips begin at multiples of `width` from the map origin, so that a cloud's tiles are cut alike; it is
+    doubled until an enormous extent can be numbered. Points come in canonical order: those at one place along
+    a strip stay as they are.
     """
     angle = math.radians(direction_deg)
     along = points[:, 0] * math.cos(angle) + points[:, 1] * math.sin(angle)
@@ -51,16 +44,9 @@ def sorted_profiles(
     line: NDArray[np.float64], along: NDArray[np.float64], xy: NDArray[np.float64] | None = None
 ) -> Profiles:
     """
-    Order points by line and, within a line, by their place along it.
+    Order points by line, at most `MAX_STRIPS`, and within a line by their place along it.
 
-    Parameters
-    ----------
-    line : ndarray of shape (n_points,)
-        Number of each point's line: whole numbers, at most `MAX_STRIPS`.
-    along : ndarray of shape (n_points,)
-        Place along the line [m].
-    xy : ndarray of shape (n_points, 2), optional
-        Points in the plane, if distances are to be measured from point to point instead of by `along` [m].
+    With `xy` distances are measured from point to point instead of by `along` [m].
     """
     if len(line) == 0:
         nothing = np.zeros(0, dtype=np.intp)

@@ -58,14 +58,7 @@ def objects_between_slopes(along, z, first, limits):  # type: ignore[no-untyped-
     """
     Return which points of profiles either pass finds between a rise and a fall.
 
-    Parameters
-    ----------
-    along, z : ndarray of shape (n_points,)
-        Position along its profile, and elevation, profile by profile [m].
-    first : ndarray of int, shape (n_profiles + 1,)
-        Where each profile begins.
-    limits : tuple of three float
-        Slope, rise over run; distance from the recorded elevation [m]; longest object [m].
+    Limits are the slope, the distance from the recorded elevation [m], and the longest object [m].
     """
     is_object = np.zeros(len(z), dtype=np.bool_)
     for k in range(len(first) - 1):

@@ -60,17 +60,8 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
     """
     Lay walls that face another building's wall on a common line; the others keep theirs.
 
-    Parameters
-    ----------
-    polygons : ndarray of Polygon, shape (n_buildings,)
-        With exteriors clockwise and holes counter-clockwise (as normalised), or the other way round.
-    gaps : ndarray of shape (n_buildings,)
-        How far walls of a building may be from those of others [m].
-
-    Returns
-    -------
-    ndarray of Polygon, shape (n_buildings,)
-        Not valid where walls of a building came to cross each other.
+    Polygons are as normalised, exteriors clockwise, or all the other way round; `gaps` is how far walls of
+    each may be from those of others [m]. Not valid where walls of a building came to cross each other.
     """
     rings, ring_of = shapely.get_rings(polygons, return_index=True)
     walls = _walls_of(rings, ring_of)

@@ -25,20 +25,9 @@ def partitioned(
     """
     Share out gaps and overlaps between buildings, and insert the vertices where one ends on another's wall.
 
-    Parameters
-    ----------
-    polygons, traced : ndarray of Polygon, shape (n_buildings,)
-        The outlines, and the rings through the points.
-    gaps : ndarray of shape (n_buildings,)
-        How wide gaps beside a building may be to be filled [m].
-    kept : ndarray of shape (n_vertices, 2)
-        Vertices that stay even where no wall bends [m].
-
-    Returns
-    -------
-    ndarray of Polygon or None, shape (n_buildings,)
-        Touching ones have the same vertices along their common walls; None for one that is nothing any more,
-        or of several parts.
+    `gaps` is how wide gaps beside each may be to be filled [m]; vertices `kept` stay even where no wall
+    bends. Touching buildings have the same vertices along their common walls; None for one that is nothing
+    any more, or of several parts.
     """
     slots = _slots(polygons, gaps)
     rings = shapely.get_parts(shapely.boundary(np.concatenate([polygons, slots])))

@@ -41,20 +41,10 @@ def wide_levels(
     """
     Tell which roof points are of parts that are wide enough by themselves, or with what they stand on.
 
-    Parameters
-    ----------
-    columns : Columns
-        Points of roofs [m].
-    part : ndarray of int64, shape (n_points,)
-        What steps of less than a level connect.
-    area : ndarray of shape (n_parts,)
-        In plan [m²].
-    config : RoofSelectionConfig
-        `max_part_area`: of smaller parts what is narrower than `min_roof_width` goes. Parts that stand alone
-        or only touch other roofs go if they are nowhere as wide as `min_building_width`.
-    is_bare : bool
-        Whether roofs have not taken in yet what stands on them: then only parts that touch others are judged,
-        by their width as buildings; all others may seem narrower than they are.
+    A part is what steps of less than a level connect. Of those below `max_part_area` what is narrower than
+    `min_roof_width` goes; those that stand alone or only touch other roofs go if they are nowhere as wide as
+    `min_building_width`. Of bare roofs, which have not taken in yet what stands on them, only parts that touch
+    others are judged, by their width as buildings: all may be wider than they seem.
     """
     kept = np.ones(len(part), dtype=bool)
     size = columns.size

@@ -34,25 +34,8 @@ def is_deck(
     Tell which surfaces go on as ground at their own level, at two ends that face away from each other.
 
     A house on a slope meets ground at the level of its roof on one side at most. Of a long and narrow surface
-    one end is enough, since the other may be hidden or beyond the data.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Of the surfaces, `min_height` or more above the ground below them [m].
-    label : ndarray of int64, shape (n_points,)
-        The surface of each of them, from 0 on.
-    n_surfaces : int
-        How many there are.
-    ground : ndarray of shape (n_ground, 3)
-        Ground and what is low [m].
-    cell : float
-        Side of cells that a surface fills [m].
-
-    Returns
-    -------
-    ndarray of bool, shape (n_surfaces,)
-        The order of the points does not matter.
+    one end is enough, since the other may be hidden or beyond the data. Surfaces are `min_height` or more
+    above the ground below them, and fill cells; the order of their points does not matter.
     """
     cell = max(CELL, cell)
     lowest = np.full(n_surfaces, np.inf)

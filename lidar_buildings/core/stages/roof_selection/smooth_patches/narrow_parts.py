@@ -21,15 +21,9 @@ def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
     """
     Tell which columns lie within a disc, of this diameter, that lies within the plan of the points.
 
-    An opening: the plan is cut back by half the width and grown again by as much, and by half a column. What
-    lies farther away than the width and some columns does not matter.
-
-    Parameters
-    ----------
-    columns : Columns
-        Of points of roofs; no narrower than a spacing, else a roof is full of gaps [m].
-    min_width : float
-        Diameter of the disc [m]; one below `MIN_CELLS` columns says nothing, and all pass.
+    An opening: the plan is cut back by half the width and grown again by as much, and by half a column, which
+    is no narrower than a spacing, else a roof is full of gaps. What lies farther away than the width and some
+    columns does not matter. All pass a width below `MIN_CELLS` columns, which says nothing.
     """
     half = 0.5 * min_width / columns.size
     if half < 0.5 * MIN_CELLS:

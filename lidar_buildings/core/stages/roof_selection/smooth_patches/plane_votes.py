@@ -28,23 +28,11 @@ MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 5.0
 
 def find_voted_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """
-    Tell which points are roof by the planes that points around them lie on, where points are few.
+    Tell which points are roof, and no deck, by the planes that points around lie on, where points are few.
 
     One point's votes say little where faces hold few points; a crown has few votes as a whole. Everything
     raised is asked, whichever the return: what others of its pulse came after has no votes, and foliage has
-    many of those.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        Everything that rises above ground; votes are those of last returns.
-    config : RoofSelectionConfig
-        `max_roughness` is the largest distance from the plane, if that is not narrower still.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        Decks are none.
+    many of those. `max_roughness` is the largest distance from the plane, if that is not narrower still.
     """
     points, n = candidates.points, len(candidates.points)
     votes = np.zeros(n, dtype=np.int64)
@@ -60,16 +48,7 @@ def find_voted_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDA
 
 
 def plane_votes(points: NDArray[np.float64], max_distance: float) -> NDArray[np.int64]:
-    """
-    Return how many of each point's nearest neighbours lie on one plane through it: 0 to `N_VOTERS`.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        [m].
-    max_distance : float
-        Largest distance from the plane [m].
-    """
+    """Return how many of each point's nearest neighbours lie on one plane through it: 0 to `N_VOTERS`."""
     votes = np.zeros(len(points), dtype=np.int64)
     if len(points) <= N_VOTERS:
         return votes

@@ -20,21 +20,8 @@ def stands_out(cells: Columns, building: NDArray[np.int64], n_buildings: int) ->
     """
     Tell which buildings, or parts of them, end: along most of their rims nothing goes on at their level.
 
-    What is one cell wide, a parapet or a façade, is an end.
-
-    Parameters
-    ----------
-    cells : Columns
-        Everything that rises above ground, in cells of which a surface leaves few empty [m].
-    building : ndarray of int64, shape (n_points,)
-        Which building each point is of, from 0 on; −1 is none.
-    n_buildings : int
-        How many there are.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_buildings,)
-        The end of the data is an end.
+    What is one cell wide, a parapet or a façade, is an end, and so is the end of the data. Cells are such
+    that a surface leaves few empty; building −1 is none.
     """
     rim, met = np.zeros((2, n_buildings), dtype=np.int64)
     runs = cells.around(2.0 * cells.size)

@@ -50,16 +50,7 @@ class RoofSurface:
 
 
 def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
-    """
-    Find smooth patches among the last returns, and accept those that are smooth for their size.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        Smooth are last returns; the ground tells what decks are.
-    config : RoofSelectionConfig
-        The stage's parameters.
-    """
+    """Find smooth patches among the last returns, and accept those that are smooth for their size."""
     columns, radius = candidates.columns, candidates.radius
     n = len(columns.points)
     rows = np.flatnonzero(candidates.is_last)

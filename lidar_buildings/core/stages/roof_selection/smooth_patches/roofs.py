@@ -43,18 +43,6 @@ def find_roofs(
     touch one go before roofs take in what stands on them, last returns with roof all around and small parts:
     the wall between a lorry and its dock would join the two. What is too narrow goes, on its level and as a
     whole, and what is too small.
-
-    Parameters
-    ----------
-    candidates : Candidates
-        Everything that rises above ground.
-    config : RoofSelectionConfig
-        The stage's parameters.
-
-    Returns
-    -------
-    roof, wall : ndarray of bool, shape (n_points,)
-        Roofs of buildings, and walls as large as theirs.
     """
     columns, radius = candidates.columns, candidates.radius
     if 2.0 * radius > FACE_WIDTH:

@@ -13,21 +13,7 @@ def wall_areas(
     points: NDArray[np.float64], label: NDArray[np.int64], min_width: float
 ) -> NDArray[np.float64]:
     """
-    Return length times height of upright patches, 0 for those that are too low or short for a building.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Above `min_height` [m].
-    label : ndarray of int64, shape (n_points,)
-        The patch of each: 0, 1, …
-    min_width : float
-        Least length in plan [m].
-
-    Returns
-    -------
-    ndarray of shape (n_patches,)
-        [m²]
+    Return length times height of upright patches [m²], 0 for those that are too low or short for a building.
     """
     n = np.bincount(label)
     order = np.lexsort((points[:, 2], label))
