@@ -28,18 +28,7 @@ def make_node(
     name: str, settings: Mapping[str, Mapping[str, Any]], pool: BuildingPool | None = None, **kwargs: Any
 ) -> StageNode:
     """
-    Make a node.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    settings : mapping
-        ``{stage: {name: value}}``; what is not named keeps its default, what is of other nodes is left out.
-    pool : BuildingPool, optional
-        Processes that do its work; it is done here if not given.
-    **kwargs
-        As for `rclpy.node.Node`: namespace, context…
+    Make a node; of the settings what is not named keeps its default, what is of other nodes is left out.
     """
     # these work themselves; the others let processes work, to wait for no interpreter's lock in one process
     shared = {} if name in ("scan_assembler", "recorder") else {"pool": pool}

@@ -17,23 +17,10 @@ from lidar_buildings.core.model.errors import InputError, ParameterError
 
 def nodes_of(machine: str, path: str | Path, nodes: Collection[str]) -> set[str]:
     """
-    Return which nodes a machine has, of a YAML file ``machine: [node, node]``.
+    Return which nodes a machine has, of a YAML file ``machine: [node, node]``, replicas with their numbers.
 
-    Parameters
-    ----------
-    machine : str
-        A name of the file.
-    path : path
-        The file.
-    nodes : collection of str
-        All nodes of the graph, replicas with their numbers.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    ParameterError
-        If it has no such machine, or a node of the graph is not on exactly one.
+    InputError if the file cannot be read; ParameterError if it has no such machine, or a node of the graph is
+    not on exactly one.
     """
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))

@@ -28,18 +28,7 @@ def run_settings(
     """
     Return ``{stage: {name: value}}`` of the source and the writer.
 
-    Parameters
-    ----------
-    source : str
-        One of `SOURCES`.
-    inputs : sequence of str
-        Files, folders, globs; a feed has none.
-    output : str
-        Folder for the results, empty if none are written.
-    until : str
-        The last stage.
-    is_recorded : bool
-        Whether the recorder listens to `points`, too: it is named twice then, so that both are waited for.
+    Where the recorder listens to `points`, too, it is named twice, so that both are waited for.
     """
     waits = {"wait_for": topics_until(until, has_writer=bool(output)) + ("points",) * is_recorded}
     writer = {"output": output, "until": until}

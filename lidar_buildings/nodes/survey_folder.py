@@ -129,11 +129,7 @@ class SurveyFolder:
         Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
 
         `share` does clouds side by side, as in `OutputFolder.finalise`, `share_models` models for the page.
-
-        Raises
-        ------
-        LidarBuildingsError
-            If no frame is known, or a file cannot be written.
+        LidarBuildingsError if no frame is known, or a file cannot be written.
         """
         folder, problems = self._opened(), list(self._problems)
         if self.is_live:
@@ -195,12 +191,7 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
 
 def placed_inputs(folder: Path) -> list[InputFile]:
     """
-    Return a live source's clouds by name; of one that cannot be read no point is known.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the source writes them; it need not be there.
+    Return a live source's clouds by name; its folder need not be there, and unreadable ones have no points.
     """
     return [InputFile(path, _point_count(path)) for path in sorted(folder.glob(PLACED_CLOUDS))]
 

@@ -102,13 +102,8 @@ class TileGathering:
         """
         Return what is put on disk of a complete tile.
 
-        Parameters
-        ----------
-        parts : dict
-            As they were returned.
-        has_names : bool
-            Whether points must say which point of which input they are; without, those that do not are left
-            out: points of somebody else, of which there are no files.
+        Where points must have names, which point of which input they are, those that have none are left out:
+        points of somebody else, of which there are no files.
         """
         all_points = parts[self._topics[0]]
         roofs = [parts[topic] for topic in self._topics if isinstance(parts.get(topic), PointTile)]

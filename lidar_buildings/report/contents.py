@@ -56,15 +56,9 @@ class Contents:
 
 def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Share = map) -> Contents:
     """
-    Choose and read what a page shows.
+    Choose and read what a page shows; with a focus that building and what is next to it, with all its points.
 
-    Parameters
-    ----------
-    result : Result
-    focus : ReportedBuilding, optional
-        Show this one and what stands next to it, with all its points.
-    share : callable
-        As `map`; may do its jobs, the models, in other processes.
+    `share`, as `map`, may do its jobs, the models, in other processes.
     """
     every = result.buildings
     worst = [] if focus else worst_buildings(every, result.frame)

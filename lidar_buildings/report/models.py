@@ -56,23 +56,10 @@ def model_arrays(
     lines: Iterable[str], names: Sequence[str], most_triangles: int, share: Share = map
 ) -> ModelArrays:
     """
-    Divide the solids of buildings into triangles.
+    Divide the solids of buildings, from their CityJSONFeatures, into triangles.
 
-    Parameters
-    ----------
-    lines : iterable of str
-        The buildings' CityJSONFeatures.
-    names : sequence of str
-        Of the buildings, by row.
-    most_triangles : int
-        What would be more is left out, building by building.
-    share : callable
-        As `map`; may do its jobs, some buildings each, in other processes.
-
-    Raises
-    ------
-    InputError
-        If a line is no such feature.
+    Beyond the most triangles buildings are left out. `share`, as `map`, may do its jobs, some buildings each,
+    in other processes. InputError if a line is no such feature.
     """
     row_of = {name: row for row, name in enumerate(names)}
     vertices = [np.empty((0, 3), dtype=np.int32)]

@@ -54,21 +54,9 @@ def write_report(folder: Path, run: dict[str, Any] | None = None, share: Share =
     """
     Write the page of a result into its folder.
 
-    Parameters
-    ----------
-    folder : Path
-        The output folder of a run.
-    run : dict, optional
-        What ``run.json`` is to hold, where it is not written yet.
-    share : callable
-        As `map`; may do its jobs in other processes.
-
-    Raises
-    ------
-    InputError
-        If the folder holds no result that can be read.
-    OutputError
-        If the page cannot be written.
+    `run` is what ``run.json`` is to hold, where it is not written yet; `share`, as `map`, may do its jobs in
+    other processes. InputError if the folder holds no result that can be read, OutputError if the page cannot
+    be written.
     """
     path = folder / REPORT_FILE
     write_page(path, contents_of(read_result(folder, run), share=share))
@@ -231,14 +219,7 @@ def _packaged(name: str) -> str:
 
 def array_element(name: str, array: NDArray[Any]) -> str:
     """
-    Return the element that holds an array, little-endian, row by row.
-
-    Parameters
-    ----------
-    name : str
-        Ends the element's id, ``data-…``.
-    array : ndarray
-        Of whole numbers of 8, 16 or 32 bits, or float32.
+    Return the element ``data-…`` that holds an array of whole numbers or float32, little-endian, row by row.
     """
     values = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     shape = ",".join(map(str, array.shape))

@@ -38,22 +38,9 @@ class Relief:
 
 def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -> Relief:
     """
-    Read a raster of elevations, coarser where it is larger.
+    Read a raster of elevations, or what is in a box of it, coarser where it is larger.
 
-    Parameters
-    ----------
-    path : Path
-        A GeoTIFF in the source's coordinates.
-    frame : MapFrame
-    box : Box or None
-        What is wanted of it, None for all.
-    most_cells : int
-        Along the longer side.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    No more than `most_cells` along the longer side; InputError if it cannot be read.
     """
     try:
         with rasterio.open(path) as file:

@@ -105,18 +105,9 @@ class Result:
 
 def read_result(folder: Path, run: dict[str, Any] | None = None) -> Result:
     """
-    Open the output folder of a run.
+    Open the output folder of a run; InputError if it is none, in one line.
 
-    Parameters
-    ----------
-    folder : Path
-    run : dict, optional
-        What ``run.json`` is to hold, where it is not written yet.
-
-    Raises
-    ------
-    InputError
-        If it is none, in one line.
+    `run` is what ``run.json`` is to hold, where it is not written yet.
     """
     run = _record(folder) if run is None else json.loads(json.dumps(run, default=str))
     try:

@@ -61,20 +61,9 @@ def read_shown_points(
     most: int,
 ) -> ShownPoints:
     """
-    Read the points of classified clouds.
+    Read the points of classified clouds, in a box or all, thinned by their number per class to the most.
 
-    Parameters
-    ----------
-    clouds : sequence of Path
-    frame : MapFrame
-    n_per_class : mapping
-        Class → points of all clouds, by which they are thinned.
-    rows : mapping
-        Building id → its row.
-    box : Box or None
-        Where points are wanted, None for everywhere.
-    most : int
-        The budget.
+    `rows` leads from a building's id to its row.
     """
     opened = [one for one in map(open_cloud, clouds) if one.point_count and _reaches(one, frame, box)]
     n_points = sum(one.point_count for one in opened)

@@ -28,18 +28,9 @@ class ClippedTiles:
 
     def hand_on(self, stamp: int, sides: Sides, work: Callable[[], object]) -> None:
         """
-        Do the work that hands a tile on: at once if it is whole, else if there is nothing more of it.
+        Do the work that hands a tile on: if it is whole, or there is nothing more of it beyond `sides`.
 
         If there is, a larger revision of the tile comes in its place.
-
-        Parameters
-        ----------
-        stamp : int
-            The tile's key [ns].
-        sides : Sides
-            Beyond which more of it is wanted.
-        work : callable
-            What hands it on.
         """
         if not sides or not self._clipped.get_subscription_count():
             work()

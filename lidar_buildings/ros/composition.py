@@ -50,17 +50,7 @@ class Composition:
 
     def wait(self, node: StageNode, timeout: float | None = None) -> bool:
         """
-        Wait until `node` has its outcome, or any node cannot go on.
-
-        Returns
-        -------
-        bool
-            False if the time was up first.
-
-        Raises
-        ------
-        Exception
-            What kept a node from going on.
+        Wait for a node's outcome; False if the time was up first. Raises what keeps any node from going on.
         """
         end = math.inf if timeout is None else time.monotonic() + timeout
         while True:

@@ -30,14 +30,7 @@ class _Node:
 
 
 class GraphView:
-    """
-    What the nodes of one namespace said last.
-
-    Parameters
-    ----------
-    order : sequence of str
-        Names of nodes in the order in which they stand; others come after them, by name.
-    """
+    """What the nodes of one namespace said last, in an order of names; others come after these, by name."""
 
     def __init__(self, order: Sequence[str] = ()) -> None:
         self._nodes: dict[str, _Node] = {}

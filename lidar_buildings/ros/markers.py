@@ -26,14 +26,7 @@ def model_markers(
     """
     Return the edges of each building's solids as a list of lines that replaces the one shown before.
 
-    Parameters
-    ----------
-    stamp : int
-        The tile's key [ns].
-    buildings : mapping
-        Building id → its solids; one without is shown no more.
-    withdrawn : iterable of int
-        Ids of buildings that are gone.
+    A building without solids is shown no more, nor are those withdrawn.
     """
     shown = {number: [edge for solid in of for edge in _edges(solid)] for number, of in buildings.items()}
     return MarkerArray(

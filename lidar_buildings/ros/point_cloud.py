@@ -39,18 +39,7 @@ def to_message(tile: PointTile) -> PointCloud2:
 
 
 def cloud_message(stamp: int, rows: NDArray[Any], *, is_dense: bool = True) -> PointCloud2:
-    """
-    Put a table of points into a cloud.
-
-    Parameters
-    ----------
-    stamp : int
-        The tile's key [ns].
-    rows : structured ndarray of shape (height, width)
-        Packed and little-endian; a field per member.
-    is_dense : bool
-        Whether no value is NaN.
-    """
+    """Put a table of points, packed and little-endian, a field per member, into a cloud."""
     height, width = rows.shape
     message = PointCloud2(
         header=header_of(stamp),
@@ -126,15 +115,6 @@ def grid_message(stamp: int, window: RasterWindow, elevation: NDArray[np.float32
     Put a raster into a cloud of as many rows and columns, the northernmost row first.
 
     Every cell has its middle as x and y; z is NaN where the elevation is not known.
-
-    Parameters
-    ----------
-    stamp : int
-        The tile's key [ns].
-    window : RasterWindow
-        Where the cells lie in the map frame.
-    elevation : ndarray of shape (height, width)
-        In the map frame [m].
     """
     rows = np.empty(window.shape, dtype=_POINT)
     centres = window.centres(*np.indices(window.shape), (0.0, 0.0))

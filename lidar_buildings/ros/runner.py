@@ -86,19 +86,9 @@ def _wake_whenever(receiver: socket.socket, wake: Callable[[], None]) -> None:
 
 def run_node(node_class: Callable[[], StageNode], *, carries_scans: bool = False) -> int:
     """
-    Run one node until it is done or interrupted by SIGINT or SIGTERM.
+    Run one node until it is done or interrupted by SIGINT or SIGTERM; return its exit status.
 
-    Parameters
-    ----------
-    node_class : callable
-        Makes the node.
-    carries_scans : bool
-        As in `prepare_middleware`.
-
-    Returns
-    -------
-    int
-        The node's exit status, or 2 with one line on stderr where a user's mistake keeps it from running.
+    That is 2 with one line on stderr where a user's mistake keeps it from running.
     """
     interruption = Interruption()
     try:

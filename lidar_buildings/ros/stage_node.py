@@ -215,12 +215,7 @@ class StageNode(Node):
         """
         Have a tile in hand, and publish what became of it; an exception is reported and goes no further.
 
-        Parameters
-        ----------
-        stamp : int
-            The tile's key [ns].
-        quiet : bool
-            Whether nothing but an exception is reported.
+        Nothing but an exception is reported if `quiet`.
         """
         report = TileReport(stamp)
         if not quiet:

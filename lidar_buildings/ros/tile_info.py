@@ -109,16 +109,8 @@ class TileInfos:
         """
         Do the work on a tile now, or once the tile's message is there if somebody sends them.
 
-        A tile of which the last message says that it is over is dropped.
-
-        Parameters
-        ----------
-        stamp : int
-            The tile's key [ns].
-        work : callable
-            What is to be done.
-        is_promised : bool
-            Whether the tile comes from a source that sends such messages.
+        It is waited for if it is promised: the tile comes from a source that sends such messages. A tile of
+        which the last message says that it is over is dropped.
         """
         if self.is_over(stamp):
             return

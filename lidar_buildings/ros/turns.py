@@ -15,14 +15,7 @@ Turns = Generator[Callable[[Callable[[], None]], object], None, Any]
 
 
 class TurnTaking:
-    """
-    Goes on with such work in the thread of a node's executor, as that with messages.
-
-    Parameters
-    ----------
-    node : Node
-        Whose work it is.
-    """
+    """Goes on with such work in the thread of a node's executor, as that with messages."""
 
     def __init__(self, node: Node) -> None:
         self._due: deque[Turns] = deque()

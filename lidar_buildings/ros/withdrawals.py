@@ -27,12 +27,7 @@ class Withdrawals(Generic[Key]):
         """
         Return what a tile had in its revision before and has no more, in rising order.
 
-        Parameters
-        ----------
-        stamp : int
-            The tile's key [ns]; of an earlier revision than the last one nothing is withdrawn or remembered.
-        buildings : iterable
-            What names its buildings.
+        Of an earlier revision than the last one nothing is withdrawn or remembered.
         """
         tile, now = tile_of(stamp), frozenset(buildings)
         last, before = self._tiles.get(tile, (stamp, frozenset()))

@@ -17,12 +17,8 @@ def simulate_command(options: argparse.Namespace) -> int:
     """
     Make a virtual survey and say where it is.
 
-    Raises
-    ------
-    OutputError
-        If the folder holds something and may not be replaced, or cannot be written.
-    ParameterError
-        If there is no such scene, a value is out of range, or the folder is missing.
+    OutputError if the folder holds something and may not be replaced, or cannot be written; ParameterError if
+    there is no such scene, a value is out of range, or the folder is missing.
     """
     if options.output is None:
         raise ParameterError(NOWHERE)

@@ -34,17 +34,7 @@ def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], 
     """
     Give a function that writes points of a strip to a file; `classification` is 1 throughout.
 
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well.
-    frame : MapFrame
-        Of the points.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    It appears when the block ends well; OutputError if it cannot be written.
     """
     with atomic_file(path, _FAILURES) as part, open(part, "wb") as stream:
         writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=False)

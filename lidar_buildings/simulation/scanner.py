@@ -44,24 +44,10 @@ class StripPoints:
 
 def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS) -> Iterator[StripPoints]:
     """
-    Measure a scene, strip by strip.
+    Measure a scene, strip by strip, empty where a strip misses it; the same seed gives the same points.
 
     Beams are intersected exactly with the planes of roofs and walls and the ellipsoids of crowns, and by
     fixed-point iteration with the terrain. Every pulse has its own random sequence.
-
-    Parameters
-    ----------
-    scene : VirtualScene
-        What there is to be measured.
-    seed : int
-        The same seed gives the same points.
-    config : SimulationConfig
-        Flight and scanner.
-
-    Yields
-    ------
-    StripPoints
-        One per strip, empty where a strip misses the scene.
     """
     surfaces = surfaces_of(scene, config.max_scan_angle_deg)
     for strip in plan_flight(scene, config):

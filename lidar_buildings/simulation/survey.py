@@ -62,30 +62,12 @@ def simulate_survey(
     **parameters: Any,
 ) -> SurveySummary:
     """
-    Fly over a scene and write what was measured and what is true.
+    Fly over a scene and write what was measured and what is true; the same seed gives the same bytes.
 
-    Files of an earlier survey in the same folder are replaced, its surplus strips removed.
-
-    Parameters
-    ----------
-    output : Path
-        Folder, made if it is not there. Gets one LAZ file per strip, and the truth as GeoPackage and
-        CityJSONSeq.
-    scene : str
-        Name, see `make_scene`.
-    seed : int
-        The same seed gives the same bytes.
-    config : SimulationConfig
-        Flight and scanner.
-    **parameters
-        Members of `config` to be replaced, such as ``density=20``.
-
-    Raises
-    ------
-    ParameterError
-        If the scene or a parameter is unknown or out of range.
-    OutputError
-        If the folder or a file cannot be written.
+    A LAZ file per strip, and the truth as GeoPackage and CityJSONSeq; those of an earlier survey in the same
+    folder are replaced, its surplus strips removed. `parameters` replace members of `config`, such as
+    ``density=20``. ParameterError if the scene or a parameter is unknown or out of range, OutputError if the
+    folder or a file cannot be written.
     """
     begin = time.perf_counter()
     virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
@@ -118,14 +100,7 @@ def simulate_tile(
     **parameters: Any,
 ) -> tuple[PointTile, TileTruth]:
     """
-    Fly over a scene and return all points as one tile, with what is true of them.
-
-    Parameters
-    ----------
-    scene : str or VirtualScene
-        Name, see `make_scene`, or a scene of one's own.
-    seed, config, **parameters
-        As for `simulate_survey`.
+    Fly over a scene, by name or one's own, and return all points as one tile, with what is true of them.
     """
     virtual = scene if isinstance(scene, VirtualScene) else make_scene(scene, seed)
     measured = joined(list(scan(virtual, seed, _replaced(config, parameters))))

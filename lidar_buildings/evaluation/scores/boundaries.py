@@ -62,8 +62,7 @@ def distances_of_unions(
     result: shapely.Geometry, reference: shapely.Geometry, *, limits: shapely.Geometry | None = None
 ) -> BoundaryDistances:
     """
-    Measure the distances between the boundaries of what a result and a reference cover; NaN if either is
-    empty.
+    Measure the distances between the boundaries of what both sides cover; NaN if either covers nothing.
 
     Along the edge of the limits that both were cut to nothing is measured.
     """

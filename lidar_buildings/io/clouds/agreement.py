@@ -82,12 +82,7 @@ def given_system(crs: str, first: CloudExtent) -> str:
     """
     Return the name of a system that a user gives clouds which name none; `first` tells for all of them.
 
-    Raises
-    ------
-    ParameterError
-        If it is none in which their coordinates can be.
-    InputError
-        If they name another one.
+    ParameterError if it is none in which their coordinates can be, InputError if they name another one.
     """
     try:
         given = described(pyproj.CRS.from_user_input(crs))

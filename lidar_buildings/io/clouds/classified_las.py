@@ -58,31 +58,12 @@ def write_classified(
     on_chunk: Callable[[int, NDArray[Any]], None] = lambda first, points: None,
 ) -> NDArray[np.int64]:
     """
-    Write every point of the input in its order, with all its dimensions and records.
+    Write every point of the input in its order, with all its dimensions and records; return points per class.
 
     Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
-    file withholds keep their class.
-
-    Parameters
-    ----------
-    cloud : Cloud
-        The input.
-    rows : callable
-        Gives the results of a range of points.
-    path : Path
-        The output, ``.laz`` or ``.las``.
-    on_chunk : callable
-        Told, part by part, the place of the first point and the points as they are written.
-
-    Returns
-    -------
-    ndarray of shape (256,)
-        Number of points per class.
-
-    Raises
-    ------
-    InputError, OutputError
-        If the input cannot be read to its end, or the output not be written.
+    file withholds keep their class. `rows` gives the results of a range of points; `on_chunk` is told, part
+    by part, the place of the first point and the points as they are written. InputError or OutputError if the
+    input cannot be read to its end, or the output not be written.
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)

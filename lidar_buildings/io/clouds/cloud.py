@@ -81,12 +81,7 @@ class Cloud(CloudExtent):
         """
         Read points from one to another (exclusive), time and again, as `chunks` and with its errors.
 
-        Yields
-        ------
-        first : int
-            Place in the file of the first point.
-        points : ScaleAwarePointRecord
-            At most `size`.
+        Yields the place in the file of the first point, and at most `size` points.
         """
         check_unchanged(self.input_file)
         is_plain = self.raw.has_equal_chunks or all(first == 0 for first, _ in runs)

@@ -48,19 +48,9 @@ def write_copc(cloud: Cloud, path: Path) -> None:
     """
     Write a cloud's points in the order of an octree, with all dimensions and plain records.
 
-    The points go through a temporary file, cell by cell of the tree, so that memory holds those of one.
-
-    Parameters
-    ----------
-    cloud : Cloud
-        Of point format 0 to 3 or 6 to 8; the older ones become 6 or 7.
-    path : Path
-        The output; the temporary file stands beside it.
-
-    Raises
-    ------
-    InputError, OutputError
-        If the cloud has waveforms or cannot be read to its end, or the output not be written.
+    The points go through a temporary file beside it, cell by cell of the tree, so that memory holds those of
+    one. Formats 0 to 3 become 6 or 7. InputError or OutputError if the cloud has waveforms or cannot be read
+    to its end, or the output not be written.
     """
     if cloud.header.point_format.id not in _FORMATS:
         raise InputError(f"{cloud.path}: has waveforms, which COPC cannot hold: set model_writer.copc=false")

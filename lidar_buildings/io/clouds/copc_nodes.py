@@ -53,11 +53,6 @@ class CopcNodes(NamedTuple):
     def squares(self, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
         Return bounds in plan, shape (n, 2, 2), and points of nodes; those below the smallest squares as one.
-
-        Parameters
-        ----------
-        unit : float
-            Metres in a unit of the source.
         """
         deepest = max(0, int(np.log2(max(self.side * unit / _SQUARE, 1.0))))
         below = np.maximum(self.level - deepest, 0)
@@ -99,19 +94,8 @@ def runs_touching(cloud: CloudExtent, bounds: Sequence[float]) -> list[tuple[int
     """
     Return which points of a file have to be read for those in bounds, as first ones and ends of runs.
 
-    Of COPC these are the nodes that touch the bounds, of others all.
-
-    Parameters
-    ----------
-    cloud : CloudExtent
-        The file.
-    bounds : sequence of four float
-        West, south, east and north, in source coordinates.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Of COPC these are the nodes that touch west, south, east and north, of others all. InputError if the file
+    cannot be read.
     """
     if not cloud.point_count or (cloud.maxs[:2] < bounds[:2]).any() or (cloud.mins[:2] > bounds[2:]).any():
         return []

@@ -36,24 +36,9 @@ def fetched(inputs: Sequence[str], folder: Path, bounds: Sequence[float] | None)
     """
     Fetch inputs that are elsewhere, or cut all to bounds; what is there from an earlier time is kept.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Files, folders, globs, URLs. Without bounds those here, and what cannot be fetched, stay as they are.
-    folder : Path
-        Where files are put, each in a folder of its own.
-    bounds : sequence of four float, optional
-        West, south, east and north of the points that are wanted, in source coordinates.
-
-    Returns
-    -------
-    dict of str to str
-        Input → where it came from, in the order of the inputs.
-
-    Raises
-    ------
-    InputError, OutputError
-        If there are bounds and an input cannot be read or none has points there, or a file not be written.
+    Each goes into a folder of its own; without bounds those here, and what cannot be fetched, stay as they
+    are. Returned is input → where it came from. InputError or OutputError if there are bounds (west, south,
+    east, north) and an input cannot be read or none has points there, or a file not be written.
     """
     sources = [file for one in inputs for file in _files_of(one, is_whole=bounds is None)]
     with ThreadPoolExecutor(_AT_ONCE) as threads:
@@ -125,24 +110,9 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
     """
     Write the points in bounds as LAZ, in their order, with all dimensions and the records that still hold.
 
-    Parameters
-    ----------
-    cloud : Cloud
-        Of COPC only the chunks that touch the bounds are read.
-    bounds : sequence of four float
-        West, south, east and north, in source coordinates; points on them are within.
-    path : Path
-        The output.
-
-    Returns
-    -------
-    int
-        How many points were written.
-
-    Raises
-    ------
-    InputError, OutputError
-        If the cloud has waveforms or cannot be read, or the output not be written.
+    Points on the bounds (west, south, east, north) are within; of COPC only the chunks that touch them are
+    read. Returns how many there were. InputError or OutputError if the cloud has waveforms or cannot be read,
+    or the output not be written.
     """
     if cloud.header.point_format.id in _WITH_WAVEFORMS:
         raise InputError(f"{cloud.path}: has waveforms: cut it with another tool, or leave out --bounds")

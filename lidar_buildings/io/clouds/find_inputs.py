@@ -20,22 +20,10 @@ _Opened = TypeVar("_Opened")
 
 def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
     """
-    Expand files, folders and globs to the files they name, each once.
+    Expand files, folders and globs to the files they name, each once, in the order given.
 
-    Parameters
-    ----------
-    inputs : path or iterable of paths
-        Files are taken as they are, of folders the LAS and LAZ files directly in them, by name.
-
-    Returns
-    -------
-    list of Path
-        In the order given; the files of a folder or glob sorted by name.
-
-    Raises
-    ------
-    InputError
-        If something is missing, or a folder or glob holds no cloud.
+    Of folders the LAS and LAZ files directly in them, by name. InputError if something is missing, or a
+    folder or glob holds no cloud.
     """
     files, problems = search_inputs(inputs)
     if problems:
@@ -49,17 +37,7 @@ def search_inputs(
     """
     Find files as `find_inputs`; what is missing does not keep the others from it.
 
-    Returns
-    -------
-    files : list of Path
-        What was found.
-    problems : list of str
-        One line for each input that names nothing.
-
-    Raises
-    ------
-    InputError
-        If nothing was found.
+    Beside them one line for each input that names nothing; InputError if nothing was found.
     """
     named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not named:
@@ -120,17 +98,7 @@ def open_each(
     """
     Open files as `search_inputs` finds them; what cannot be read does not keep the others from it.
 
-    Returns
-    -------
-    opened : list
-        What `open_one` made of the readable files, in their order.
-    problems : list of str
-        One line for each other.
-
-    Raises
-    ------
-    InputError
-        If none can be read.
+    Beside what `open_one` made of them one line for each other; InputError if none can be read.
     """
     opened: list[_Opened] = []
     paths, problems = search_inputs(inputs)

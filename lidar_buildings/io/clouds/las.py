@@ -82,17 +82,8 @@ def open_inputs(
     """
     Open files, folders and globs, copies once; what is unreadable does not keep the others from it.
 
-    Returns
-    -------
-    clouds : list of Cloud
-        The readable ones, in the order given: a point's `source` is its file's place in this list.
-    problems : list of str
-        One line for each other.
-
-    Raises
-    ------
-    InputError
-        If none can be read.
+    A point's `source` is its file's place in the list returned; beside it one line for each other file.
+    InputError if none can be read.
     """
     clouds, problems = open_each(inputs, open_cloud)
     return without_copies(clouds), problems
@@ -143,19 +134,9 @@ def chunks_within(
     cloud: Cloud, bounds: Sequence[float]
 ) -> Iterator[tuple[NDArray[np.int64], laspy.ScaleAwarePointRecord]]:
     """
-    Read the points in bounds (west, south, east, north) in file order, some at a time.
+    Read the points in or on bounds (west, south, east, north) in file order, some at a time.
 
-    Yields
-    ------
-    rows : ndarray of shape (n,)
-        Their places in the file.
-    points : ScaleAwarePointRecord
-        The points; those on the bounds are within.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Yields their places in the file and them; InputError if it cannot be read.
     """
     low, high = np.array(bounds, dtype=np.float64).reshape(2, 2)
     for first, chunk in cloud.runs(runs_touching(cloud, bounds)):

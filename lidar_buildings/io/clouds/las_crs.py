@@ -59,19 +59,10 @@ class SourceCrs:
 
 def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) -> SourceCrs:
     """
-    Read the reference system from a file's records.
+    Read the reference system from a file's plain and extended records; `label` names it in the log.
 
-    A record that cannot be understood is no reason to refuse the points: it is logged, and the other kind
-    of record or an unknown system in metres takes its place.
-
-    Parameters
-    ----------
-    records : sequence of RawRecord
-        The file's plain and extended records.
-    prefer_wkt : bool
-        Whether WKT counts where both kinds are there.
-    label : str
-        The file, for the log.
+    A record that cannot be understood is no reason to refuse the points: it is logged, and the other kind of
+    record or an unknown system in metres takes its place.
     """
     readers = [(_WKT, _from_wkt), (_GEO_KEYS, _from_geo_keys)]
     for record_id, reader in readers if prefer_wkt else reversed(readers):
@@ -91,14 +82,7 @@ def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) ->
 
 
 def vertical_crs(records: Sequence[RawRecord]) -> Any:
-    """
-    Return the vertical reference system that a file states, as pyproj has it; None if it states none.
-
-    Parameters
-    ----------
-    records : sequence of RawRecord
-        The file's plain and extended records.
-    """
+    """Return the vertical reference system that a file states, as pyproj has it; None if it states none."""
     for record in records:
         try:
             found = None

@@ -58,15 +58,9 @@ def nodes_of(codes: NDArray[np.int64], depth: int) -> Iterator[tuple[Node, NDArr
     """
     Yield the nodes of points of one cell of the tree, or of some of it, and the rows of each.
 
-    From the root down each node takes a point of each of its cells, the one with the lowest code; where few
-    are left, all of them.
-
-    Parameters
-    ----------
-    codes : ndarray of int64, shape (n_points,)
-        Morton codes of all points of a node at the level `depth`.
-    depth : int
-        Nodes above may have further points elsewhere, and are no leaves.
+    From the root down each node takes a point of each of its cells, the one with the lowest Morton code at
+    the level `depth`; where few are left, all of them. Nodes above may have further points elsewhere, and are
+    no leaves.
     """
     order = np.argsort(codes, kind="stable")
     left, levels = codes[order], np.full(len(codes), DEEPEST)

@@ -21,19 +21,9 @@ def atomic_file(
     """
     Give a temporary name in the file's own folder, and rename it to `path` when the block ends well.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its folder must be there.
-    failures : tuple of exception classes
-        What the block's writer raises when it cannot write.
-    has_rivals : bool
-        Whether another process may write the same file at the same time: the last one's stays.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; nothing is left behind, and what stood under `path` is untouched.
+    `failures` are what the block's writer raises when it cannot write. With rivals another process may write
+    the same file at the same time: the last one's stays. OutputError if it cannot be written; nothing is left
+    behind, and what stood under `path` is untouched.
     """
     # the ending stays, since some drivers go by it
     own = f".{uuid.uuid4().hex}" if has_rivals else ""
@@ -54,15 +44,7 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     """
     Give a new folder under a temporary name, and put it in the place of `path` when the block ends well.
 
-    Parameters
-    ----------
-    path : Path
-        The folder; the one above it must be there.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; nothing is left behind, and what stood under `path` is untouched.
+    OutputError if it cannot be written; nothing is left behind, and what stood under `path` is untouched.
     """
     temporary, former = (path.with_name(f".{path.name}.{ending}") for ending in ("part", "former"))
     try:

@@ -36,15 +36,10 @@ def captured_panics() -> AbstractContextManager[None]:
 @contextmanager
 def captured_stderr(drops: Callable[[BaseException], bool]) -> Iterator[None]:
     """
-    Capture standard error during a block, and print it at its end unless the block raised such an error.
+    Capture standard error during a block, and print it at its end unless the block raised what `drops` names.
 
     Compiled code bypasses `sys.stderr`, so the file descriptor itself is redirected: briefly, since it
     belongs to the whole process.
-
-    Parameters
-    ----------
-    drops : callable
-        Whether what was printed before an error is to be dropped.
     """
     with _one_redirection, tempfile.TemporaryFile() as captured:
         try:

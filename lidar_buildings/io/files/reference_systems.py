@@ -96,20 +96,8 @@ def reprojected(geometries: NDArray[Any], source: str, target: str, label: str) 
     """
     Transform geometries in the plane; x stands before y, longitude before latitude, whatever the systems say.
 
-    Vertices outside the area that the systems know become infinite.
-
-    Parameters
-    ----------
-    geometries : ndarray of shapely geometries
-    source, target : str
-        EPSG codes or WKT texts.
-    label : str
-        The file, for the error.
-
-    Raises
-    ------
-    InputError
-        If there is no way from one system to the other.
+    Vertices outside the area that the systems know become infinite. InputError, naming the file, if there is
+    no way from one system to the other.
     """
     try:
         one, other = horizontal_part(source), horizontal_part(target)

@@ -11,14 +11,7 @@ Item = TypeVar("Item")
 
 
 class Waiting(Generic[Key, Item]):
-    """
-    Keeps things in a file, and in memory the place of each.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing and reading.
-    """
+    """Keeps things in a binary file, open for writing and reading, and in memory the place of each."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

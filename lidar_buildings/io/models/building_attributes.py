@@ -61,17 +61,7 @@ def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, An
     """
     Return a building's attributes with lengths and elevations as the source measures them.
 
-    Parameters
-    ----------
-    attributes : dict
-        In metres, elevations in the map frame.
-    frame : MapFrame
-        Where the map frame lies, and the source's units.
-
-    Returns
-    -------
-    dict
-        The same names in the same order; numbers that are not finite become None.
+    Numbers that are not finite become None.
     """
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
 
@@ -81,13 +71,6 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
     Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`.
 
     In the source's coordinates and units the face's plane is z = plane_a x + plane_b y + plane_c.
-
-    Parameters
-    ----------
-    rings : sequence of ndarray of shape (n_vertices, 3)
-        The exterior and the holes in the map frame [m].
-    frame : MapFrame
-        Where the map frame lies, and the source's units.
     """
     return in_source_units(face_shape(rings)._asdict(), frame) | _plane(rings, frame)
 

@@ -40,19 +40,9 @@ def header_line(
     """
     Return the first line of a CityJSONSeq: version, transform and metadata.
 
-    The reference system is left out where no EPSG code is known, since CityJSON has no other way to name it.
-
-    Parameters
-    ----------
-    frame : MapFrame
-        Where the map frame lies.
-    crs : str
-        The frame's reference system together with a vertical one, where that is known; of a pair that has no
-        code the horizontal one is named.
-    extent : ndarray of shape (2, 3), optional
-        Least and greatest coordinates of all buildings in the map frame [m].
-    title : str
-        What the model is of.
+    The reference system, the frame's together with a vertical one, is left out where no EPSG code is known,
+    since CityJSON has no other way to name it; of a pair that has no code the horizontal one is named.
+    `extent` is of all buildings in the map frame [m].
     """
     translate = frame.to_source(np.zeros((1, 3)))[0]
     header: dict[str, Any] = {
@@ -90,25 +80,10 @@ def feature_line(
     anchor: tuple[float, float],
 ) -> str:
     """
-    Return one building's line.
+    Return one building's line, without line break.
 
-    Parameters
-    ----------
-    model : BuildingModel
-        Its solids; a building without any still gets its line, without geometry.
-    building_id : int
-        Written as an attribute of this name.
-    frame : MapFrame
-        Where the map frame lies.
-    attributes : dict
-        In metres and in the map frame; written in the source's units, sorted by name.
-    anchor : tuple of two float
-        The anchor point's x and y in the map frame [m], from which the feature's id is made.
-
-    Returns
-    -------
-    str
-        Without a line break.
+    A building without any solid still gets its line, without geometry. Attributes, in metres and in the map
+    frame, are written in the source's units, sorted by name; the feature's id is made from the anchor.
     """
     name = feature_id(anchor, frame)
     vertices: dict[tuple[int, int, int], int] = {}

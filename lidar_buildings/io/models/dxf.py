@@ -46,19 +46,8 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     """
     Give a function that adds a building's outline, finest solid and roof's lines, or terrain, to a drawing.
 
-    Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory.
-
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well.
-    frame : MapFrame
-        Of the buildings.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory. The file
+    appears when the block ends well; OutputError if it cannot be written.
     """
     around = dxf_frame(frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:

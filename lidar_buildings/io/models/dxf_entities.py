@@ -54,19 +54,7 @@ class DxfEntities:
         self.next_handle = first_handle
 
     def face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
-        """
-        Return a face of three or four corners.
-
-        Parameters
-        ----------
-        layer : str
-        corners : sequence of CornerText
-            In one plane.
-        data : str
-            What `extended_data` returns.
-        hidden : sequence of bool
-            Whether the edge from each corner to the next is not drawn; empty if all are.
-        """
+        """Return a face of three or four corners in one plane; edges to the next corner may be `hidden`."""
         # three corners are written as four, of which the last two are one
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[:3]
         dx, dy, dz = corners[-1]
@@ -90,19 +78,10 @@ class DxfEntities:
         data: str,
     ) -> str:
         """
-        Return a closed polyline of lines and arcs in a horizontal plane.
+        Return a closed polyline of lines and arcs in a horizontal plane, its corners open.
 
-        Parameters
-        ----------
-        layer : str
-        corners : sequence of CornerText
-            Open.
-        bulges : sequence of float
-            Of the segment from each corner to the next: tangent of a quarter of its angle, 0 for a line.
-        elevation : float
-            Of the plane.
-        data : str
-            What `extended_data` returns.
+        A bulge is the tangent of a quarter of a segment's angle, 0 for a line; `data` is what `extended_data`
+        returns.
         """
         places = "".join(
             f" 10\n{x}\n 20\n{y}\n" + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
@@ -167,14 +146,7 @@ class DxfFrame(NamedTuple):
 
 
 def dxf_frame(metres_per_unit: float) -> DxfFrame:
-    """
-    Return the frame of a drawing, the same at any time.
-
-    Parameters
-    ----------
-    metres_per_unit : float
-        Of the coordinates; units that drawings have no number for stay unnamed.
-    """
+    """Return the frame of a drawing, the same at any time; units that have no number stay unnamed."""
     unit, metric = next(
         (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
     )

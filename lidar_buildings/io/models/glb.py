@@ -43,23 +43,10 @@ def corners_of(
     places: NDArray[np.float64], triangles: NDArray[np.intp], colours: NDArray[np.uint8], feature: int = 0
 ) -> NDArray[Any]:
     """
-    Return the corners of triangles; those without area are left out.
+    Return the corners of triangles, `CORNER`, right, up and back as glTF has its axes.
 
-    Parameters
-    ----------
-    places : ndarray of shape (n_vertices, 3)
-        East, north and up [m].
-    triangles : ndarray of shape (n_triangles, 3)
-        Rows of the places, counter-clockwise from outside.
-    colours : ndarray of shape (n_triangles, 3)
-        Linear red, green and blue.
-    feature : int
-        Row of their building in the table of attributes.
-
-    Returns
-    -------
-    ndarray of `CORNER`, three a triangle
-        Right, up and back, as glTF has its axes.
+    Places are east, north and up [m], colours linear; `feature` is the row of their building in the table of
+    attributes. Triangles without area are left out.
     """
     soup = places[triangles]
     normals = np.cross(soup[:, 1] - soup[:, 0], soup[:, 2] - soup[:, 0])
@@ -101,16 +88,10 @@ def glb(
     rows: Sequence[Mapping[str, Any]],
 ) -> bytes:
     """
-    Return a file's content.
+    Return a file's content: triangles of buildings and of the terrain, either of which may be empty.
 
-    Parameters
-    ----------
-    buildings, terrain : ndarray of `CORNER`
-        Triangles of buildings, and of the terrain, which has no attributes; either may be empty.
-    fields : mapping
-        Attribute of a building → int, float or str.
-    rows : sequence of mapping
-        The buildings' attributes, in the order of their features.
+    `fields` says which attributes are int, float or str; rows come in the order of the features. The terrain
+    has none.
     """
     buffer = _Buffer()
     accessors: list[dict[str, Any]] = []

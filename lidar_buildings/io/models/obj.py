@@ -31,19 +31,8 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     """
     Give a function that adds a building's finest solid, or terrain, to an OBJ file; its materials go beside.
 
-    Solids are closed as meshes, too: triangles share their vertices, and neighbours their edges.
-
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well, and so does the file of materials of the same name in ``.mtl``.
-    frame : MapFrame
-        Of the buildings.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    Solids are closed as meshes, too: triangles share their vertices, and neighbours their edges. Both files
+    appear when the block ends well; OutputError if one cannot be written.
     """
     materials = path.with_suffix(".mtl")
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:

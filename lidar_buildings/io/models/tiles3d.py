@@ -81,19 +81,8 @@ def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBu
     """
     Give a function that adds a building's finest solid, or terrain, to a tileset.
 
-    Meshes wait in a temporary file, so that memory holds one square's at a time.
-
-    Parameters
-    ----------
-    path : Path
-        The folder with ``tileset.json``; it appears when the block ends well.
-    earth : EarthFrame
-        Where the map frame lies.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    Meshes wait in a temporary file, so that memory holds one square's at a time. The folder appears when the
+    block ends well; OutputError if a file cannot be written.
     """
     with atomic_folder(path) as folder, TemporaryFile(dir=folder) as spool:
         meshes: Waiting[_Node, _Mesh] = Waiting(spool)

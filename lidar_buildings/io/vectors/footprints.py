@@ -56,18 +56,9 @@ def read_footprints(source: FootprintSource, frame: MapFrame) -> FootprintFile:
     """
     Read footprints into the map frame: transformed, repaired, and numbered.
 
-    A file that several nodes of a process ask for is read once.
-
-    Parameters
-    ----------
-    source : FootprintSource
-    frame : MapFrame
-        Of the clouds. Where they or the file name no reference system, both are taken to be in the same one.
-
-    Raises
-    ------
-    InputError
-        If the file holds no polygons, or it is not clear which layer or column is meant.
+    A file that several nodes of a process ask for is read once. Where clouds or the file name no reference
+    system, both are taken to be in the same one. InputError if the file holds no polygons, or it is not clear
+    which layer or column is meant.
     """
     if not source.path.exists():
         raise InputError(f"{source.path}: no such file: check the path of the footprints")
@@ -107,20 +98,9 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
 
 def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float], frame: MapFrame) -> None:
     """
-    Refuse footprints that are all somewhere else than the clouds.
+    Refuse footprints that are all somewhere else than the clouds, whose bounds are in their own coordinates.
 
-    Parameters
-    ----------
-    file : FootprintFile
-    bounds : tuple of four float
-        West, south, east and north limit of all clouds, in their own coordinates.
-    frame : MapFrame
-        Of the clouds.
-
-    Raises
-    ------
-    InputError
-        If no footprint reaches into the clouds' extent; it names both extents.
+    InputError if none reaches into the clouds' extent; it names both extents.
     """
     of_all = np.concatenate(
         [file.footprints.bounds[:, :2].min(axis=0), file.footprints.bounds[:, 2:].max(axis=0)]

@@ -55,17 +55,7 @@ def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], No
     """
     Give a function that adds a layer to a file, or geometries to a layer that is there.
 
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well.
-    crs : str
-        ``"EPSG:28992"``, a WKT text, or empty if unknown.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    The file appears when the block ends well; OutputError if it cannot be written.
     """
     counts: dict[str, int] = {}
     with atomic_file(path, has_rivals=True) as temporary:

@@ -31,19 +31,8 @@ def geoparquet_file(path: Path, first: VectorLayer, crs: str) -> Iterator[Callab
     """
     Give a function that adds a portion of a layer to a file.
 
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well.
-    first : VectorLayer
-        Tells the fields and the kind of geometries; its rows are not written.
-    crs : str
-        ``"EPSG:28992"``, a WKT text, or empty if unknown.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    `first` tells the fields and the kind of geometries; its rows are not written. The file appears when the
+    block ends well; OutputError if it cannot be written.
     """
     import pyarrow.parquet  # an extra
 

@@ -55,19 +55,9 @@ def read_polygons(path: Path, layer: str = "") -> tuple[NDArray[np.object_], dic
     """
     Read the polygons of a layer one by one: the one that is named, else `outlines`, else the first with any.
 
-    Returns
-    -------
-    polygons : ndarray of shapely.Polygon
-        The parts of a multi-polygon stand one by one; features without polygon are left out.
-    attributes : dict of str to ndarray
-        One value per polygon.
-    crs : str
-        As GDAL names it, empty if unknown.
-
-    Raises
-    ------
-    InputError
-        If the file or the layer is not there or cannot be read.
+    The parts of a multi-polygon stand one by one, each with its attributes; features without polygon are left
+    out. The reference system is as GDAL names it, empty if unknown. InputError if the file or the layer is
+    not there or cannot be read.
     """
     if not layer:
         names = _with_polygons(path, _layers(path))

@@ -34,16 +34,8 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
     """
     Return the building that a name means, or a place in the map frame [m] where there is none.
 
-    Parameters
-    ----------
-    result : Result
-    name : str
-        A building's readable id or the end of it, its number, the name of its footprint; or X,Y.
-
-    Raises
-    ------
-    InputError
-        If no building or several are called so.
+    A name is a building's readable id or the end of it, its number, the name of its footprint, or X,Y.
+    InputError if no building or several are called so.
     """
     found = [
         one

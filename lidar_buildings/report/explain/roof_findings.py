@@ -216,18 +216,7 @@ def _grouped(points: NDArray[np.float64], spacing: float) -> Iterator[tuple[floa
 
 
 def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
-    """
-    Yield the kinds of roof lines of a building with their number and length.
-
-    Parameters
-    ----------
-    path : Path
-        The GeoPackage.
-    name : str
-        The building's readable id.
-    unit : float
-        Metres per unit of length.
-    """
+    """Yield the kinds of roof lines of a building with their number and length."""
     if _LAYER not in {str(layer) for layer, _ in pyogrio.list_layers(path)}:
         return
     columns = read_layer(path, _LAYER).columns

@@ -34,12 +34,8 @@ def write_picture(path: Path, parts: Sequence[Coloured], eye: str) -> None:
     """
     Draw parts into a PNG or JPEG file.
 
-    Raises
-    ------
-    LidarBuildingsError
-        If Open3D, or what it draws with, is not there, in one line.
-    OutputError
-        If the file cannot be written.
+    LidarBuildingsError if Open3D, or what it draws with, is not there, in one line; OutputError if the file
+    cannot be written.
     """
     open3d = _open3d()
     image = open3d.geometry.Image(picture_of(parts, eye))
@@ -65,19 +61,8 @@ def open_window(parts_of: Callable[[str, str], Sequence[Coloured]], shown: tuple
     """
     Show parts in a window until it is closed; M and G give models and points their next colours.
 
-    Parameters
-    ----------
-    parts_of : callable
-        Gives what is drawn by the colours of roofs and of points.
-    shown : tuple of two str
-        The first colours.
-    eye : str
-        One of `SIDES`, or `ABOVE`.
-
-    Raises
-    ------
-    LidarBuildingsError
-        If there is no display, or no Open3D.
+    `parts_of` gives what is drawn by the colours of roofs and of points. LidarBuildingsError if there is no
+    display, or no Open3D.
     """
     open3d = _open3d()
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
@@ -163,23 +148,9 @@ def _look(window: Any, parts: Sequence[Coloured], eye: str, size: tuple[int, int
 
 def camera_of(places: NDArray[np.float64], eye: str, size: tuple[int, int]) -> tuple[float, NDArray[Any]]:
     """
-    Put a camera as near as it sees all places.
+    Put a camera as near as it sees all places, from one of `SIDES` or `ABOVE`.
 
-    Parameters
-    ----------
-    places : ndarray of shape (n, 3)
-        Map frame [m].
-    eye : str
-        One of `SIDES`, or `ABOVE`.
-    size : tuple of two int
-        Width and height of the picture [pixels].
-
-    Returns
-    -------
-    focal : float
-        Focal length [pixels].
-    extrinsic : ndarray of shape (4, 4)
-        Map frame → right, down and ahead of the camera.
+    Returned are the focal length [pixels] and the matrix map frame → right, down and ahead of the camera.
     """
     azimuth, tilt = np.deg2rad(_EYES[eye])
     to_eye = np.array([np.sin(azimuth) * np.cos(tilt), np.cos(azimuth) * np.cos(tilt), np.sin(tilt)])

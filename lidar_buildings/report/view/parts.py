@@ -36,17 +36,7 @@ class Coloured(NamedTuple):
 
 
 def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
-    """
-    Return what is drawn: models and points, and where there are no points the terrain.
-
-    Parameters
-    ----------
-    contents : Contents
-    roofs : str
-        One of `OF_ROOFS`, or `NOTHING` for no models.
-    points : str
-        One of `OF_POINTS`, or `NOTHING`.
-    """
+    """Return what is drawn: models and points, and where there are no points the terrain."""
     types = [str(one.attributes.get("roof_type") or "unknown") for one in contents.buildings]
     parts = [] if roofs == NOTHING else models_of(contents.models, types, roofs)
     if points != NOTHING:
@@ -60,17 +50,7 @@ def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
 
 
 def models_of(arrays: ModelArrays, types: Sequence[str], by: str) -> list[Coloured]:
-    """
-    Return the finest solid of each building, and its edges.
-
-    Parameters
-    ----------
-    arrays : ModelArrays
-    types : sequence of str
-        Roof type of each building.
-    by : str
-        What roofs are coloured by, one of `OF_ROOFS`.
-    """
+    """Return the finest solid of each building, and its edges."""
     triangles, rows = _finest(arrays)
     corners = (arrays.vertices * GRID)[arrays.triangles[triangles]]
     kinds, normals = arrays.kinds[triangles], _normals(corners)

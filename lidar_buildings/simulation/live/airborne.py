@@ -54,22 +54,10 @@ def fly(
     pulse_rate: float | None = None,
 ) -> MovingSurvey:
     """
-    Fly over a scene with a scanner of this pulse rate.
+    Fly over a scene with a scanner of this pulse rate, or what `config.ground_speed` makes it.
 
     The pulses are those of `scan`, so that a file of the same points can be had from their truth; the flight
-    is as fast as the pulse rate makes it at the density asked for.
-
-    Parameters
-    ----------
-    scene, seed, config
-        As for `scan`.
-    pulse_rate : float or None
-        Pulses a second; None for what `config.ground_speed` makes it.
-
-    Raises
-    ------
-    ParameterError
-        If the pulse rate is not above 0.
+    is as fast as the pulse rate makes it at the density asked for. ParameterError if that is not above 0.
     """
     if pulse_rate is not None and not pulse_rate > 0:
         raise ParameterError(f"pulse rate = {pulse_rate}: must be above 0 [1/s]")

@@ -87,23 +87,7 @@ DEFAULTS = VehicleConfig()
 
 
 def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) -> MovingSurvey:
-    """
-    Drive once along each street of a scene.
-
-    Parameters
-    ----------
-    scene : VirtualScene
-        What there is to be measured.
-    seed : int
-        The same seed gives the same points.
-    config : VehicleConfig
-        Vehicle and scanner.
-
-    Raises
-    ------
-    ParameterError
-        If the scene has no street.
-    """
+    """Drive once along each street of a scene; ParameterError if it has none."""
     if not scene.roads:
         raise ParameterError(f"scene = {scene.name!r}: has no street to drive on")
     legs: list[Leg] = []
