@@ -7,8 +7,8 @@ Write the drawing without entities that stands around those of every DXF file, m
 import ezdxf
 
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, LEVELS, LINES, OUTLINE, TERRAIN, layer_name
-from lidar_buildings.io.models.dxf_entities import EMPTY
+from lidar_buildings.io.models.dxf import COURTYARD, LINES, OUTLINE, TERRAIN, layer_name
+from lidar_buildings.io.models.dxf_entities import APPLICATION, EMPTY
 
 #: AutoCAD 2000: the oldest version with light polylines and units, which everything reads.
 VERSION = "R2000"
@@ -22,7 +22,7 @@ def main() -> None:
     drawing = ezdxf.new(VERSION, units=6)
     drawing.header["$MEASUREMENT"] = 1
     drawing.appids.add(APPLICATION)
-    layers = {layer_name(level, kind): COLOURS[kind] for level in LEVELS for kind in COLOURS}
+    layers = {layer_name(level, kind): COLOURS[kind] for level in ("1.2", "1.3", "2.2") for kind in COLOURS}
     layers |= {OUTLINE: 7, COURTYARD: 7, TERRAIN: 94} | {name: 2 + k for k, name in enumerate(LINES.values())}
     for name, colour in layers.items():
         drawing.layers.add(name, color=colour)

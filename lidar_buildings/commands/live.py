@@ -118,7 +118,7 @@ def _watch(
         if time.monotonic() < next_time:
             continue
         next_time = time.monotonic() + _TELL
-        line = f"{_come(source)}; {source.progress.n_done} tiles done"
+        line = f"{_come(source)}; {source.n_done} tiles done"
         if writer.n_clouds_left:
             line += f"; {writer.n_clouds_left} classified clouds to write"
         if line != told:

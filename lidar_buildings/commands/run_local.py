@@ -130,37 +130,17 @@ def process_tiles(
     config: PipelineConfig,
     until: str,
     progress: Callable[[int, TilesDone], None],
-    rasters: RasterConfig | None = None,
-    footprints: Footprints | None = None,
-    pool: BuildingPool | TileCluster | None = None,
-    earlier: EarlierBuildings | None = None,
+    rasters: RasterConfig,
+    footprints: Footprints | None,
+    pool: BuildingPool | TileCluster,
+    earlier: EarlierBuildings | None,
 ) -> Processed:
     """
     Take every tile of a source to disk.
 
-    Each tile is done by one of the pool's processes while this one reads on; of a tile that is alone
-    the others share the buildings.
-
-    Parameters
-    ----------
-    source : TileSource
-        Where tiles come from; finished ones are skipped by it.
-    folder : OutputFolder
-        Where they go.
-    config : PipelineConfig
-        Of all stages.
-    until : str
-        The last stage.
-    progress : callable
-        Told the number of finished tiles, and what they hold, after each.
-    rasters : RasterConfig, optional
-        Of the rasters.
-    footprints : Footprints, optional
-        Outlines to use instead of tracing.
-    pool : BuildingPool or TileCluster, optional
-        The processes; everything is done here, tile after tile, without.
-    earlier : EarlierBuildings, optional
-        Those of the state of the survey that is brought up to date.
+    Each tile is done by one of the pool's processes while this one reads on; of a tile that is alone the
+    others share the buildings. `progress` is told the number of finished tiles, and what they hold, after
+    each; `earlier` is of the state of a survey that is brought up to date.
     """
     seconds: Counter[str] = Counter()
     failed: dict[int, str] = {}
@@ -184,18 +164,17 @@ def process_tiles(
             so_far = TilesDone(*map(sum, zip(so_far, found, strict=True)))
             progress(n_done, so_far)
 
-    processes = pool or BuildingPool(0)
-    how = {} if isinstance(processes, BuildingPool) else {"is_soon": True}
+    how = {} if isinstance(pool, BuildingPool) else {"is_soon": True}
     for tile in source.ready():
         path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
         before = None if earlier is None else earlier.within(tile.core)
-        work = TileWork(tile.alone(), path, config, until, rasters or RasterConfig(), near, before)
-        answer = processes.submit(done, work, **how)
+        work = TileWork(tile.alone(), path, config, until, rasters, near, before)
+        answer = pool.submit(done, work, **how)
         waiting[answer] = work
         answer.add_done_callback(answered.put)
         while len(waiting) > _AHEAD or not answered.empty():
             finish()
-    if processes.n_alive:
+    if pool.n_alive:
         folder.load_writers()
         importlib.import_module("lidar_buildings.report.page_file")
     while waiting:

@@ -94,11 +94,11 @@ def _outcome(composition, nodes, is_quiet: bool) -> RunOutcome:
     """Show the progress until the writer has its outcome."""
     player: TilePlayer = nodes["tile_player"]
     writer = nodes["model_writer"]
-    with progress_bar(lambda: player.progress.n_tiles, is_quiet=is_quiet) as show:
+    with progress_bar(lambda: player.tiles.tile_count, is_quiet=is_quiet) as show:
         is_over = False
         while not is_over:
             is_over = composition.wait(writer, timeout=_TICK)
             done = TilesDone(*(writer.summary.total(of) for of in ("tiles_out", "points_out", "buildings")))
-            show(player.progress.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
+            show(player.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
     recording = nodes["recorder"].recording if "recorder" in nodes else None
     return RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)

@@ -2,40 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 
 
-class Progress(NamedTuple):
-    """How far a source is."""
-
-    n_done: int
-    n_failed: int
-    n_tiles: int
-
-
 class TileQueue(Protocol):
-    """
-    Where tiles come from.
+    """Where tiles come from."""
 
-    Attributes
-    ----------
-    error : Exception or None
-        Why no more come.
-    is_exhausted : bool
-        Whether all have been made, though perhaps not all taken.
-    tile_count : int
-        How many there are, as far as is known.
-    """
-
-    error: Exception | None
-    is_exhausted: bool
+    error: Exception | None  #: why no more come
+    is_exhausted: bool  #: whether all have been made, though perhaps not all taken
 
     @property
     def tile_count(self) -> int:
-        """Number of tiles."""
+        """Number of tiles, as far as is known."""
 
     def take(self) -> PointTile | None:
         """Return the next tile, None if none is ready."""

@@ -15,7 +15,7 @@ from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
-from lidar_buildings.nodes.tile_queue import Progress, TileQueue
+from lidar_buildings.nodes.tile_queue import TileQueue
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.letterbox import Letterbox
@@ -100,11 +100,9 @@ class TileSender(StageNode):
         """Called whenever no tile is left to send or to wait for."""
 
     @property
-    def progress(self) -> Progress:
-        """
-        How many tiles are done, given up, and there in all (an estimate until everything has been read).
-        """
-        return Progress(len(self._done), len(self._failed), self.tiles.tile_count)
+    def n_done(self) -> int:
+        """Number of tiles that are done."""
+        return len(self._done)
 
     def on_timer(self) -> None:
         """Let time go on, and send what is due."""

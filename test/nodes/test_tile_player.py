@@ -121,7 +121,7 @@ def test_every_point_comes_once_as_a_core_point(play):
     wait_until(lambda: end.survey_done)
     assert n_core(end.received) == 3000
     assert len(end.received) == len({tile.stamp for tile in end.received}) == 5
-    assert player.progress == (5, 0, 5)
+    assert (player.n_done, player.tiles.tile_count) == (5, 5)
     names = {(int(s), int(i)) for tile in end.received for s, i in zip(tile.source, tile.index, strict=True)}
     assert len(names) == 3000
 
@@ -199,7 +199,7 @@ def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play_slowly):
     let_a_day_pass(player)
     assert len(player._resent) == 0
     stage.let_go.set()
-    wait_until(lambda: player.progress.n_done == 5)
+    wait_until(lambda: player.n_done == 5)
     assert sorted(Counter(stage.taken).values()) == [1] * 5
 
 
@@ -211,7 +211,7 @@ def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slow
     stage.announce()
     wait_until(lambda: player._resent == {stage.taken[0]})
     stage.let_go.set()
-    wait_until(lambda: player.progress.n_done == 5)
+    wait_until(lambda: player.n_done == 5)
     assert player._resent == {stage.taken[0]}
 
 
@@ -232,7 +232,7 @@ def test_a_player_that_is_started_anew_only_tells_of_what_a_node_has_in_hand(con
             assert second._flow.is_held(stage.taken[0])
             stage.let_go.set()
             wait_until(lambda: stage.taken[0] in stage.tile_infos._known)
-            wait_until(lambda: second.progress.n_done == 5)
+            wait_until(lambda: second.n_done == 5)
             assert sorted(Counter(stage.taken).values()) == [1] * 5
 
 
@@ -242,7 +242,6 @@ def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
     assert len(end.failed) == 1
     assert len(set(end.done)) == 4
     assert end.failed[0] not in end.done
-    assert player.progress.n_failed == 1
     level, message, values = player.summary.state()
     assert (level, values["tiles_given_up"], values["tiles_done"]) == (ERROR, 1, 4)
     assert message.endswith("was never done: given up")
@@ -286,7 +285,7 @@ def test_a_restarted_player_skips_what_is_done(play, make_player):
     with running(second):
         wait_until(lambda: end.survey_done)
         assert sorted(Counter(end.done).values()) == [1] * 5
-        assert second.progress.n_done == 5
+        assert second.n_done == 5
 
 
 def test_pause_step_and_resume_are_services(play, context):

@@ -37,27 +37,6 @@ def build_tin(vertices: ArrayLike, extent: NDArray[np.float64] | None = None) ->
     return triangulate(_one_per_place(checked_points(vertices)), extent, 0.0)
 
 
-def height_above_ground(points: ArrayLike, ground: ArrayLike) -> NDArray[np.float64]:
-    """
-    Return each point's height above the TIN of the ground points [m].
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    ground : ndarray of shape (n_vertices, 3), or of shape (n_points,) and bool
-        The ground's points [m], or which of `points` they are; at least one.
-
-    Raises
-    ------
-    ValueError
-        If there is no ground point, or a shape is wrong.
-    """
-    points, ground = checked_points(points), np.asarray(ground)
-    vertices = points[ground] if ground.dtype == np.bool_ else ground
-    return points[:, 2] - build_tin(vertices).elevation(points)
-
-
 def triangulate(
     vertices: NDArray[np.float64], extent: NDArray[np.float64] | None = None, clearance: float = 1.0
 ) -> Tin:

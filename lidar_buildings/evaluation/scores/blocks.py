@@ -28,33 +28,26 @@ class Blocks:
     block: NDArray[np.int64]  #: row of the block that each building belongs to, shape (n_buildings,)
 
 
-def merge_touching(buildings: ArrayLike, *, tolerance: float = TOUCHING) -> Blocks:
+def merge_touching(buildings: ArrayLike) -> Blocks:
     """
     Merge buildings that touch along a line, or overlap, into blocks.
 
-    Two buildings belong together if the outline of one runs within the tolerance of the other for at least
-    half a metre. Buildings that meet at a corner only stay apart.
-
-    Parameters
-    ----------
-    buildings : array_like of shapely.Polygon or MultiPolygon
-        One geometry per building [m]; invalid ones are repaired.
-    tolerance : float
-        Width of a gap between two walls that counts as none [m]; gaps within a block are closed.
+    Two buildings, invalid ones repaired, belong together if the outline of one runs within `TOUCHING` of the
+    other for at least half a metre. Those that meet at a corner only stay apart. Gaps in a block are closed.
     """
     given = valid_polygons(buildings)
     # A set is named by its first row: blocks come in the order of these.
-    block = np.unique(sets_of_pairs(len(given), *_touching_pairs(given, tolerance)), return_inverse=True)[1]
+    block = np.unique(sets_of_pairs(len(given), *_touching_pairs(given)), return_inverse=True)[1]
     members = [given[rows] for rows in np.split(np.argsort(block, kind="stable"), _ends(block))]
-    merged = [one[0] if len(one) == 1 else _closed(one, tolerance) for one in members if len(one)]
+    merged = [one[0] if len(one) == 1 else _closed(one) for one in members if len(one)]
     return Blocks(np.array(merged, dtype=object), block)
 
 
-def _touching_pairs(polygons: NDArray[Any], tolerance: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _touching_pairs(polygons: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows of polygons that share a wall, pair by pair."""
-    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=tolerance)
+    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=TOUCHING)
     one, other = one[one != other], other[one != other]
-    near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], tolerance))
+    near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], TOUCHING))
     shares_wall = shapely.length(near) >= MIN_WALL
     return one[shares_wall], other[shares_wall]
 
@@ -64,7 +57,7 @@ def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(np.cumsum(np.bincount(block))[:-1], dtype=np.int64)
 
 
-def _closed(members: NDArray[Any], tolerance: float) -> Any:
-    grown = shapely.union_all(shapely.buffer(members, tolerance / 2, join_style="mitre"))
-    shrunk = shapely.buffer(grown, -tolerance / 2, join_style="mitre")
+def _closed(members: NDArray[Any]) -> Any:
+    grown = shapely.union_all(shapely.buffer(members, TOUCHING / 2, join_style="mitre"))
+    shrunk = shapely.buffer(grown, -TOUCHING / 2, join_style="mitre")
     return shapely.union_all([*members, shrunk])

@@ -33,23 +33,16 @@ class ArcRing(NamedTuple):
     bulges: NDArray[np.float64]
 
 
-def ring_arcs(ring: NDArray[np.float64], precision: float | None = None) -> ArcRing:
+def ring_arcs(ring: NDArray[np.float64]) -> ArcRing:
     """
-    Find the arcs in a ring.
+    Find the arcs in an open ring [m].
 
     Consecutive edges of one length that turn by one angle are the chords of an arc: regularised outlines draw
-    theirs so. What differs by more than rounding is left as it is, and so are polygons with few sides.
-
-    Parameters
-    ----------
-    ring : ndarray of shape (n_vertices, 2)
-        Open [m].
-    precision : float, optional
-        What the coordinates are rounded to [m]; by default that of float32, which messages carry.
+    theirs so. What differs by more than rounding to float32, which messages carry, is left as it is, and so
+    are polygons with few sides.
     """
     n = len(ring)
-    if precision is None:
-        precision = float(np.spacing(np.float32(np.abs(ring).max(initial=1.0))))
+    precision = float(np.spacing(np.float32(np.abs(ring).max(initial=1.0))))
     bulges = np.zeros(n)
     kept = np.ones(n, dtype=bool)
     for first, n_chords, turn in _runs(ring, _TOLERANCE * precision):

@@ -16,8 +16,6 @@ from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.arcs import ring_arcs
 from lidar_buildings.io.models.dxf_entities import (
-    FIRST_HANDLE,
-    OWNER,
     CornerText,
     DxfEntities,
     coordinate_text,
@@ -26,14 +24,11 @@ from lidar_buildings.io.models.dxf_entities import (
 )
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 
-#: Name under which entities carry their building's id, and outlines its attributes.
-APPLICATION = "LIDAR_BUILDINGS"
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
 _SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
 TERRAIN = "TERRAIN"
 #: Layer of each kind of line of a roof.
 LINES = {kind: f"LINE_{kind.upper()}" for kind in KINDS}
-LEVELS = ("1.2", "1.3", "2.2")
 
 
 def layer_name(level: str, surface: str) -> str:
@@ -52,7 +47,7 @@ def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     around = dxf_frame(frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(around.before.encode("ascii"))
-        entities = DxfEntities(OWNER, APPLICATION, FIRST_HANDLE)
+        entities = DxfEntities()
         yield _Drawing(file, entities, frame).add
         file.write(around.after.encode("ascii"))
         file.seek(around.seed_at)

@@ -25,33 +25,22 @@ CornerText = tuple[str, str, str]
 #: A drawing without entities; written by ``python -m bench.common.empty_drawing`` with ezdxf, whose import
 #: alone takes longer than most drawings.
 EMPTY = Path(__file__).with_name("empty_drawing.dxf")
+#: Name under which entities carry their building's id, and outlines its attributes.
+APPLICATION = "LIDAR_BUILDINGS"
 #: Handle of the model space in it, to which all entities belong.
-OWNER = "17"
+_OWNER = "17"
 #: Handle of the first entity; the frame's own are lower, and all that follow have eight digits, too.
-FIRST_HANDLE = 0x10000000
+_FIRST_HANDLE = 0x10000000
 #: Metres per unit → number of $INSUNITS (and whether the unit is metric).
 _UNITS = {1.0: (6, 1), FOOT: (2, 0), US_SURVEY_FOOT: (21, 0)}
 _ENTITIES = "  0\nSECTION\n  2\nENTITIES\n"
 
 
 class DxfEntities:
-    """
-    Writes entities one after the other, each with a handle of its own.
+    """Writes entities one after the other, each with a handle of its own."""
 
-    Parameters
-    ----------
-    owner : str
-        Handle of the model space.
-    application : str
-        Name under which entities carry data.
-    first_handle : int
-        Of the first entity.
-    """
-
-    def __init__(self, owner: str, application: str, first_handle: int) -> None:
-        self._owner = owner
-        self._application = application
-        self.next_handle = first_handle
+    def __init__(self) -> None:
+        self.next_handle = _FIRST_HANDLE
 
     def face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
         """Return a face of three or four corners in one plane; edges to the next corner may be `hidden`."""
@@ -108,12 +97,12 @@ class DxfEntities:
     def extended_data(self, texts: Sequence[str]) -> str:
         """Return texts as the data of an entity."""
         lines = chain.from_iterable(("1000\n", _plain(text), "\n") for text in texts)
-        return f"1001\n{self._application}\n" + "".join(lines)
+        return f"1001\n{APPLICATION}\n" + "".join(lines)
 
     def _begun(self, kind: str, layer: str) -> str:
         handle = self.next_handle
         self.next_handle += 1
-        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{self._owner}\n100\nAcDbEntity\n  8\n{layer}\n"
+        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{_OWNER}\n100\nAcDbEntity\n  8\n{layer}\n"
 
 
 def corner_texts(corners: NDArray[np.float64]) -> list[CornerText]:
@@ -151,6 +140,6 @@ def dxf_frame(metres_per_unit: float) -> DxfFrame:
         (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
     )
     before, entities, after = EMPTY.read_text(encoding="ascii").partition(_ENTITIES)
-    for name, value in (("MEASUREMENT", metric), ("INSUNITS", unit), ("HANDSEED", f"{FIRST_HANDLE:X}")):
+    for name, value in (("MEASUREMENT", metric), ("INSUNITS", unit), ("HANDSEED", f"{_FIRST_HANDLE:X}")):
         before = re.sub(rf"(\${name}\n.*\n).*", rf"\g<1>{value}", before)
-    return DxfFrame(before + entities, after, before.index(f"{FIRST_HANDLE:X}"))
+    return DxfFrame(before + entities, after, before.index(f"{_FIRST_HANDLE:X}"))

@@ -108,10 +108,10 @@ def glb(
     if len(buildings):
         ids = {"featureCount": len(rows), "attribute": 0, "propertyTable": 0}
         primitives[0]["extensions"] = {"EXT_mesh_features": {"featureIds": [ids]}}
-        table = property_table(_CLASS, fields, rows, buffer.add)
+        table = _property_table(fields, rows, buffer.add)
         content["extensionsUsed"] = ["EXT_mesh_features", "EXT_structural_metadata"]
         content["extensions"] = {
-            "EXT_structural_metadata": {"schema": schema(_CLASS, fields), "propertyTables": [table]}
+            "EXT_structural_metadata": {"schema": _schema(fields), "propertyTables": [table]}
         }
     content |= {"bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.data)}]}
     return _packed(content, bytes(buffer.data))
@@ -152,42 +152,20 @@ def _y_up(east_north_up: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([east, up, -north], axis=-1)
 
 
-def schema(name: str, fields: Mapping[str, type]) -> dict[str, Any]:
-    """
-    Return the schema of a table.
-
-    Parameters
-    ----------
-    name : str
-        Of the one class.
-    fields : mapping
-        Attribute → int, float or str.
-    """
+def _schema(fields: Mapping[str, type]) -> dict[str, Any]:
     properties = {
         column: dict(_TEXT if kind is str else _NUMBERS[kind][0]) for column, kind in fields.items()
     }
-    return {"id": f"{name}s", "classes": {name: {"properties": properties}}}
+    return {"id": f"{_CLASS}s", "classes": {_CLASS: {"properties": properties}}}
 
 
-def property_table(
-    name: str,
-    fields: Mapping[str, type],
-    rows: Sequence[Mapping[str, Any]],
-    add: Callable[[bytes], int],
+def _property_table(
+    fields: Mapping[str, type], rows: Sequence[Mapping[str, Any]], add: Callable[[bytes], int]
 ) -> dict[str, Any]:
     """
     Return a table; what a row lacks and None are `noData` or empty texts, and a column of these is left out.
 
-    Parameters
-    ----------
-    name : str
-        Its class.
-    fields : mapping
-        Attribute → int, float or str.
-    rows : sequence of mapping
-        Attribute → value.
-    add : callable
-        Stores bytes and returns the number of their view.
+    `add` stores bytes and returns the number of their view.
     """
     properties = {}
     for column, kind in fields.items():
@@ -200,7 +178,7 @@ def property_table(
             known, dtype = _NUMBERS[kind]
             numbers = [known["noData"] if value is None else value for value in values]
             properties[column] = {"values": add(np.array(numbers, dtype=dtype).tobytes())}
-    return {"class": name, "count": len(rows), "properties": properties}
+    return {"class": _CLASS, "count": len(rows), "properties": properties}
 
 
 def _texts(values: Sequence[str], add: Callable[[bytes], int]) -> dict[str, int]:

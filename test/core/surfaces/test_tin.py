@@ -6,7 +6,7 @@ from scipy.spatial import Delaunay
 
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
 from lidar_buildings.core.surfaces.tin import walk
-from lidar_buildings.core.surfaces.triangulation import build_tin, height_above_ground
+from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
 @pytest.fixture
@@ -105,17 +105,6 @@ def test_no_vertices_and_nan_are_refused_by_name():
         build_tin(np.zeros((0, 3)))
     with pytest.raises(ValueError, match="finite"):
         build_tin(np.array([[0.0, np.nan, 0.0]]))
-
-
-def test_heights_are_measured_from_a_mask_or_from_ground_points(scattered):
-    above = scattered + np.array([0.25, 0.25, 2.0])
-    cloud = np.vstack((scattered, above))
-    ground = np.arange(len(cloud)) < len(scattered)
-    height = height_above_ground(cloud, ground)
-    np.testing.assert_array_equal(height, height_above_ground(cloud, scattered))
-    np.testing.assert_allclose(height[ground], 0.0, atol=1e-9)
-    # The surface's slope is below 0.75, so a quarter metre aside it differs by less than 0.3 m.
-    np.testing.assert_allclose(height[~ground], 2.0, atol=0.3)
 
 
 def grown_mesh(points):

@@ -32,10 +32,6 @@ def test_walls_closer_than_the_tolerance_are_one_wall_and_the_gap_is_closed(gap,
     assert all(polygon.geom_type == "Polygon" for polygon in polygons)
 
 
-def test_a_wider_tolerance_closes_wider_gaps():
-    assert len(merge_touching(row_of_houses(3, 0.3), tolerance=0.5).polygons) == 1
-
-
 def test_houses_that_meet_at_a_corner_stay_apart():
     assert merge_touching([box(0, 0, 10, 10), box(10, 10, 20, 20)]).block.tolist() == [0, 1]
 

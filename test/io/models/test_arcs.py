@@ -98,11 +98,3 @@ def test_arcs_of_different_radii_are_told_apart():
     ring = carried(np.vstack([large, small[1:], [[-5.0, 0.0]]]))
     swept = 4.0 * np.degrees(np.arctan(ring_arcs(ring).bulges))
     assert sorted(swept[swept > 0]) == pytest.approx([90.0, 90.0], abs=0.01)
-
-
-def test_an_arc_that_hardly_turns_is_one_part_of_a_circle():
-    turn = np.radians(0.4)
-    ring = np.vstack([arc((0.0, -2000.0), 2000.0, 89.6, 90.4, 2), [[-14.0, -9.0], [14.0, -9.0]]])
-    found = ring_arcs(ring, precision=1e-9)
-    assert found.rows.tolist() == [0, 2, 3, 4]
-    assert found.bulges[0] == pytest.approx(np.tan(2.0 * turn / 4.0), rel=1e-3)

@@ -3,6 +3,5 @@
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters
 from lidar_buildings.core.stages.terrain.window import RasterWindow
-from lidar_buildings.core.surfaces.triangulation import height_above_ground
 
-__all__ = ["RasterConfig", "RasterWindow", "TerrainRasters", "height_above_ground", "make_rasters"]
+__all__ = ["RasterConfig", "RasterWindow", "TerrainRasters", "make_rasters"]

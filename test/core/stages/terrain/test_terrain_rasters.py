@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, height_above_ground, make_rasters
-from lidar_buildings.core.surfaces import triangulation
+from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, make_rasters
 from lidar_buildings.simulation.terrain import Terrain, Wave
 
 GROUND, TREE, ROOF = PointClass.GROUND, PointClass.HIGH_VEGETATION, PointClass.BUILDING
@@ -303,10 +302,6 @@ def test_windows_know_what_they_share():
     assert one.part(columns, rows).corner == (17.5, 10.0)
     far = one.shared(RasterWindow(0.5, 1000, 1000, 5, 5))
     assert np.zeros(one.shape)[far].size == 0
-
-
-def test_heights_above_ground_are_to_be_had_beside_the_rasters():
-    assert height_above_ground is triangulation.height_above_ground
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan])
