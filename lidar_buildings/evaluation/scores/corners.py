@@ -27,11 +27,7 @@ MIN_TURN_DEG = 10.0
 
 @dataclass(frozen=True)
 class CornerScore:
-    """
-    Agreement of corners; a share of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Agreement of corners, see `doc/scores.md`; a share of nothing is NaN."""
 
     n_result: int
     n_reference: int

@@ -20,11 +20,7 @@ MIN_POINTS = 10
 
 @dataclass(frozen=True, eq=False)
 class ModelPointScore:
-    """
-    Vertical distances of points to roofs; a share or mean of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Vertical distances of points to roofs, see `doc/scores.md`; a share or mean of nothing is NaN."""
 
     n_points: int
     uncovered: float

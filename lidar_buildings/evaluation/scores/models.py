@@ -68,11 +68,7 @@ class HeightDifferences:
 
 @dataclass(frozen=True)
 class SolidCounts:
-    """
-    What the models of matched buildings consist of; NaN of nothing.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """What the models of matched buildings consist of, see `doc/scores.md`; NaN of nothing."""
 
     vertices_result: float
     vertices_reference: float

@@ -32,11 +32,7 @@ MIN_COVERED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class OutlineScore:
-    """
-    Agreement of outlines; a share or mean of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Agreement of outlines, see `doc/scores.md`; a share or mean of nothing is NaN."""
 
     n_result: int
     n_reference: int
@@ -145,11 +141,7 @@ def match_outlines(
 
 @dataclass(frozen=True, eq=False)
 class CoverageScore:
-    """
-    Buildings of the reference under the result; a share of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Buildings of the reference under the result, see `doc/scores.md`; a share of nothing is NaN."""
 
     n_buildings: int
     n_covered: int
@@ -178,11 +170,7 @@ def score_coverage(
 
 @dataclass(frozen=True)
 class AdjustmentScore:
-    """
-    Means over buildings with straight or curved walls; NaN if there are none.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Means over buildings with straight or curved walls, see `doc/scores.md`; NaN if there are none."""
 
     n_buildings: int
     n_as_traced: int

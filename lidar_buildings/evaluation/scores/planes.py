@@ -25,11 +25,7 @@ UNKNOWN = -1
 
 @dataclass(frozen=True, eq=False)
 class PlaneScore:
-    """
-    Agreement of two divisions of points into planes; a share of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Agreement of two divisions of points into planes, see `doc/scores.md`; a share of nothing is NaN."""
 
     n_points: int
     n_result: int

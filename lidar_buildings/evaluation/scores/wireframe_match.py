@@ -25,11 +25,7 @@ _N_NEAR = 12
 
 @dataclass(frozen=True)
 class WireframeScore:
-    """
-    Agreement of two wireframes; a share or mean of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Agreement of two wireframes, see `doc/scores.md`; a share or mean of nothing is NaN."""
 
     n_corners_result: int
     n_corners_reference: int
@@ -161,11 +157,7 @@ def _spots(
 
 @dataclass(frozen=True)
 class RidgeScore:
-    """
-    Agreement of ridges; a share or mean of nothing is NaN.
-
-    `doc/scores.md` says what the figures are.
-    """
+    """Agreement of ridges, see `doc/scores.md`; a share or mean of nothing is NaN."""
 
     n_reference: int
     recall: float

@@ -32,27 +32,12 @@ _MAX_CHANGE = 0.05
 
 def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
     """
-    Raise the pieces of a roof from the ground to their planes.
+    Raise the pieces of a roof from the ground to their planes, on the output grid.
 
-    Parameters
-    ----------
-    pieces : sequence of RoofPiece
-        A coverage of the building's plan: pieces that lie beside each other share their edges. Gaps and
-        overlaps of some millimetres and vertices in the middle of a neighbour's edge are put right.
-    ground_elevation : float
-        Elevation of the ground face [m].
-
-    Returns
-    -------
-    Solid
-        Ground faces, roof faces and walls, outer ones and those at height steps, with all coordinates on the
-        output grid. Empty if there are no pieces with an area.
-
-    Notes
-    -----
-    The solid is checked. If it is not valid, folded faces are cut into triangles and details are left out,
-    the smallest first, until it is. If it never is, the solid of the plan as given is returned:
-    `checked_roof_solid` says what is wrong with it.
+    Pieces cover the building's plan and share their edges; gaps and overlaps of some millimetres and vertices
+    in the middle of a neighbour's edge are put right. If the solid is not valid, folded faces are cut into
+    triangles and details are left out, the smallest first, until it is. If it never is, that of the plan as
+    given is returned: `checked_roof_solid` says what is wrong with it. Empty if no piece has an area.
     """
     return checked_roof_solid(pieces, ground_elevation)[0]
 
