@@ -35,11 +35,8 @@ def live_command(options: argparse.Namespace) -> int:
     """
     Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
-    Returns
-    -------
-    int
-        0; 2 if a bag could be played in part only; 130 if a second signal came before all was finished: the
-        same command goes on.
+    Return 0; 2 if a bag could be played in part only; 130 if a second signal came before all was finished:
+    the same command goes on.
     """
     request = request_of(options)
     replay = _replay(options, request)

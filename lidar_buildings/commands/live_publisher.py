@@ -53,27 +53,10 @@ def make_message(kind: str, **members: Any) -> Any:
 
 class LivePublisher:
     """
-    Publishes a survey.
+    Publishes a survey in an initialised context; see `LiveMessages`, without tf2_msgs there is no /tf.
 
-    Parameters
-    ----------
-    survey : MovingSurvey
-        What is published.
-    context : rclpy.Context
-        Initialised.
-    namespace : str
-        Of the node and its topics; /tf, /tf_static and /clock have none.
-    with_tf, with_fix : bool
-        As for `LiveMessages`; without tf2_msgs there is no /tf.
-    is_reliable : bool
-        Whether scans are sent again when they get lost.
-
-    Attributes
-    ----------
-    has_tf : bool
-        Whether /tf and /tf_static are published.
-    report : PlayReport
-        How it was played so far.
+    /tf, /tf_static and /clock have no namespace. If it is reliable, scans are sent again when they get lost.
+    `report` says how it was played so far.
     """
 
     def __init__(

@@ -28,24 +28,9 @@ class Replay:
     """
     Gives a feed the messages of a bag, from a thread of its own; none is lost, however slow the feed is.
 
-    Parameters
-    ----------
-    path : Path
-        The bag; of an MCAP file that was cut off what is whole.
-    choice : BagConfig
-        What of it is taken.
-    rate : float
-        Speed as a multiple of the recorded time; 0 = as fast as the feed takes it.
-
-    Attributes
-    ----------
-    problem : str
-        Why only a part of the bag is played, and which; empty if all is.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or it is not clear which topics are meant.
+    Of an MCAP file that was cut off what is whole; `problem` says why only a part is played, and which. The
+    rate is a multiple of the recorded time, 0 = as fast as the feed takes it. InputError if the bag cannot be
+    read, or it is not clear which topics are meant.
     """
 
     def __init__(self, path: Path, choice: BagConfig, rate: float) -> None:

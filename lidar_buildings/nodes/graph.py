@@ -50,38 +50,12 @@ def survey_nodes(
     **kwargs: Any,
 ) -> dict[str, StageNode]:
     """
-    Make the nodes of a run from files, or a feed, to files.
+    Make the nodes of a run from files, or a feed, to files; without `output` topics only.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Files, folders, globs; a feed has none.
-    output : str
-        Folder for the results; empty to have topics only.
-    source : str
-        Node that tiles come from, of `lidar_buildings.nodes.table.SOURCES`.
-    until : str
-        The last stage.
-    settings : mapping
-        ``{stage: {name: value}}``; what is not named keeps its default.
-    overwrite : bool
-        Whether to begin anew in a folder with earlier results.
-    identity : mapping
-        All that results depend on, for taking an unfinished run up again; `settings` if not given.
-    pool : BuildingPool, optional
-        Processes that do the nodes' work.
-    **kwargs
-        As for `rclpy.node.Node`, the same for all: namespace, context…
-
-    Returns
-    -------
-    dict
-        Node name → node, the source first and the writer last; behind it the recorder, if it has an output.
-
-    Raises
-    ------
-    LidarBuildingsError
-        If a node cannot start; those made before are destroyed.
+    What `settings`, ``{stage: {name: value}}``, do not name keeps its default. `identity` is all that results
+    depend on, for taking an unfinished run up again; the settings if not given. Each node gets the other
+    arguments as `rclpy.node.Node`. The source comes first and the writer last; behind it the recorder, if it
+    has an output. LidarBuildingsError if a node cannot start; those made before are destroyed.
     """
     given = settings or {}
     is_recorded = bool(given.get("recorder", {}).get("output"))

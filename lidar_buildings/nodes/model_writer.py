@@ -47,14 +47,8 @@ class ModelWriter(StageNode):
     """
     Puts tiles on disk as they are complete, and makes the files when the survey is done.
 
-    Attributes
-    ----------
-    is_over : bool
-        Whether the source has said that the survey is done.
-    n_saved, last_words : int, str
-        How often files were made, and what was made last.
-    n_clouds_left : int
-        Classified clouds that have still to be written.
+    `is_over` once the source has said that it is. `n_saved` and `last_words` say how often files were made,
+    and what was made last; `n_clouds_left` how many classified clouds have still to be written.
     """
 
     def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:

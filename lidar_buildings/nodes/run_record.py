@@ -24,19 +24,10 @@ _NODES = {card.name for card in NODE_TABLE}
 
 class RunRecord:
     """
-    Seconds per stage, parameters and failed tiles of a run.
+    Seconds per stage, parameters and failed tiles of a run; `parameters` are those that no node reports.
 
-    Parameters
-    ----------
-    parameters : mapping
-        What no node reports.
-
-    Attributes
-    ----------
-    failed : set of int
-        Stamps of the tiles that were given up, in the revision that was sent last.
-    n_heard : int
-        Statuses of tiles taken so far.
+    `failed` are the stamps of the tiles that were given up, in the revision that was sent last; `n_heard`
+    counts the statuses of tiles taken so far.
     """
 
     def __init__(self, parameters: Mapping[str, Any] = MappingProxyType({})) -> None:

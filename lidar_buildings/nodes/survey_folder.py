@@ -36,25 +36,10 @@ class SurveyFolder:
     """
     Takes a survey's tiles and makes its files, whether its inputs are known before or only at the end.
 
-    Parameters
-    ----------
-    config : ModelWriterConfig
-        Without inputs the survey is live. Such a survey, and one of bags, has a frame, and with it tiles on
-        disk, from `open` on.
-
-    Attributes
-    ----------
-    is_live : bool
-        Whether tiles go on coming after files were made.
-    settings : mapping
-        What results depend on.
-    on_disk : dict
-        Stamp of a tile's first revision → that of the revision on disk [ns].
-
-    Raises
-    ------
-    LidarBuildingsError
-        If inputs cannot be read, or the folder cannot be used.
+    Without inputs the survey is live: tiles go on coming after files were made. Such a survey, and one of
+    bags, has a frame, and with it tiles on disk, from `open` on. `on_disk` leads from the stamp of a tile's
+    first revision to that of the revision on disk [ns]; `settings` are what results depend on.
+    LidarBuildingsError if inputs cannot be read, or the folder cannot be used.
     """
 
     def __init__(self, config: ModelWriterConfig) -> None:

@@ -41,14 +41,7 @@ class TileGathering:
     """
     Gathers the parts of tiles; one that is complete is returned by the call that made it so.
 
-    Parameters
-    ----------
-    topics : sequence of str
-        What a complete tile has; the first one carries all points.
-    rasterise : callable
-        Makes a tile's rasters.
-    knows_frame : callable
-        Whether it is known where the map lies; tiles wait for it.
+    The first topic carries all points; tiles wait until it is known where the map lies.
     """
 
     def __init__(

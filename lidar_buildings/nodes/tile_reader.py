@@ -23,23 +23,10 @@ _SECOND = 1_000_000_000
 
 class TileReader:
     """
-    Reads the tiles of a source one after the other.
+    Reads the tiles of a source one after the other, in a loop if told to, then with later stamps.
 
-    Parameters
-    ----------
-    source : TileSource
-        What to read.
-    pool : BuildingPool
-        Processes that put tiles together; it is done here without any.
-    loop : bool
-        Whether to begin again after the last tile, with later stamps.
-
-    Attributes
-    ----------
-    error : Exception or None
-        What ended the reading.
-    is_exhausted : bool
-        Whether every tile has been read (and perhaps not yet taken).
+    The pool's processes put tiles together, if there is one. `error` is what ended the reading;
+    `is_exhausted` says whether every tile has been read (and perhaps not yet taken).
     """
 
     def __init__(self, source: TileSource, pool: BuildingPool, *, loop: bool = False) -> None:

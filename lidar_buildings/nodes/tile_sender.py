@@ -35,18 +35,7 @@ _REMIND = 10.0
 
 
 class TileSender(StageNode):
-    """
-    Base of the nodes that send tiles into the graph, as many at a time as there are credits.
-
-    Parameters
-    ----------
-    name : str
-        The node's name.
-    config : type of SendingConfig
-        Its config class.
-    **kwargs
-        As for `StageNode`.
-    """
+    """Base of the nodes that send tiles into the graph, as many at a time as there are credits."""
 
     #: Set by the subclass before it calls `begin`.
     tiles: TileQueue

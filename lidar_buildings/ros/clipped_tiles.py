@@ -13,14 +13,7 @@ from lidar_buildings.ros.tile_info import CLIPPED, clipped_message
 
 
 class ClippedTiles:
-    """
-    Holds the results of such tiles back.
-
-    Parameters
-    ----------
-    node : StageNode
-        Whose results they are; it has called `subscribe_tiles` before.
-    """
+    """Holds the results of such tiles back, of a node that has called `subscribe_tiles` before."""
 
     def __init__(self, node: StageNode) -> None:
         self._node, self._infos = node, node.tile_infos

@@ -17,15 +17,10 @@ _JOIN_TIMEOUT = 60.0
 
 class Composition:
     """
-    Runs nodes side by side.
+    Runs nodes of one context side by side; `stop` destroys them.
 
     One MultiThreadedExecutor for all would be several times slower than a SingleThreadedExecutor for each,
     and the nodes rely on their callbacks not running at once.
-
-    Parameters
-    ----------
-    *nodes : StageNode
-        Nodes of one context; `stop` destroys them.
     """
 
     def __init__(self, *nodes: StageNode) -> None:

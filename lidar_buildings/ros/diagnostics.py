@@ -36,21 +36,7 @@ class TileReport:
 
 
 class Diagnostics:
-    """
-    Publishes a node's diagnostics.
-
-    Parameters
-    ----------
-    node : Node
-        Whose.
-    parameters : callable
-        Returns the node's parameters.
-
-    Attributes
-    ----------
-    summary : NodeSummary
-        What the node counts over all tiles.
-    """
+    """Publishes a node's diagnostics; `summary` is what the node counts over all tiles."""
 
     def __init__(self, node: Node, parameters: Callable[[], Mapping[str, Any]]) -> None:
         self.summary = NodeSummary()

@@ -23,23 +23,7 @@ _SEARCH = 0.2
 
 
 class GraphListener:
-    """
-    Keeps a view of every graph.
-
-    Parameters
-    ----------
-    node : Node
-        Who listens.
-    namespace : str
-        The only one to look at; empty for all.
-    order : sequence of str
-        As of `GraphView`.
-
-    Attributes
-    ----------
-    views : dict
-        Namespace → view of its graph.
-    """
+    """Keeps a view of every graph, or of one namespace's: `views` by namespace, ordered as `GraphView`."""
 
     def __init__(self, node: Node, namespace: str = "", order: Sequence[str] = ()) -> None:
         self.views: dict[str, GraphView] = {}

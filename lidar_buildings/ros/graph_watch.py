@@ -16,16 +16,9 @@ _DISCOVERY = 0.75
 
 class GraphWatch:
     """
-    Knows the nodes that live, each by its last life.
+    Knows the nodes of its own node's namespace that live, each by its last life.
 
     Nodes of one process know of each other at once; what is sent before those of another one do may be lost.
-
-    Parameters
-    ----------
-    node : Node
-        Whose view of the graph is used; only nodes of its namespace count.
-    now : callable
-        The clock [s].
     """
 
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:

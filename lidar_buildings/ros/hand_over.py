@@ -32,18 +32,10 @@ _PAUSE = 0.2
 
 class Inbox:
     """
-    What publishers of this process leave for a subscription.
+    What publishers of this process leave for a subscription, where messages of other processes come.
 
-    Parameters
-    ----------
-    node : Node
-        Who takes it, in its executor's thread.
-    subscription : Subscription
-        Where messages of other processes come.
-    take : callable
-        Called with a tile's stamp and what was left.
-    takes : callable, optional
-        Which tiles are left, by their stamp; all if not given.
+    `take` is called with a tile's stamp and what was left, in the thread of the node's executor; `takes`
+    tells which tiles are left, by their stamp.
     """
 
     def __init__(
@@ -95,14 +87,7 @@ class _Outlet:
     """
     Hands things on to the inboxes of this process, and publishes them where others listen.
 
-    Parameters
-    ----------
-    node : Node
-        Whose publisher it is.
-    publisher : Publisher
-        For listeners elsewhere.
-    note : callable
-        Called with the stamp and the number of points of what is handed on.
+    `note` is called with the stamp and the number of points of what is handed on.
     """
 
     def __init__(self, node: Node, publisher: Publisher, note: Callable[[int, int], None]) -> None:

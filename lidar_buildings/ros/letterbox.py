@@ -16,20 +16,8 @@ class Letterbox:
     """
     Small messages of a topic, read when the node asks what there is; the middleware keeps them till then.
 
-    Parameters
-    ----------
-    node : Node
-        Whose.
-    kind : type
-        Of the messages.
-    topic : str
-        Where they come from.
-    read : callable
-        Called with each message, in the thread of the node's executor.
-    qos : QoSProfile
-        How many are kept, among others.
-    is_urgent : callable, optional
-        Whether the node is woken by a message, as by one of any other subscription.
+    `read` is called with each message, in the thread of the node's executor. If `is_urgent` says so the node
+    is woken by a message, as by one of any other subscription.
     """
 
     def __init__(

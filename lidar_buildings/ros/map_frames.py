@@ -34,21 +34,11 @@ def units_message(frame: MapFrame) -> Vector3Stamped:
 
 class FrameListener:
     """
-    Subscribes to `map_origin` and `map_units`.
+    Subscribes to `map_origin` and `map_units`; calls `on_frame` when a message has changed the frame.
 
     Where tiles wait for the frame and nobody publishes `map_origin`, the map frame is taken as it is after
-    a time: origin 0, no reference system. What is published later counts from then on.
-
-    Parameters
-    ----------
-    node : StageNode
-        Who listens.
-    on_frame : callable
-        Called with the frame when a message has made it known or changed it, or when it was taken as it is.
-    patience : float
-        Time that a tile waits while nobody publishes `map_origin` [s].
-    n_own : int
-        Publishers of `map_units` that the node has itself: they tell it nothing.
+    `patience` [s]: origin 0, no reference system. What is published later counts from then on. Publishers of
+    `map_units` that the node has itself, `n_own`, tell it nothing.
     """
 
     def __init__(

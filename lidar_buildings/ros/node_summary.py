@@ -31,17 +31,8 @@ class NodeSummary:
     """
     Counts of one node since it was started.
 
-    Parameters
-    ----------
-    now : callable
-        The clock [s].
-
-    Attributes
-    ----------
-    counts : Counter
-        What a node counts beside tiles and points; it may add to it.
-    problem : str
-        Why the node cannot do its work, empty if it can.
+    `counts` is what it counts beside tiles and points, and may add to; `problem` why it cannot do its work,
+    empty if it can.
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:

@@ -84,20 +84,10 @@ def descriptor_of(config_field: Field[Any]) -> ParameterDescriptor:
 
 class NodeParameters:
     """
-    A node's parameters, kept as the config dataclasses of its stages.
+    A node's parameters, kept as the config dataclasses of its stages and declared at it.
 
-    Parameters
-    ----------
-    node : Node
-        Where to declare them.
-    configs : mapping
-        Stage name → config class; `parameter_names` says how their members are called. Start values may
-        leave ``advanced.`` out.
-
-    Raises
-    ------
-    ParameterError
-        If a start value has the wrong type or is out of range, or a name is unknown; one line.
+    `parameter_names` says how their members are called; start values may leave ``advanced.`` out.
+    ParameterError, in one line, if one has the wrong type or is out of range, or a name is unknown.
     """
 
     def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:

@@ -7,16 +7,7 @@ from collections.abc import Callable
 
 
 class Playback:
-    """
-    Says when a tile's time has come.
-
-    Parameters
-    ----------
-    is_paused : bool
-        Whether to begin paused.
-    now : callable
-        The clock [s].
-    """
+    """Says when a tile's time has come."""
 
     def __init__(self, *, is_paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
         self._is_paused = is_paused

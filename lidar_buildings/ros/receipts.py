@@ -40,18 +40,7 @@ class Receipt(NamedTuple):
 
 
 class ReceiptSender:
-    """
-    Publishes a node's receipts.
-
-    Parameters
-    ----------
-    node : Node
-        Whose life begins with this.
-    kind : str
-        As in `Receipt`.
-    share : ReplicaConfig
-        Which tiles it takes.
-    """
+    """Publishes the receipts of a node, whose life begins with this."""
 
     def __init__(self, node: Node, kind: str = "", share: ReplicaConfig | None = None) -> None:
         self._name = node.get_name()

@@ -78,11 +78,6 @@ class TileInfos:
     Points that somebody else publishes come without: the stages then measure what they need. What comes from
     a source of ours has the column `index`, and is waited for even if its publisher cannot be seen: it may be
     discovered later than the points, or be started anew.
-
-    Parameters
-    ----------
-    node : Node
-        Who listens.
     """
 
     def __init__(self, node: Node) -> None:

@@ -24,16 +24,9 @@ class TileJoin:
     Joins the parts of a tile that several topics carry, and holds it back until it can be worked on.
 
     A part that comes again replaces the earlier one, so a tile that was sent again completes what a restart
-    has left incomplete. The first part of a later revision takes the place of all that was there.
-
-    Parameters
-    ----------
-    topics : iterable of str
-        What a complete tile has.
-    fits : callable, optional
-        Whether parts that are all there belong together; they wait for a better part if not.
-    is_ready : callable, optional
-        Whether what a complete tile needs beside its parts is there; called with its stamp and its parts.
+    has left incomplete. The first part of a later revision takes the place of all that was there. `fits`
+    tells whether parts that are all there belong together; they wait for a better part if not. `is_ready`
+    tells whether what a complete tile needs beside its parts is there.
     """
 
     def __init__(

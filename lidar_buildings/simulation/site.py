@@ -17,23 +17,7 @@ MAX_TRIES = 100
 
 
 class Site:
-    """
-    Collects what stands on a rectangle of terrain.
-
-    Parameters
-    ----------
-    size : tuple of two float
-        Extent along x and y [m].
-    terrain : Terrain
-        The ground.
-    seed : int
-        Seed of `random`.
-
-    Attributes
-    ----------
-    random : numpy.random.Generator
-        The only source of chance.
-    """
+    """Collects what stands on a rectangle of terrain; `random` is the only source of chance."""
 
     def __init__(self, size: tuple[float, float], terrain: Terrain, seed: int) -> None:
         self.size = size

@@ -105,19 +105,8 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
 
     Points decide what has changed, outlines of what: classes and heights of both surveys are compared in
     cells, less the offset between them, and what differs by more than points and outlines are sure of is a
-    change (see `cells`). Memory grows with the buildings' area.
-
-    Parameters
-    ----------
-    old, new : Path
-        Output folders of runs, with `buildings.gpkg` and `classified/`.
-    config : ChangeConfig, optional
-        What counts.
-
-    Raises
-    ------
-    InputError
-        If one is no such folder, or both lie in different reference systems or apart.
+    change (see `cells`). Memory grows with the buildings' area. InputError if one is no output folder with
+    `buildings.gpkg` and `classified/`, or both lie in different reference systems or apart.
     """
     config = config or ChangeConfig()
     sides = (read_metric_polygons(old), read_metric_polygons(new))

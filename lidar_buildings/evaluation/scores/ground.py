@@ -49,17 +49,7 @@ def score_ground(
     """
     Compare two classifications of the same points: ground, or object (everything else).
 
-    Parameters
-    ----------
-    result, reference : array_like of int, shape (n_points,)
-        ASPRS classes, in the same order.
-    result_ground, reference_ground : collection of int
-        The classes that count as ground; give 2, 9, 11 where the reference has water and roads apart.
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ.
+    Give 2, 9, 11 as ground where the reference has water and roads apart. ValueError if the lengths differ.
     """
     agreement = confusion_of(
         np.isin(np.asarray(result), list(result_ground)),

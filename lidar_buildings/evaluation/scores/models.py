@@ -111,24 +111,12 @@ def score_models(
     area: ArrayLike | None = None,
 ) -> ModelScore:
     """
-    Compare building models with reference models.
+    Compare building models with reference models, in an area if one is given.
 
     Roofs are compared spot by spot and wireframes line by line, however either side divides blocks into
-    buildings; volumes and numbers of vertices building by building, matched by their footprints.
-
-    Parameters
-    ----------
-    result, reference : sequence of sequences of Solid
-        The parts of each building [m].
-    tolerance : float
-        How far corners, edges and ridges may lie from those that they stand for [m].
-    area : array_like of shapely.Polygon or MultiPolygon, optional
-        Only what lies inside counts.
-
-    Raises
-    ------
-    ValueError
-        If the tolerance is not a positive number.
+    buildings; volumes and numbers of vertices building by building, matched by their footprints. Corners,
+    edges and ridges may lie `tolerance` [m] from those that they stand for; ValueError if that is not a
+    positive number.
     """
     limits = limits_of(area)
     grounds = [valid_polygons(footprints(side)) for side in (result, reference)]

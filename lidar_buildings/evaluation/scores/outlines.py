@@ -65,19 +65,9 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
     """
     Match outlines one to one, the pair of largest IoU first, and measure how well they agree.
 
-    With an area of interest both sides are cut to it. What then has no partner and lay mostly outside is
-    left out: its counterpart may be outside, too.
-
-    Parameters
-    ----------
-    result, reference : array_like of shapely.Polygon or MultiPolygon
-        One geometry per building [m]; invalid ones are repaired.
-    area : array_like of shapely.Polygon or MultiPolygon, optional
-        Where the reference is complete.
-
-    Notes
-    -----
-    Pairs of IoU > 0.5 are unique where the outlines of one side do not overlap each other.
+    With an area, where the reference is complete, both sides are cut to it. What then has no partner and lay
+    mostly outside is left out: its counterpart may be outside, too. Invalid outlines are repaired. Pairs of
+    IoU > 0.5 are unique where the outlines of one side do not overlap each other.
     """
     limits = limits_of(area)
     whole = valid_polygons(result), valid_polygons(reference)

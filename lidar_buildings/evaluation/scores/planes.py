@@ -43,23 +43,10 @@ class PlaneScore:
 
 def score_planes(result: ArrayLike, reference: ArrayLike) -> PlaneScore:
     """
-    Compare the planes of the same points.
+    Compare the planes of the same points; planes of the result without points that count are left out.
 
-    Parameters
-    ----------
-    result, reference : array_like of int, shape (n_points,)
-        Number of each point's plane, in the same order; 0 = none, which counts: a plane of the result is the
-        worse for points that the reference says are of none. Points whose reference is negative do not count.
-
-    Returns
-    -------
-    PlaneScore
-        Planes of the result that have no points that count are left out.
-
-    Raises
-    ------
-    ValueError
-        If the lengths differ.
+    0 = none, which counts: a plane of the result is the worse for points that the reference says are of none.
+    Points whose reference is negative do not count. ValueError if the lengths differ.
     """
     theirs = np.asarray(reference)
     theirs = checked_column("reference", theirs, theirs.size, np.int64)

@@ -53,12 +53,8 @@ def roof_wireframe(solids: Iterable[Solid]) -> Wireframe:
     Return the ridges, hips, valleys, eaves and step edges of roofs, each line of them once.
 
     An edge is one of a roof face behind which the surface folds by a degree or more; what only parts one
-    plane into several faces is none. Consecutive edges on a straight line are one.
-
-    Parameters
-    ----------
-    solids : iterable of Solid
-        Solids that share an edge, as touching houses do, have it in common [m].
+    plane into several faces is none. Consecutive edges on a straight line are one. Solids that share an edge,
+    as touching houses do, have it in common.
     """
     rows: dict[tuple[int, ...], int] = {}
     edges: dict[Pair, bool] = {}

@@ -48,18 +48,8 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
     """
     Match corners one to one, as many as possible and then as near as possible, and edges by their ends.
 
-    As the Building3D benchmark does (Wang, Huang & Yang 2023), with a tolerance in metres.
-
-    Parameters
-    ----------
-    result, reference : Wireframe
-    tolerance : float
-        Greatest distance of a pair of corners, and of edges by length [m].
-
-    Raises
-    ------
-    ValueError
-        If the tolerance is not a positive number.
+    As the Building3D benchmark does (Wang, Huang & Yang 2023), with a tolerance in metres. ValueError if that
+    is not a positive number.
     """
     if not (math.isfinite(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance = {tolerance}: must be a length above 0")

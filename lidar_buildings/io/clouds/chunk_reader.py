@@ -28,16 +28,7 @@ _BEFORE_CHUNKS = 8
 
 
 class ChunkReader:
-    """
-    Reads some points after others; of chunks in between not a byte.
-
-    Parameters
-    ----------
-    file : BinaryIO
-        The file, closed by whoever opened it.
-    header : laspy.LasHeader
-        Of it.
-    """
+    """Reads some points of an open file after others; of chunks in between not a byte."""
 
     def __init__(self, file: BinaryIO, header: laspy.LasHeader) -> None:
         self._file, self._header, self._next = file, header, 0

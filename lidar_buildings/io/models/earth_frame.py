@@ -26,23 +26,10 @@ class EarthFrame:
     Turns map coordinates into east, north and up at the map's origin.
 
     Places come from the horizontal system. Where PROJ has the grid of the vertical one, ellipsoidal heights
-    come from that; else they are the source's elevations plus a height of the geoid that is given. Both
+    come from that; else they are the source's elevations plus a height of the geoid that is given [m]. Both
     systems together cannot be asked without the grid: PROJ then leaves out the change of datum, too, which is
-    108 m in the Netherlands.
-
-    Parameters
-    ----------
-    frame : MapFrame
-        The map frame.
-    crs : str
-        Its reference system, together with the vertical one where that is known.
-    geoid_height : float
-        Height of the geoid above the ellipsoid, where there is no grid for it [m].
-
-    Raises
-    ------
-    NoPlaceError
-        If the reference system is not known, or PROJ knows no way from it to WGS 84.
+    108 m in the Netherlands. NoPlaceError if the reference system is not known, or PROJ knows no way from it
+    to WGS 84.
     """
 
     def __init__(self, frame: MapFrame, crs: str, geoid_height: float = 0.0) -> None:

@@ -161,16 +161,7 @@ class _Part(NamedTuple):
 
 
 class _Tree:
-    """
-    The squares of a tileset, and its files: branches of many squares are tilesets of their own.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the files go.
-    contents : dict
-        The squares that have a file.
-    """
+    """The squares of a tileset that have a file: branches of many squares are tilesets of their own."""
 
     def __init__(self, folder: Path, contents: dict[_Node, _Content]) -> None:
         self._folder, self._contents = folder, contents

@@ -19,16 +19,7 @@ class Finding(NamedTuple):
 
 
 class Limits:
-    """
-    The values of a run's parameters.
-
-    Parameters
-    ----------
-    run : dict
-        The content of ``run.json``.
-    spacing : float
-        Point spacing of the building, of which many are multiples [m].
-    """
+    """The values of a run's parameters, of which many are multiples of the building's point spacing [m]."""
 
     def __init__(self, run: dict[str, Any], spacing: float) -> None:
         self._told = run.get("parameters", {})

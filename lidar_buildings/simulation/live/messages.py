@@ -51,19 +51,11 @@ class Told(NamedTuple):
 
 class LiveMessages:
     """
-    Makes the messages of a survey.
+    Makes the messages of a survey, by what makes a message of a type from its members.
 
-    Parameters
-    ----------
-    survey : MovingSurvey
-        What is told.
-    make : callable
-        Makes a message of a type from its members.
-    with_tf : bool
-        Whether /tf and /tf_static tell poses and mounting, too.
-    with_fix : bool
-        Whether satellite positions on `fix` tell where the map lies, and not `map_origin`. Then the scene
-        stands in a level frame that touches the Earth at its origin, as poses do, and not in the grid.
+    /tf and /tf_static tell poses and mounting, too, if asked for. With a fix, satellite positions on `fix`
+    tell where the map lies, and not `map_origin`. Then the scene stands in a level frame that touches the
+    Earth at its origin, as poses do, and not in the grid.
     """
 
     def __init__(

@@ -19,28 +19,9 @@ from lidar_buildings.simulation.survey import (
 
 class SurveyBag:
     """
-    A bag of a survey's messages, as a recorder would have made it.
+    A bag of a survey's messages, as a recorder would have made it; see `BagWriter` and `LiveMessages`.
 
-    Parameters
-    ----------
-    path : Path
-        The folder, which must not be there.
-    survey : MovingSurvey
-        What is written.
-    storage, compression : str
-        As for `BagWriter`.
-    with_tf, with_fix : bool
-        As for `LiveMessages`.
-
-    Attributes
-    ----------
-    files : list of Path
-        The bag.
-
-    Raises
-    ------
-    OutputError
-        If there is something of that name, or it cannot be written.
+    OutputError if there is something of that name, or it cannot be written.
     """
 
     def __init__(
@@ -78,22 +59,8 @@ class SurveyFiles:
     """
     The files that `simulate_survey` makes, of a survey on the move: a LAZ file per leg, and the truth.
 
-    Parameters
-    ----------
-    output : Path
-        Folder, made if it is not there.
-    survey : MovingSurvey
-        What is written.
-
-    Attributes
-    ----------
-    files : list of Path
-        The clouds that are complete, and at the end the truth.
-
-    Raises
-    ------
-    OutputError
-        If the folder or a file cannot be written.
+    `files` are the clouds that are complete, and at the end the truth. OutputError if the folder or a file
+    cannot be written.
     """
 
     def __init__(self, output: Path, survey: MovingSurvey) -> None:
