@@ -89,6 +89,14 @@ def assign_footprints(
     return AssignedPoints(building_id, tuple(outlines), clipped)
 
 
+def remark_on_points(building: PointTile) -> str:
+    """Say how many of a building's points are no roof points; nothing if all are."""
+    n_others = int(np.count_nonzero(~building.is_roof))
+    if not n_others:
+        return ""
+    return f"{n_others} of {len(building)} points are what stands in the footprint where no roof points are"
+
+
 class _Surroundings:
     """
     Finds the points around a place.
