@@ -16,9 +16,11 @@ from lidar_buildings.io.files.locations import located
 ENDINGS = (".las", ".laz")
 
 _Opened = TypeVar("_Opened")
+#: What a user names: files, folders, globs.
+Inputs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
-def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> list[Path]:
+def find_inputs(inputs: Inputs) -> list[Path]:
     """
     Expand files, folders and globs to the files they name, each once, in the order given.
 
@@ -31,9 +33,7 @@ def find_inputs(inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     return files
 
 
-def search_inputs(
-    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
-) -> tuple[list[Path], list[str]]:
+def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
     """
     Find files as `find_inputs`; what is missing does not keep the others from it.
 
@@ -92,9 +92,7 @@ def is_cloud_file(path: Path) -> bool:
     return path.name.lower().endswith(ENDINGS) and path.is_file()
 
 
-def open_each(
-    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], open_one: Callable[[Path], _Opened]
-) -> tuple[list[_Opened], list[str]]:
+def open_each(inputs: Inputs, open_one: Callable[[Path], _Opened]) -> tuple[list[_Opened], list[str]]:
     """
     Open files as `search_inputs` finds them; what cannot be read does not keep the others from it.
 

@@ -6,8 +6,7 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from lidar_buildings.io.clouds.agreement import (
 )
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.copc_nodes import runs_touching
-from lidar_buildings.io.clouds.find_inputs import open_each
+from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
 from lidar_buildings.io.clouds.las_reader import reported
 from lidar_buildings.io.clouds.las_records import read_raw_header
@@ -76,9 +75,7 @@ def open_cloud(path: str | Path) -> Cloud:
         return replace(cloud, crs=_metric(path, crs, mins, maxs), mins=mins, maxs=maxs)
 
 
-def open_inputs(
-    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
-) -> tuple[list[Cloud], list[str]]:
+def open_inputs(inputs: Inputs) -> tuple[list[Cloud], list[str]]:
     """
     Open files, folders and globs, copies once; what is unreadable does not keep the others from it.
 

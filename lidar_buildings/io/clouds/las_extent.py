@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import struct
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +10,7 @@ import numpy as np
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT
 from lidar_buildings.io.clouds.cloud import CloudExtent
-from lidar_buildings.io.clouds.find_inputs import open_each
+from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import source_crs
 from lidar_buildings.io.clouds.las_reader import reported
 from lidar_buildings.io.clouds.las_records import read_raw_header
@@ -38,9 +36,7 @@ def read_extent(path: Path) -> CloudExtent:
         return CloudExtent(path, raw, crs, mins, maxs, state_of(path))
 
 
-def read_extents(
-    inputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
-) -> tuple[list[CloudExtent], list[str]]:
+def read_extents(inputs: Inputs) -> tuple[list[CloudExtent], list[str]]:
     """
     Read the headers of files, folders and globs; return those that can be read, and a line for each other.
 
