@@ -25,26 +25,11 @@ def group_spacings(
     points: NDArray[np.float64], cells: CellGrid, group: NDArray[np.int64], n_groups: int
 ) -> NDArray[np.float64]:
     """
-    Measure 1/√density of each group of points from its own points alone.
+    Measure 1/√density of each group of points from its own points alone; group −1 is none.
 
-    As `core.neighbours.point_spacing.measure_spacing`, the median by area of k/(π d²), d the distance to
-    the k-th neighbour in plan; but from a sample, and with neighbours sought nearby only.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order; positions that occur twice count twice [m].
-    cells : CellGrid
-        The points in cells a few spacings wide, or less.
-    group : ndarray of int64, shape (n_points,)
-        0 to `n_groups` (exclusive), or −1 for points of none.
-    n_groups : int
-        Number of groups.
-
-    Returns
-    -------
-    ndarray of shape (n_groups,)
-        NaN for a group of fewer than 20 points, or most of whose neighbours are not near [m].
+    As `core.neighbours.point_spacing.measure_spacing`, the median by area of k/(π d²), d the distance to the
+    k-th neighbour in plan; but from a sample, and with neighbours sought nearby only, in cells a few spacings
+    wide. NaN for a group of fewer than 20 points, or most of whose neighbours are not near.
     """
     size = np.bincount(group[group >= 0], minlength=n_groups)
     is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)

@@ -28,29 +28,12 @@ def smooth_patches(
     max_offset: float,
 ) -> NDArray[np.int64]:
     """
-    Number the patches of points that are linked by smooth steps.
+    Number the patches of points that are linked by smooth steps; every point is in one, if only its own.
 
-    Two points within the reach of either are linked if their normals differ by no more than an angle and
-    each lies near the other's tangent plane; a patch is whatever links connect (smoothness constraint of
-    Rabbani and others, 2006, without its seeds: the result does not depend on where growing starts).
-
-    Parameters
-    ----------
-    columns : Columns
-        The points [m].
-    normals : ndarray of shape (n_points, 3)
-        Unit normals.
-    reach : ndarray of shape (n_points,)
-        Longest link of each point [m], > 0.
-    max_angle_deg : float
-        Largest angle between linked normals [deg].
-    max_offset : float
-        Largest distance of a linked point from the other's tangent plane [m].
-
-    Returns
-    -------
-    ndarray of int64, shape (n_points,)
-        0, 1, … ; every point is in a patch, if only its own.
+    Two points within the reach of either are linked if their normals differ by no more than an angle and each
+    lies within `max_offset` of the other's tangent plane; a patch is whatever links connect (smoothness
+    constraint of Rabbani and others, 2006, without its seeds: the result does not depend on where growing
+    starts).
     """
     parent = np.arange(len(columns.points))
     limits = (math.cos(math.radians(max_angle_deg)), max_offset)

@@ -29,21 +29,9 @@ def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -
     """
     Extend segments at both ends to the nearest other segment or wall, steps past it to the one behind.
 
-    Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps
-    lie a little beside one another, each has to run on beside the other to be the one that is chosen.
-
-    Parameters
-    ----------
-    segments : ndarray of shape (n_segments, 2, 2)
-        Ends in plan [m].
-    walls : ndarray of shape (n_walls, 2, 2)
-        Edges of the outline [m].
-    n_steps : int
-        So many of the segments, the first, are steps.
-
-    Returns
-    -------
-    ndarray of shape (n_segments, 2, 2)
+    Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps,
+    the first `n_steps`, lie a little beside one another, each has to run on beside the other to be the one
+    that is chosen.
     """
     if not len(segments):
         return segments

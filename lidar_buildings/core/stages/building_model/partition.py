@@ -39,25 +39,11 @@ def partition_outline(
     config: BuildingModelConfig,
 ) -> list[RoofFacePatch]:
     """
-    Divide an outline into roof faces.
+    Divide an outline, valid and on the output grid, into roof faces.
 
     Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
     plane that fits the points best at the least length of borders and number of corners; cells of one plane
-    are joined.
-
-    Parameters
-    ----------
-    outline : Outline
-        Valid, on the output grid [m].
-    points : ndarray of shape (n_points, 3)
-        Roof points [m].
-    planes : ndarray of shape (n_planes, 3)
-        z = a·x + b·y + c of each; at least one.
-    lines : tuple of ndarray of shape (n_lines, 2, 2)
-        Candidate borders in plan, first steps and then lines in which planes meet [m].
-    spacing : float
-        Point spacing [m].
-    config : BuildingModelConfig
+    are joined. `lines` are first steps and then lines in which planes meet, in plan.
     """
     cuts = lines[0][:0]
     if len(planes) > 1:

@@ -25,22 +25,9 @@ def two_means(
     Return the centres of two clusters, that of the lower mean linearity first; equal ones if there is one.
 
     Lloyd's iteration from a start by linearity. With the Manhattan distance centres are medians; with the
-    Mahalanobis distance features are whitened by their covariance over all the points given. The last bits
-    of means depend on the order of the points, unless their sums are exact.
-
-    Parameters
-    ----------
-    features : ndarray of shape (n_points, n_features)
-        At least one row.
-    linearity : ndarray of shape (n_points,)
-        Decides the start, and which cluster is which.
-    distance : str
-        ``"euclidean"``, ``"manhattan"`` or ``"mahalanobis"``.
-
-    Raises
-    ------
-    ValueError
-        If a feature is not finite.
+    Mahalanobis distance features are whitened by their covariance over all the points given. The last bits of
+    means depend on the order of the points, unless their sums are exact. ValueError if a feature is not
+    finite.
     """
     if not np.isfinite(features).all():
         raise ValueError("features: must be finite")

@@ -47,20 +47,13 @@ def assign_footprints(
     tile: PointTile, footprints: Footprints, config: FootprintConfig | None = None
 ) -> AssignedPoints:
     """
-    Find a tile's footprints and give their points their building's id.
+    Find a tile's footprints and give their points, classified and with heights, their building's id.
 
     A footprint's points are the roof points within it, and where these leave a gap what stands there: points
     undecided, of vegetation or façades. Where roof points are next to none, all that stands within it is
     taken, of last returns if there are any. Where footprints lie over each other, the smaller one has the
     points. A footprint belongs to the tile that holds the westernmost of all points within it as a core
     point, or of those around it if there are none within.
-
-    Parameters
-    ----------
-    tile : PointTile
-        All points with their final class and height above ground.
-    footprints : Footprints
-    config : FootprintConfig, optional
     """
     config = config or FootprintConfig()
     building_id = np.zeros(len(tile), dtype=np.uint32)
@@ -98,16 +91,7 @@ def remark_on_points(building: PointTile) -> str:
 
 
 class _Surroundings:
-    """
-    Finds the points around a place.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Map frame [m].
-    distance : float
-        How far around [m].
-    """
+    """Finds the points around a place, up to a distance."""
 
     def __init__(self, points: NDArray[np.float64], distance: float) -> None:
         self._points, self._distance = points, distance
@@ -199,21 +183,11 @@ def in_gaps(
     xy: NDArray[np.float64], is_roof: NDArray[np.bool_], spacing: float | None, min_area: float
 ) -> NDArray[np.bool_]:
     """
-    Tell which points lie where roof points are missing, in places of some extent.
+    Tell which points of a footprint lie where roof points are missing, in places of some extent.
 
-    Cells that hold points, but neither roof points nor a neighbour with such, are gathered; where enough
-    hang together, they and the cells without roof points around them are a gap. Cells are aligned to the
-    map's origin.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_points, 2)
-        Points of one footprint [m].
-    is_roof : ndarray of shape (n_points,)
-    spacing : float or None
-        Of the points [m].
-    min_area : float
-        Smallest extent of a gap without its rim [m²].
+    Cells that hold points, but neither roof points nor a neighbour with such, are gathered; where enough hang
+    together, `min_area` without the rim, they and the cells without roof points around them are a gap. Cells
+    are aligned to the map's origin.
     """
     side = max(_CELL, _CELL_SPACINGS * (spacing or 0.0))
     cells = np.floor(xy / side).astype(np.int64)

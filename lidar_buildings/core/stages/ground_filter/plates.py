@@ -39,19 +39,10 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     """
     Tell which points, taken for ground, lie on roofs: on plates whose sides fall by a step nearly all round.
 
-    A wall is abrupt and a hillside is not (after Chen et al. 2007), whatever its height and the width of
-    what it bears. Plates are what smaller steps than `STEP` connect. Cells without ground count to the
-    nearest with, so that trees and buildings along a wall do not hide it. Beside a roof that was found lower
-    parts of the same building are looked at without that side.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Gross errors removed [m].
-    ground : ndarray of shape (n_points,), bool
-        What is ground so far; at least one.
-    spacing : float
-        Of the points [m].
+    A wall is abrupt and a hillside is not (after Chen et al. 2007), whatever its height and the width of what
+    it bears. Plates are what smaller steps than `STEP` connect. Cells without ground count to the nearest
+    with, so that trees and buildings along a wall do not hide it. Beside a roof that was found lower parts of
+    the same building are looked at without that side. At least one point is ground, gross errors are removed.
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
     place, shape = _places(points, cell)

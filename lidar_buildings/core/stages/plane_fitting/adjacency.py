@@ -55,22 +55,10 @@ def bridged_planes(
     """
     Return the pairs of planes, shape (n_pairs, 2), that may be one that another comes between.
 
-    A bridge leads from the one to the other over points that lie on the plane, though they belong to others:
-    such as there are where two valleys end at a ridge.
-
-    Parameters
-    ----------
-    cloud : Cloud
-    labels : ndarray of shape (n_points,), int32
-        Plane numbers, 0 = none.
-    seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours in another plane.
-    equations : ndarray of shape (n_planes + 1, 4)
-        a, b, c, d of each plane by its number.
-    bridge : float
-        Longest bridge [m].
-    max_distance : float
-        Largest distance of a bridge's points from the plane [m].
+    A bridge, no longer than that, leads from the one to the other over points that lie within `max_distance`
+    of the plane, though they belong to others: such as there are where two valleys end at a ridge. `seam` are
+    the rows of points that have neighbours in another plane; `equations` hold a, b, c, d of each plane by its
+    number.
     """
     rows, first = rows_by_group(labels[seam].astype(np.int64), len(equations))
     is_bridged = np.zeros((len(equations), len(equations)), dtype=bool)

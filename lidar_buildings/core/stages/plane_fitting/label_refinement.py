@@ -20,24 +20,13 @@ def refine_labels(
     cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, max_distance: float, smoothness: float
 ) -> NDArray[np.int32]:
     """
-    Let every point choose among the planes around it, until none moves.
+    Let every point on a seam choose among the planes around it, until none moves.
 
     The first plane extracted takes a strip of its neighbours where they meet; here these points go to the
-    plane that they are nearest to, and points that no plane took join the one beside them. Each move lowers
-    Σ (distance / largest distance)² − smoothness × share of neighbours in the same plane (iterated
-    conditional modes, Besag 1986).
-
-    Parameters
-    ----------
-    cloud : Cloud
-    labels : ndarray of shape (n_points,), int32
-        Plane numbers, 0 = none.
-    seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours in another plane: others stay where they are.
-    max_distance : float
-        Largest distance of a point to its plane [m].
-    smoothness : float
-        Weight of the neighbours' planes against the squared relative distance.
+    plane that they are nearest to, and points that no plane took (label 0) join the one beside them. Each
+    move lowers Σ (distance / largest distance)² − smoothness × share of neighbours in the same plane
+    (iterated conditional modes, Besag 1986). `seam` are the rows of points that have neighbours in another
+    plane: others stay where they are.
     """
     labels = labels.copy()
     size = 1

@@ -65,18 +65,9 @@ def select_planes(
     """
     Join neighbouring planes, the best pair first, and give up planes, the smallest first, where that saves.
 
-    A plane is given up if its points lie nearly as well on the planes around.
-
-    Parameters
-    ----------
-    cloud : Cloud
-    labels : ndarray of shape (n_points,), int32
-        Plane numbers, 0 = none.
-    seam : ndarray of shape (n_seam_points,), int64
-        Rows of the points that have neighbours in another plane.
-    prices : Prices
-    bridge : float
-        Parts of a plane this near to one another may be joined even where another plane comes between [m].
+    A plane is given up if its points lie nearly as well on the planes around. `seam` are the rows of points
+    that have neighbours in another plane; parts of a plane as near to one another as `bridge` [m] may be
+    joined even where another plane comes between.
     """
     size = int(labels.max(initial=0)) + 1
     touching = touching_planes(cloud.neighbours, labels, seam)

@@ -28,19 +28,10 @@ def ransac_planes(
     """
     Number the points of each plane, 0 = none (Mancera-Taboada et al. 2012, section II.D).
 
-    Of N planes through three random points the one with most points within the tolerance is adjusted to
-    these by orthogonal least squares, again and again until they stay the same; they leave the cloud, and the
-    next plane is sought until one has too few points.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    spacing : float
-        What the points of the largest plane follow from; planes are not connected [m].
-    min_points : int
-        Fewest points of a plane.
-    config : PlaneFittingConfig
+    Of N planes through three random points the one with most points within the tolerance is adjusted to these
+    by orthogonal least squares, again and again until they stay the same; they leave the cloud, and the next
+    plane is sought until one has too few points. From the spacing the points of the largest plane follow;
+    planes are not connected.
     """
     order = np.lexsort(points.T[::-1])
     ordered = np.ascontiguousarray(points[order])

@@ -40,25 +40,13 @@ class Pool(NamedTuple):
 @kernel
 def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) -> NDArray[np.int32]:
     """
-    Take planes out of the cloud one after the other until none is left with enough points.
+    Take planes out of the cloud one after the other until none is left with enough points; number 0 = none.
 
-    In each round every free point is a seed, unless a known hypothesis holds it. A hypothesis is accepted
-    once enough seeds were drawn to have met, with the wanted probability, any plane as large. Hypotheses are
-    kept for later planes; since points only ever leave, a score can only fall, so the one with the highest
-    score after a recount is the best of all.
-
-    Parameters
-    ----------
-    cloud, limits : Cloud, Limits
-    order : ndarray of shape (n_points,)
-        A random order in which points become seeds.
-    samples : ndarray of shape (n_sets, n_samples, 2)
-        Random numbers in [0, 1) that choose each seed's samples.
-
-    Returns
-    -------
-    ndarray of shape (n_points,)
-        Number of the plane, 0 = none.
+    In each round every free point is a seed, in the given random order, unless a known hypothesis holds it. A
+    hypothesis is accepted once enough seeds were drawn to have met, with the wanted probability, any plane as
+    large. Hypotheses are kept for later planes; since points only ever leave, a score can only fall, so the
+    one with the highest score after a recount is the best of all. `samples`, shape (n_sets, n_samples, 2),
+    are random numbers in [0, 1) that choose each seed's.
     """
     n = len(order)
     labels = np.zeros(n, np.int32)

@@ -25,17 +25,7 @@ def adjusted_directions(
     Long and short walls enter with their points and with their direction as an observation, the long walls'
     directions with a high weight; nothing holds the two perpendicular any more. The lines are eliminated, so
     that each direction is a weighted mean, and `fit_wall` gives the lines of the same joint solution.
-
-    Parameters
-    ----------
-    samples, divisions : list
-        One of each per ring.
-    angles : ndarray of shape (n_directions,)
-        Approximate directions of the normals, which the kinds of the divisions number [rad].
-    spacing : float
-        Point spacing [m].
-    config : RegularisationConfig
-        `direction_weight`, `min_long_wall`.
+    `angles` are approximate directions of the normals, which the kinds of the divisions number.
     """
     walls = [
         (int(kind), *_length_and_turn(ring.points, sums, first, last, angles[kind]))

@@ -38,23 +38,8 @@ def near_tangent_plane(
     """
     Tell which points lie on the surface or its immediate continuation.
 
-    Parameters
-    ----------
-    columns : Columns
-        The points [m].
-    normals : ndarray of shape (n_surface_points, 3)
-        Unit normals of the surface points.
-    is_surface : ndarray of bool, shape (n_points,)
-        Which points are surface.
-    radius : float
-        How far the surface goes on beyond its points [m].
-    max_distance : float
-        Largest distance from the tangent plane of a surface point within the radius [m].
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        True for surface points and what continues them.
+    `normals` are those of the surface points alone; the surface goes on beyond these by the radius, and a
+    point may be `max_distance` from the tangent plane of one within it [m].
     """
     return _joined(columns, normals, is_surface, radius, max_distance, 1.0)
 
@@ -92,21 +77,10 @@ def surroundings(
     columns: Columns, chosen: NDArray[np.bool_], reach: float, wanted: NDArray[np.bool_]
 ) -> Surroundings:
     """
-    Look at the chosen points around those columns that hold wanted points.
+    Look at the chosen points around those columns that hold wanted points; for others there is no answer.
 
     Whole columns are within reach if their middles are: to within half a column, as many times faster as
     there are points in one.
-
-    Parameters
-    ----------
-    columns : Columns
-        All points [m].
-    chosen : ndarray of bool, shape (n_points,)
-        What to look at.
-    reach : float
-        How far in plan [m].
-    wanted : ndarray of bool, shape (n_points,)
-        Which points ask; for the columns of others there is no answer.
     """
     around, asking = columns.select(chosen), columns.holding(wanted)
     is_held = np.diff(around.first, append=around.first[-1]) > 0

@@ -129,22 +129,10 @@ def merge_parts(
     """
     Return into which part each part goes, the smallest first; a part that stays goes into itself.
 
-    A part goes if it is smaller or narrower than a building, or than a tower if nearly all of its rim is
-    another's; it goes to the part of its block with which it shares the longest border, and where there is
-    none to the largest.
-
-    Parameters
-    ----------
-    borders : Borders
-        Of the parts.
-    area : ndarray of shape (n_parts,)
-        Of each part [m²].
-    block : ndarray of int64, shape (n_parts,)
-        Parts of different blocks never merge.
-    min_area, min_width : float
-        Least area, and least width of the rectangle of a part's area and perimeter [m²], [m].
-    sums : ndarray of shape (n_parts, 6), optional
-        See `part_shape.plan_sums`: if given, a part's points must scatter as over the least width, too.
+    A part goes if it is smaller or narrower (the rectangle of its area and perimeter) than a building, or
+    than a tower if nearly all of its rim is another's; it goes to the part of its block with which it shares
+    the longest border, and where there is none to the largest. If `sums` are given, see
+    `part_shape.plan_sums`, a part's points must scatter as over the least width, too.
     """
     parts = _Parts(borders, area, block, sums)
     into = np.arange(len(area))

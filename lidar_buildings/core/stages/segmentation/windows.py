@@ -13,25 +13,12 @@ from lidar_buildings.core.neighbours.union_find import flatten, link, root
 
 def chain_windows(xy: NDArray[np.float64], reach: tuple[float, float]) -> tuple[NDArray[np.int64], int]:
     """
-    Number the connected components of points that lie in each other's windows.
+    Number the connected components of points that lie in each other's windows; return also how many.
 
-    Two points are linked if they differ by no more than `reach` in x and in y. Points are put into cells as
-    large as the reach: a cell's points are all linked, and two neighbouring cells are joined by comparing
-    their extreme points, so that no pairs have to be listed however dense the cloud is.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_points, 2 or more)
-        In any order; only x and y are looked at [m].
-    reach : tuple of two float
-        Half the window's sides along x and y [m], > 0.
-
-    Returns
-    -------
-    component : ndarray of int64, shape (n_points,)
-        From 0, the same whatever the points' order.
-    n_components : int
-        Number of components.
+    Two points are linked if they differ by no more than `reach`, half the window's sides [m], in x and in y.
+    Points are put into cells as large as the reach: a cell's points are all linked, and two neighbouring
+    cells are joined by comparing their extreme points, so that no pairs have to be listed however dense the
+    cloud is. Numbers, from 0, are the same whatever the points' order.
     """
     if reach[0] != reach[1]:
         xy = xy[:, :2] * np.array([1.0, reach[0] / reach[1]])

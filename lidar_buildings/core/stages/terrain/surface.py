@@ -33,23 +33,11 @@ def surface_elevations(
     """
     Return the elevation of the surface at the cells that are wanted [m], others' or NaN elsewhere.
 
-    A cell with first returns has the highest of them; where there is none near, later returns stand in. Gaps
-    between such cells are closed by the TIN of the highest points round them. Wider holes returned nothing:
-    water and shadow mostly, which take the ground's elevation even where trees line them. A hole that only
-    high cells surround is a wet or dark roof, and is closed like a gap.
-
-    Parameters
-    ----------
-    cells : Cells
-        With at least as many empty cells on each side as a gap is wide.
-    contents : CellContents
-        What they hold.
-    ground : ndarray of shape (height, width)
-        Elevation of the ground [m]; NaN where it is not known.
-    known, wanted : ndarray of bool, shape (height, width)
-        The cells that have an elevation, and those of them that are asked for.
-    gap : int
-        See `widest_gap`.
+    A cell with first returns has the highest of them; where there is none near, later returns stand in. Gaps,
+    see `widest_gap`, between such cells are closed by the TIN of the highest points round them. Wider holes
+    returned nothing: water and shadow mostly, which take the ground's elevation even where trees line them. A
+    hole that only high cells surround is a wet or dark roof, and is closed like a gap. On each side are at
+    least as many empty cells as a gap is wide.
     """
     highest = _with_later_returns(cells, contents.first, contents.later, gap)
     measured = highest.mask(cells.window.shape)

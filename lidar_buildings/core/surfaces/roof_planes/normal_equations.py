@@ -33,25 +33,11 @@ def solve(
     slopes: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """
-    Find the planes nearest to the free ones that are level and meet where they should.
+    Find the planes nearest to the free ones that are level and meet where they should, about the centre.
 
     Least squares with equality constraints: the normal equations bordered by the constraints' (KKT system).
-
-    Parameters
-    ----------
-    planes : FreePlanes
-    surface : ndarray of shape (n_planes,), int64
-        Number of the level surface that a plane is a piece of; -1 for planes that are not level.
-    vertices : sequence of CommonVertex
-    slopes : ndarray of shape (n_planes, 2)
-        Approximate gradients, for vertices whose position is not given.
-
-    Returns
-    -------
-    coefficients : ndarray of shape (n_planes, 3)
-        a, b, c about the centre.
-    pull : ndarray of shape (n_vertices, n_planes)
-        By how much each vertex alone moves each plane at its points, roughly [m].
+    `slopes` are approximate gradients, for vertices whose position is not given. Returned is also by how much
+    each vertex alone moves each plane at its points, roughly [m], shape (n_vertices, n_planes).
     """
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
     terms = _terms(vertices, slopes, planes.moments.centre) if len(vertices) else _NO_TERMS

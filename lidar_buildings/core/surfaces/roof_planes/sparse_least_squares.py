@@ -20,26 +20,11 @@ _DEPENDENT = 1e-6
 @kernel
 def constrained_minimum(normal, target, rows, values):  # type: ignore[no-untyped-def]
     """
-    Minimise ½ xᵀ N x - tᵀ x under R x = r.
+    Minimise ½ xᵀ N x - tᵀ x under R x = r; return x and the multipliers. N and t are overwritten.
 
     The multipliers f follow from R N⁻¹ Rᵀ f = R N⁻¹ t - r, and x = N⁻¹ (t - Rᵀ f). Unknowns that share
-    equations with few others should come first: so the factor stays as sparse as N.
-
-    Parameters
-    ----------
-    normal : ndarray of shape (n, n)
-        N, symmetric and positive definite; overwritten.
-    target : ndarray of shape (n,)
-        t; overwritten.
-    rows : ndarray of shape (m, n)
-        R; rows that follow from those before them get no multiplier.
-    values : ndarray of shape (m,)
-        r.
-
-    Returns
-    -------
-    x : ndarray of shape (n,)
-    multipliers : ndarray of shape (m,)
+    equations with few others should come first: so the factor stays as sparse as N, symmetric and positive
+    definite. Rows of R that follow from those before them get no multiplier.
     """
     start, row, value = _factor(normal)
     _back_substitute(start, row, value, target)

@@ -38,16 +38,7 @@ def net_votes(
     Each set of profiles is walked forth and back (Shan & Sampath 2005). A point is object from where the
     profile rises by a step until it has come back to the elevation of the last ground point; so what lies
     between a rise and a fall is object in both directions, and what lies above a single step, such as a
-    terrace, in one.
-
-    Parameters
-    ----------
-    profiles : sequence of Profiles
-        Each with all points.
-    elevation : ndarray of shape (n_points,)
-        Elevations, or heights above a trend [m].
-    config : GroundFilterConfig
-        The members that begin with `profile_`.
+    terrace, in one. Elevations may be heights above a trend.
     """
     limits = config.profile_max_slope, config.profile_step, config.profile_max_object, WINDOW
     z = np.ascontiguousarray(elevation)
