@@ -149,10 +149,7 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and end with it"
     )
     parser.add_argument(
-        "--rate",
-        type=float,
-        metavar="R",
-        help="play at R times the recorded speed (default: 1; 0: at once)",
+        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: 1; 0: at once)"
     )
     add_part_of_bag(parser)
     parser.add_argument(

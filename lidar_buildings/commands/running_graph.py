@@ -26,12 +26,7 @@ _TICK = 0.1
 
 @contextmanager
 def running_graph(
-    request: RunRequest,
-    source: str,
-    namespace: str,
-    arguments: Sequence[str] = (),
-    *,
-    is_quiet: bool = False,
+    request: RunRequest, source: str, namespace: str, arguments: Sequence[str] = (), *, is_quiet: bool = False
 ) -> Iterator[tuple[Composition, Mapping[str, Any]]]:
     """
     Compose the nodes that a request needs, and let them spin until the block ends.

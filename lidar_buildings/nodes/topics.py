@@ -133,10 +133,7 @@ MAP_ORIGIN = Topic(
     "what to add to map coordinates [m]; `frame_id` is the coordinate reference system",
 )
 MAP_UNITS = Topic(
-    "map_units",
-    "geometry_msgs/Vector3Stamped",
-    "LATCHED",
-    "metres per unit of the source's x, y and z",
+    "map_units", "geometry_msgs/Vector3Stamped", "LATCHED", "metres per unit of the source's x, y and z"
 )
 TILE_INFO = Topic(
     "tile_info",

@@ -60,11 +60,7 @@ class FlowControl:
     """
 
     def __init__(
-        self,
-        limit: int,
-        timeout: float,
-        max_attempts: int,
-        now: Callable[[], float] = time.monotonic,
+        self, limit: int, timeout: float, max_attempts: int, now: Callable[[], float] = time.monotonic
     ) -> None:
         self._limit = limit
         self._timeout = timeout

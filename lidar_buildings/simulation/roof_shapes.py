@@ -7,14 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.simulation.building import GRID, Building, RoofFace, building_of, face_over
-from lidar_buildings.simulation.roof_cutting import (
-    box,
-    gable_faces,
-    highest_of,
-    lowest,
-    rim_planes,
-    slope_of,
-)
+from lidar_buildings.simulation.roof_cutting import box, gable_faces, highest_of, lowest, rim_planes, slope_of
 
 #: Width of the wings of L- and T-shaped houses [m].
 WING_WIDTH = 7.0

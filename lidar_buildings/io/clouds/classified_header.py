@@ -118,10 +118,7 @@ def _undocumented_size(cloud: Cloud, header: laspy.LasHeader) -> int:
 
 
 def _with_entries(
-    cloud: Cloud,
-    names: dict[str, str],
-    undocumented: int,
-    missing: Sequence[_Dimension],
+    cloud: Cloud, names: dict[str, str], undocumented: int, missing: Sequence[_Dimension]
 ) -> tuple[RawRecord, ...]:
     """Return the input's records with entries for what was undocumented and what is new."""
     kept = [record for record in cloud.raw.vlrs if is_kept(record)]

@@ -69,11 +69,7 @@ def write_classified(
     per_class = np.zeros(256, dtype=np.int64)
     with checked_file(path) as file:
         writer = laspy.LasWriter(
-            file,
-            out.header,
-            do_compress=path.suffix == ".laz",
-            laz_backend=laz_backend(),
-            closefd=False,
+            file, out.header, do_compress=path.suffix == ".laz", laz_backend=laz_backend(), closefd=False
         )
         first = 0
         for chunk in cloud.chunks():

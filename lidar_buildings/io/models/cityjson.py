@@ -31,11 +31,7 @@ _DECIMALS = 6
 
 
 def header_line(
-    frame: MapFrame,
-    *,
-    crs: str = "",
-    extent: NDArray[np.float64] | None = None,
-    title: str = "",
+    frame: MapFrame, *, crs: str = "", extent: NDArray[np.float64] | None = None, title: str = ""
 ) -> str:
     """
     Return the first line of a CityJSONSeq: version, transform and metadata.

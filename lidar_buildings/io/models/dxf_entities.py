@@ -59,12 +59,7 @@ class DxfEntities:
         )
 
     def closed_polyline(
-        self,
-        layer: str,
-        corners: Sequence[CornerText],
-        bulges: Sequence[float],
-        elevation: float,
-        data: str,
+        self, layer: str, corners: Sequence[CornerText], bulges: Sequence[float], elevation: float, data: str
     ) -> str:
         """
         Return a closed polyline of lines and arcs in a horizontal plane, its corners open.

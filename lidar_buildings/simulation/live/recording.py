@@ -9,12 +9,7 @@ from lidar_buildings.io.bags.bag_writer import BagWriter
 from lidar_buildings.simulation.las_strips import strip_file
 from lidar_buildings.simulation.live.messages import LATCHED, TYPES, LiveMessages, Told
 from lidar_buildings.simulation.live.moving_survey import BodyPose, MovingSurvey, Scan
-from lidar_buildings.simulation.survey import (
-    STRIP_NAME,
-    make_folder,
-    remove_surplus,
-    write_truth,
-)
+from lidar_buildings.simulation.survey import STRIP_NAME, make_folder, remove_surplus, write_truth
 
 
 class SurveyBag:

@@ -35,11 +35,7 @@ class BoundaryTracingConfig(StageConfig):
         minimum=2.0,
         maximum=40.0,
     )
-    courtyards: bool = parameter(
-        True,
-        "Whether courtyards are traced as holes.",
-        advanced=True,
-    )
+    courtyards: bool = parameter(True, "Whether courtyards are traced as holes.", advanced=True)
     min_courtyard_area: float = parameter(
         9.0,
         "Smallest area of a courtyard; raising it leaves more gaps inside the roof unmarked.",

@@ -13,11 +13,7 @@ from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArr
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.noding import node_segments
-from lidar_buildings.core.stages.building_model.planar_graph import (
-    Rotation,
-    enclosed_cells,
-    next_half_edge,
-)
+from lidar_buildings.core.stages.building_model.planar_graph import Rotation, enclosed_cells, next_half_edge
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,9 +58,7 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
 
 
 def part_elevations(
-    faces: list[RoofFacePatch],
-    points: FloatArray,
-    elevation_of: Callable[[FloatArray], float],
+    faces: list[RoofFacePatch], points: FloatArray, elevation_of: Callable[[FloatArray], float]
 ) -> FloatArray:
     """
     Return the elevation of each face's part for LoD1.3 [m], on the output grid, as `elevation_of` has it.

@@ -12,11 +12,7 @@ from lidar_buildings.core.neighbours.few_rows import rows_by_number
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.faces import (
-    face_rings,
-    join_equal_cells,
-    parts_of_one_height,
-)
+from lidar_buildings.core.stages.building_model.faces import face_rings, join_equal_cells, parts_of_one_height
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified

@@ -122,10 +122,7 @@ def label_edges(
 
 
 def _features(
-    points: NDArray[np.float64],
-    roofs: NDArray[np.int64] | None,
-    spacing: float,
-    config: EdgeLabellingConfig,
+    points: NDArray[np.float64], roofs: NDArray[np.int64] | None, spacing: float, config: EdgeLabellingConfig
 ) -> EigenFeatures:
     """Describe each point's sphere; given roofs do not see one another."""
     largest = max(config.max_radius, MIN_RADIUS)

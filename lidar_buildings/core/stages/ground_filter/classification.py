@@ -10,12 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
-from lidar_buildings.core.neighbours.cell_grid import (
-    CellGrid,
-    in_rows_order,
-    lowest_of_cells,
-    sort_by_cell,
-)
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import (
     CANDIDATE_SPACING,
     HEIGHT_WITHOUT_GROUND,

@@ -14,9 +14,7 @@ _REACH = 2.0
 
 
 def used_classes(
-    points: NDArray[np.float64],
-    classification: NDArray[np.uint8] | None,
-    point_spacing: float | None = None,
+    points: NDArray[np.float64], classification: NDArray[np.uint8] | None, point_spacing: float | None = None
 ) -> NDArray[np.uint8] | None:
     """
     Return the source's classes, 0 for points of class 12 where no other point but noise covers the place.

@@ -75,9 +75,7 @@ def _squeezed(coordinate: NDArray[np.float64], cell: float) -> tuple[NDArray[np.
     return row[at], int(row[-1]) + 1
 
 
-def _judged(
-    surface: NDArray[np.float64],
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+def _judged(surface: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the plate of each cell of a raster, which plates stand out, and which might, were they whole."""
     number = np.arange(surface.size).reshape(surface.shape)
     one = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])

@@ -11,11 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
-from lidar_buildings.core.surfaces.plane_geometry import (
-    distance_of,
-    fitted_plane,
-    plane_through,
-)
+from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: Probability that the samples hold one free of gross errors (Mancera-Taboada et al. 2012, section II.D).

@@ -17,16 +17,9 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.union_find import root
-from lidar_buildings.core.stages.plane_fitting.adjacency import (
-    bridged_planes,
-    touching_planes,
-)
+from lidar_buildings.core.stages.plane_fitting.adjacency import bridged_planes, touching_planes
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
-from lidar_buildings.core.surfaces.plane_geometry import (
-    distance_of,
-    fitted_plane,
-    residual_of,
-)
+from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, residual_of
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 # Those with which `bench.planes.run` finds all planes of the roofs labelled by hand and none too many.

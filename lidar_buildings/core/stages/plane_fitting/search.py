@@ -9,13 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.plane_fitting.consensus import (
-    Limits,
-    Scratch,
-    grow,
-    propose,
-    samples_needed,
-)
+from lidar_buildings.core.stages.plane_fitting.consensus import Limits, Scratch, grow, propose, samples_needed
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 
 #: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are seeds no

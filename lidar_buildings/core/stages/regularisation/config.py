@@ -123,8 +123,7 @@ class RegularisationConfig(StageConfig):
         advanced=True,
     )
     correct_bias: bool = parameter(
-        False,
-        "Whether walls are moved out to the edge that points lie inside of, or go through the points.",
+        False, "Whether walls are moved out to the edge that points lie inside of, or go through the points."
     )
     max_wall_gap: float = parameter(
         2.5,
@@ -135,8 +134,7 @@ class RegularisationConfig(StageConfig):
         maximum=10.0,
     )
     keep_outlines: bool = parameter(
-        False,
-        "Whether all outlines stay as they are: set where footprints are given.",
+        False, "Whether all outlines stay as they are: set where footprints are given."
     )
 
     def concavity_limits(self, spacing: float) -> ConcavityLimits | None:

@@ -16,11 +16,7 @@ from lidar_buildings.core.stages.regularisation.building_walls import both_ways,
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
-from lidar_buildings.core.stages.regularisation.precision import (
-    fit_quality,
-    outline_walls,
-    unknowns_of,
-)
+from lidar_buildings.core.stages.regularisation.precision import fit_quality, outline_walls, unknowns_of
 from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
 from lidar_buildings.core.stages.regularisation.samples import (
     RingSamples,
@@ -173,10 +169,7 @@ def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> 
 
 
 def _result(
-    traced: Outline,
-    rings: list[_Fitted],
-    centre: NDArray[np.float64],
-    directions: tuple[float, ...],
+    traced: Outline, rings: list[_Fitted], centre: NDArray[np.float64], directions: tuple[float, ...]
 ) -> RegularisedOutline:
     """Put the rings together, measure them, and say what is out of the ordinary."""
     exterior = rings[0].drawn.vertices + centre

@@ -123,12 +123,7 @@ class RoofSelectionConfig(StageConfig):
         advanced=True,
     )
     low_vegetation_height: float = parameter(
-        0.2,
-        "Height up to which vegetation is low.",
-        unit="m",
-        minimum=0.01,
-        maximum=5.0,
-        advanced=True,
+        0.2, "Height up to which vegetation is low.", unit="m", minimum=0.01, maximum=5.0, advanced=True
     )
     medium_vegetation_height: float = parameter(
         3.0,

@@ -64,11 +64,7 @@ def _judged(
     points: NDArray[np.float64], side: float, config: RoofSelectionConfig
 ) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
     """Return what the cells make of each point, and the normal of the most planar one."""
-    limits = (
-        config.max_planar_deviation,
-        config.min_rugged_deviation,
-        math.cos(math.radians(MAX_SLOPE_DEG)),
-    )
+    limits = (config.max_planar_deviation, config.min_rugged_deviation, math.cos(math.radians(MAX_SLOPE_DEG)))
     kind = np.full(len(points), UNKNOWN, dtype=np.int8)
     least = np.full(len(points), np.inf)
     normals = np.zeros((len(points), 3))

@@ -49,10 +49,7 @@ def _roofs_alone(
     find: _Method,
 ) -> Callable[[Candidates, RoofSelectionConfig], tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
     """Let a method that tells no walls say that there are none."""
-    return lambda candidates, config: (
-        find(candidates, config),
-        np.zeros(len(candidates.points), dtype=bool),
-    )
+    return lambda candidates, config: (find(candidates, config), np.zeros(len(candidates.points), dtype=bool))
 
 
 #: Method → its function, which tells roofs and walls.

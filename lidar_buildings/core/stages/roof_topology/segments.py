@@ -10,11 +10,7 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
-from lidar_buildings.core.stages.roof_topology.pieces import (
-    LEAST_BEND,
-    Pieces,
-    intersection_lines,
-)
+from lidar_buildings.core.stages.roof_topology.pieces import LEAST_BEND, Pieces, intersection_lines
 from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex
 

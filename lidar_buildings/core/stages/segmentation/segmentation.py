@@ -18,12 +18,7 @@ from lidar_buildings.core.neighbours.scan_pattern import (
     scan_cells,
 )
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.core.stages.segmentation.members import (
-    anchor_rows,
-    distinct_ids,
-    occupied_areas,
-    sizes,
-)
+from lidar_buildings.core.stages.segmentation.members import anchor_rows, distinct_ids, occupied_areas, sizes
 from lidar_buildings.core.stages.segmentation.necks import cut_necks
 from lidar_buildings.core.stages.segmentation.scan_windows import Chains, chain_along_scan
 from lidar_buildings.core.stages.segmentation.steps import split_blocks

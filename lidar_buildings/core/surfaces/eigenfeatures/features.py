@@ -68,11 +68,7 @@ class EigenFeatures:
 
 
 def eigen_features(
-    points: ArrayLike,
-    radii: Sequence[float],
-    *,
-    min_neighbours: int = 4,
-    entropy: str = "dimensionality",
+    points: ArrayLike, radii: Sequence[float], *, min_neighbours: int = 4, entropy: str = "dimensionality"
 ) -> EigenFeatures:
     """
     Describe each point's spherical neighbourhood, its radius chosen by least entropy.

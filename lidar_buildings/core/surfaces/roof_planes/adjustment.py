@@ -14,10 +14,7 @@ from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes, free_planes
 from lidar_buildings.core.surfaces.roof_planes.level_planes import level_planes
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
-from lidar_buildings.core.surfaces.roof_planes.normal_equations import (
-    CommonVertex,
-    solve,
-)
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import CommonVertex, solve
 from lidar_buildings.core.surfaces.roof_planes.roof_plane import RoofPlane
 
 #: A vertex may move a plane by this at its points, or by its own roughness if that is more [m].

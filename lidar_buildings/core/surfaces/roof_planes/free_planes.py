@@ -8,10 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray
-from lidar_buildings.core.surfaces.roof_planes.moments import (
-    PlaneMoments,
-    centroids_and_scatters,
-)
+from lidar_buildings.core.surfaces.roof_planes.moments import PlaneMoments, centroids_and_scatters
 
 #: Steeper planes are walls: they stay as they are [deg].
 STEEPEST_DEG = 80.0

@@ -27,10 +27,7 @@ class CommonVertex(NamedTuple):
 
 
 def solve(
-    planes: FreePlanes,
-    surface: IntArray,
-    vertices: Sequence[CommonVertex],
-    slopes: FloatArray,
+    planes: FreePlanes, surface: IntArray, vertices: Sequence[CommonVertex], slopes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """
     Find the planes nearest to the free ones that are level and meet where they should, about the centre.

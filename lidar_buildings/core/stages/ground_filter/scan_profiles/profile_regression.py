@@ -40,10 +40,7 @@ FOR_WEIGHT, AGAINST_WEIGHT = 2, -1
 
 
 def grow_ground(
-    profiles: Sequence[Profiles],
-    elevation: NDArray[np.float64],
-    ground: NDArray[np.bool_],
-    spacing: float,
+    profiles: Sequence[Profiles], elevation: NDArray[np.float64], ground: NDArray[np.bool_], spacing: float
 ) -> NDArray[np.bool_]:
     """
     Return the ground with all points that lines through ground points beside them lead to.

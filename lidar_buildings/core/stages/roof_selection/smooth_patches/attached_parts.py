@@ -11,11 +11,7 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import (
-    MIN_CELLS,
-    closed,
-    opened,
-)
+from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import MIN_CELLS, closed, opened
 from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: Roofs that no step of half a storey connects are of different levels [m].
