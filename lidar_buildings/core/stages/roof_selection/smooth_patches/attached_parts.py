@@ -39,8 +39,8 @@ def wide_levels(
 
     A part is what steps of less than a level connect. Of those below `max_part_area` what is narrower than
     `min_roof_width` goes; those that stand alone or only touch other roofs go if they are nowhere as wide as
-    `min_building_width`. Of bare roofs, which have not taken in yet what stands on them, only parts that touch
-    others are judged, by their width as buildings: all may be wider than they seem.
+    `min_building_width`. Of bare roofs, which have not taken in yet what stands on them, only parts that
+    touch others are judged, by their width as buildings: all may be wider than they seem.
     """
     kept = np.ones(len(part), dtype=bool)
     size = columns.size
