@@ -136,8 +136,9 @@ class ScanAssembler(TileSender):
         recorded = self.tiles.recorded
         if recorded is not None and recorded.given.said:
             self.get_logger().info(recorded.given.said)
+        if recorded is not None and (where := recorded.where_target_lies(FRAME_ID)):
             tell = self.warn if recorded.target == FRAME_ID else self.get_logger().info
-            tell(recorded.where_target_lies(FRAME_ID))
+            tell(where)
 
     def _tell_of_problems(self) -> None:
         """Log each problem once; as long as nothing can be written, diagnostics say so."""

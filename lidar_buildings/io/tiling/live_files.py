@@ -44,21 +44,24 @@ class Recorded(NamedTuple):
         return cls(scale, given, moved_origin(given.frame, given.placed(scan).points[0]), target)
 
     def where_target_lies(self, frame: str) -> str:
-        """Say where the frame of the poses lies in that of tiles, whose name in TF is given."""
+        """Say where the frame of the poses lies in that of tiles, of a name; nothing if they are the same."""
         points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
         (x, y, z), (east, north, _) = self.placed(
             PlacedScan(points, np.zeros(2, np.int64), {})
         ).points.tolist()
-        where = f"--x {x:.3f} --y {y:.3f} --z {z:.3f} --yaw {math.atan2(north - y, east - x):.6f}"
-        if self.target == frame:
+        yaw = math.atan2(north - y, east - x)
+        where = f"--x {x:.3f} --y {y:.3f} --z {z:.3f} --yaw {yaw:.6f}"
+        here = f"topics are in frame {frame}" + ", which is of the grid" * bool(self.frame.crs)
+        if self.target not in ("", frame):
             return (
-                f"topics are in the grid, as frame {frame}, which is not the {frame} of the poses: that lies "
-                f"in it at {where}; name the frame of the poses otherwise, or publish map_origin if its axes "
-                "are those of a grid"
+                f"{here}; for TF: ros2 run tf2_ros static_transform_publisher {where} --frame-id {frame} "
+                f"--child-frame-id {self.target}"
             )
+        if not self.target or not any((x, y, z, yaw)):
+            return ""
         return (
-            f"topics are in the grid, as frame {frame}; for TF: ros2 run tf2_ros static_transform_publisher "
-            f"{where} --frame-id {frame} --child-frame-id {self.target}"
+            f"{here}, and not the {frame} of the poses: that lies in it at {where}; name the frame of the "
+            "poses otherwise, or publish map_origin if its axes are those of a grid"
         )
 
     def placed(self, scan: PlacedScan) -> PlacedScan:

@@ -184,7 +184,14 @@ def test_where_the_frame_of_the_poses_lies_in_that_of_the_topics_is_said():
     turned = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]) @ DRIVE[-1, :2] + (x, y)
     by_tiles = recorded.placed(scan_there).points[0]
     np.testing.assert_allclose([*turned, DRIVE[-1, 2] + z], by_tiles, atol=0.03)  # but for the scale
-    assert "is not the odom of the poses" in recorded.where_target_lies("odom")
+    assert "not the odom of the poses" in recorded.where_target_lies("odom")
+
+
+def test_without_satellites_topics_are_in_the_frame_of_the_poses_by_another_name():
+    scan_there = PlacedScan(DRIVE[-1:].astype(float), np.zeros(1, np.int64), {})
+    recorded = Recorded.beginning(FeedScale(100.0, None), MapPlace(), scan_there, "odom")
+    assert "--x 0.000 --y 0.000 --z 0.000 --yaw 0.000000" in recorded.where_target_lies("map")
+    assert recorded.where_target_lies("odom") == ""
 
 
 def test_a_fix_without_a_pose_says_nothing():
