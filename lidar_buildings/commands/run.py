@@ -20,7 +20,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.io.bags import bags_of
+from lidar_buildings.io.bags import bags_beside_clouds, bags_of
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
@@ -156,6 +156,10 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
     on with those that are there. ParameterError if something is said of bags and no input is one; InputError
     or OutputError if a bag cannot be read or placed.
     """
+    for one in request.inputs:
+        if bags := bags_beside_clouds(one):
+            names = ", ".join(bag.name for bag in bags)
+            print(f"lidar-buildings: {one}: holds clouds, so its bags are left: {names}", file=sys.stderr)
     if not bags_among(request.inputs):
         told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}
         if given := [f"--{name}" for name, value in told.items() if value]:

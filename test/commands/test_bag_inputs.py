@@ -1,6 +1,7 @@
 """Bags as inputs of a run."""
 
 import json
+import shutil
 
 import laspy
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from support.bags import MOUNTING, ORIGIN_TYPE, SCAN_TYPE, SECOND, T0, BagWriter, write_drive
 from support.ros_domain import use_own_domain
 
-from lidar_buildings.io.bags import is_bag, split_files
+from lidar_buildings.io.bags import bags_beside_clouds, bags_of, is_bag, split_files
 
 ROWS = [(name, "<f4") for name in ("x", "y", "z", "intensity", "scan_angle")] + [("gps_time", "<f8")]
 ROWS += [(name, "u1") for name in ("return_number", "number_of_returns", "scan_direction_flag")]
@@ -91,6 +92,20 @@ def test_bags_of_one_name_are_all_read_and_one_named_twice_once(command, tmp_pat
     written = sorted((tmp_path / "out" / "classified").iterdir())
     assert [one.name for one in written] == ["drive.laz", "drive_2.laz"]
     assert [len(laspy.read(one).points) for one in written] == [5000, 4000]
+
+
+def test_bags_beside_clouds_are_left_and_named(command, tmp_path):
+    survey = tmp_path / "survey"
+    survey.mkdir()
+    flight = write_drive(tmp_path / "flight").path
+    shutil.copytree(flight, survey / "flight")
+    assert bags_of(survey) == [survey / "flight"]
+    assert bags_beside_clouds(survey) == []
+    (survey / "a.laz").write_bytes(b"")
+    assert bags_of(survey) == []
+    assert bags_beside_clouds(survey) == [survey / "flight"]
+    done = command("run", survey, "--no-ros", "--output", tmp_path / "out")
+    assert f"lidar-buildings: {survey}: holds clouds, so its bags are left: flight" in done.err
 
 
 def test_options_of_bags_without_a_bag_are_refused(command, tmp_path):

@@ -31,9 +31,22 @@ def bags_of(path: str | Path) -> list[Path]:
     """Return the bags that a path names: itself, or those directly in a folder without clouds, by name."""
     if is_bag(path):
         return [Path(path)]
-    if is_url(path) or not Path(path).is_dir() or any(map(is_cloud_file, Path(path).iterdir())):
-        return []
-    return sorted(one for one in Path(path).iterdir() if is_bag(one))
+    has_clouds, bags = _held(path)
+    return [] if has_clouds else bags
+
+
+def bags_beside_clouds(path: str | Path) -> list[Path]:
+    """Return the bags directly in a folder of which the clouds alone are taken, by name."""
+    has_clouds, bags = _held(path)
+    return bags if has_clouds and not is_bag(path) else []
+
+
+def _held(path: str | Path) -> tuple[bool, list[Path]]:
+    """Return whether clouds lie directly in a folder, and the bags that do; nothing lies in anything else."""
+    if is_url(path) or not Path(path).is_dir():
+        return False, []
+    files = list(Path(path).iterdir())
+    return any(map(is_cloud_file, files)), sorted(filter(is_bag, files))
 
 
 def split_files(folder: Path) -> list[Path]:
