@@ -18,6 +18,7 @@ from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.usage import measured
+from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags import bags_beside_clouds, bags_of
@@ -114,6 +115,7 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
     from lidar_buildings.pipeline.building_pool import BuildingPool
 
+    tune_malloc()  # before the pool: its processes are forked
     with BuildingPool(prepare=load_stages) as pool:
         from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
 

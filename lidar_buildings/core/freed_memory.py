@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -31,6 +32,12 @@ def keep_freed_memory() -> None:
         mallopt(_M_MMAP_MAX, 0)
         mallopt(_M_TRIM_THRESHOLD, _MAX_C_INT)
         mallopt(_M_ARENA_MAX, 1)
+
+
+def tune_malloc() -> None:
+    """Keep freed memory, unless the user has told malloc what to do through the environment."""
+    if not any(name.startswith("MALLOC_") for name in os.environ):
+        keep_freed_memory()
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import os
 from importlib import resources
 from pathlib import Path
 
-from lidar_buildings.core.freed_memory import keep_freed_memory
+from lidar_buildings.core.freed_memory import tune_malloc
 
 #: Fast DDS 2 (Jazzy) and Fast DDS 3 read different variables.
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -36,12 +36,6 @@ def prepare_middleware(*, carries_scans: bool = False) -> None:
     """
     tune_malloc()
     use_profile(carries_scans=carries_scans)
-
-
-def tune_malloc() -> None:
-    """Keep freed memory, unless the user has told malloc what to do through the environment."""
-    if not any(name.startswith("MALLOC_") for name in os.environ):
-        keep_freed_memory()
 
 
 def use_profile(*, carries_scans: bool = False) -> None:
