@@ -116,7 +116,7 @@ class PointTile:
         points = np.asarray(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
-        object.__setattr__(self, "points", points.astype(np.float32).astype(np.float64))
+        object.__setattr__(self, "points", points.astype(np.float32, copy=False).astype(np.float64))
         self._cast()
 
     def _cast(self) -> None:

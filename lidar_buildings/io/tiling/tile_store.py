@@ -207,14 +207,14 @@ class TileStore:
 
     def tile(self, plan: TilePlan, buffer: Buffer) -> PointTile:
         """Put a tile together, rows in the order of (source, index)."""
-        records, is_buffer = self._gathered(plan, buffer)
-        order = np.argsort(order_key(records), kind="stable")
-        records, is_buffer = records.take(order), is_buffer.take(order)
-        points = np.column_stack([records[name] for name in "xyz"])
-        columns = {name: records[name].copy() for name in RECORD.fields or () if name not in ("x", "y", "z")}
-        del records, order
+        columns = self._gathered(plan, buffer)
+        order = np.argsort(order_key(columns), kind="stable")
+        for name, column in columns.items():
+            columns[name] = column.take(order, axis=0)
+        del order, column
+        points, is_buffer = columns.pop("points"), columns.pop("buffer")
         kept = without_empty_columns(columns)
-        last = last_returns(points.astype(np.float64), kept["return_number"], kept["number_of_returns"])
+        last = last_returns(points, kept["return_number"], kept["number_of_returns"])
         spacing = steady_spacing(last, self.spacing)
         del last
         area = self.local_area(plan, buffer)
@@ -230,18 +230,23 @@ class TileStore:
             **kept,
         )
 
-    def _gathered(self, plan: TilePlan, buffer: Buffer) -> tuple[NDArray[Any], NDArray[np.uint8]]:
-        """Read a tile's records with its buffer, and 1 for each that belongs to the buffer."""
+    def _gathered(self, plan: TilePlan, buffer: Buffer) -> dict[str, NDArray[Any]]:
+        """Read a tile's points and columns with its buffer; `buffer` is 1 for points that belong to that."""
         area = self.grid.area_of(plan.block).buffered(buffer)
-        cells = {*plan.core, *self.grid.cells_touching(area)}
         # room for all of the cells' records: what stays empty is never touched, so it takes no memory
-        records = np.empty(sum(self.spool.count(cell) for cell in cells), RECORD)
-        is_buffer = np.empty(len(records), dtype=np.uint8)
+        n = sum(self.spool.count(cell) for cell in {*plan.core, *self.grid.cells_touching(area)})
+        names = RECORD.names[3:]
+        columns = {name: np.empty(n, RECORD[name]) for name in names}
+        columns |= {"points": np.empty((n, 3), np.float32), "buffer": np.empty(n, np.uint8)}
         n = 0
         for block, kind in self._tile_blocks(plan, buffer):
-            records[n : n + len(block)], is_buffer[n : n + len(block)] = block, kind
-            n += len(block)
-        return records[:n], is_buffer[:n]
+            rows = slice(n, n := n + len(block))
+            for name in names:
+                columns[name][rows] = block[name]
+            for axis, name in enumerate("xyz"):
+                columns["points"][rows, axis] = block[name]
+            columns["buffer"][rows] = kind
+        return {name: column[:n] for name, column in columns.items()}
 
     def local_area(self, plan: TilePlan, buffer: Buffer) -> Rectangle:
         """Return where a tile and its buffer lie in the map frame [m]."""
