@@ -55,15 +55,16 @@ class _WayFigures(NamedTuple):
     memory: float
     worker_memory: float
     memory_factor: float  #: of the memory of points
+    kept: float  #: temporary files of a point more: it stays decoded [bytes]
 
 
 class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
-    PROCESSES = _WayFigures(1.2, 0.0, 1.0, 320e6, 90e6, 1.0)
-    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75)
+    PROCESSES = _WayFigures(1.2, 0.0, 1.0, 320e6, 90e6, 1.0, 30.0)
+    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75, 0.0)
     #: Workers load compiled loops each for itself, where the others are forked with them.
-    CLUSTER = _WayFigures(2.0, 1.2, 1.0, 320e6, 180e6, 1.0)
+    CLUSTER = _WayFigures(2.0, 1.2, 1.0, 320e6, 180e6, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def expected_cost(
         processor,
         of_way.memory + of_way.worker_memory * n_workers + heaviest[:n_workers].sum(),
         worker,
-        _POINT_DISK * plan.n_points + _METRE_DISK * plan.area,
+        (_POINT_DISK + of_way.kept) * plan.n_points + _METRE_DISK * plan.area,
         _BYTE_OUTPUT * plan.n_bytes + _METRE_OUTPUT * plan.area,
     )
 

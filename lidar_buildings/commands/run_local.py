@@ -59,7 +59,7 @@ def run_local(
     """
     started = time.perf_counter()
     skip: set[int] = set()
-    shared: dict[str, Any] = {}
+    shared: dict[str, Any] = {"keep": True}
     if not isinstance(pool, BuildingPool):
         shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
     inputs, known = list(request.inputs), None

@@ -18,7 +18,7 @@ class LongCloud:
     crs = SourceCrs()
     units = np.ones(3)
     mins, maxs = np.array([0.0, 0.0, 0.0]), np.array([4000.0, 500.0, 10.0])
-    path = "made-up.laz"
+    path, kept = "made-up.laz", None
     raw = RawHeader(b"", (), (), 0)
 
     def __init__(self, n_chunks, chunk_size):

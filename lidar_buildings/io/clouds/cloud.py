@@ -53,11 +53,12 @@ class Cloud(CloudExtent):
     """
 
     header: laspy.LasHeader
+    kept: Path | None = None  #: where its points are decoded, once they have been read
 
     @property
     def input_file(self) -> InputFile:
         """What a run notes of it."""
-        return InputFile(self.path, self.point_count, self.state)
+        return InputFile(self.path, self.point_count, self.state, self.kept)
 
     @property
     def point_count(self) -> int:
@@ -84,6 +85,10 @@ class Cloud(CloudExtent):
         Yields the place in the file of the first point, and at most `size` points.
         """
         check_unchanged(self.input_file)
+        if self.kept is not None and self.kept.exists():
+            yield from self._kept_runs(self.kept, runs, size)
+            check_unchanged(self.input_file)
+            return
         is_plain = self.raw.has_equal_chunks or all(first == 0 for first, _ in runs)
         opened = open_reader(self.path) if is_plain else open_chunks(self.path, self.header)
         with reported(self.path), opened as (reader, guard):
@@ -101,3 +106,12 @@ class Cloud(CloudExtent):
                     yield done, points
                     done += len(points)
         check_unchanged(self.input_file)
+
+    def _kept_runs(
+        self, kept: Path, runs: Sequence[tuple[int, int]], size: int
+    ) -> Iterator[tuple[int, laspy.ScaleAwarePointRecord]]:
+        form, scaling = self.header.point_format, (self.header.scales, self.header.offsets)
+        for done, end in runs:
+            for first in range(done, end, size):
+                rows = np.fromfile(kept, form.dtype(), min(size, end - first), offset=first * form.size)
+                yield first, laspy.ScaleAwarePointRecord(rows, form, *scaling)

@@ -17,6 +17,7 @@ class InputFile(NamedTuple):
     point_count: int
     #: Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
     state: tuple[int, int] | None = None
+    kept: Path | None = None  #: where its points are decoded, once they have been read
 
 
 def check_unchanged(file: InputFile) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -179,7 +180,7 @@ def _write_cloud(job: _Job) -> WrittenCloud:
     table = job.folder / PARTIAL / f"{job.number}.results"
     try:
         check_unchanged(job.input)
-        cloud = open_cloud(job.input.path)
+        cloud = replace(open_cloud(job.input.path), kept=job.input.kept)
         if cloud.point_count != job.input.point_count:
             raise changed(cloud.path)
         output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"

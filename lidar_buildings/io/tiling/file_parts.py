@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -20,6 +22,9 @@ from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 AHEAD = 1000
 #: Points of a part: enough that a process is busy for seconds, and whole chunks.
 PART = 10 * CHUNK
+#: Points are kept decoded where there is so many times the room that they take; wide margin: a run takes
+#: 70 bytes a point in all, and as much as its inputs twice.
+_ROOM = 8
 
 
 class FilePart(NamedTuple):
@@ -80,11 +85,32 @@ def read_files(
         n_ahead -= len(answers)
 
 
+def kept_in(folder: Path, clouds: Sequence[Cloud]) -> list[Cloud]:
+    """Let LAZ files be decoded but once, where there is plenty of room for their points in a folder."""
+    sizes = [cloud.point_count * cloud.header.point_format.size for cloud in clouds]
+    if shutil.disk_usage(folder).free < _ROOM * sum(sizes):
+        return list(clouds)
+    return [
+        replace(cloud, kept=folder / f"{number}.decoded")
+        if cloud.point_count and cloud.header.are_points_compressed
+        else cloud
+        for number, cloud in enumerate(clouds)
+    ]
+
+
 def _read_here(cloud: Cloud, source: int, store: TileStore) -> Iterator[set[Cell]]:
-    first = 0
+    first, part = 0, store.spool.folder / f"{source}.part"
     for chunk in cloud.chunks(CHUNK):
+        if cloud.kept is not None:
+            try:
+                with open(part, "ab") as file:
+                    file.write(chunk.array.data)
+            except OSError as error:
+                raise temporary_error(store.spool.folder, error) from error
         yield store.add(source, first, chunk, cloud)
         first += len(chunk)
+    if cloud.kept is not None:
+        part.rename(cloud.kept)
 
 
 def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answer]) -> Iterator[set[Cell]]:

@@ -18,7 +18,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.file_parts import Submit, read_files
+from lidar_buildings.io.tiling.file_parts import Submit, kept_in, read_files
 from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
@@ -51,7 +51,8 @@ class TileSource:
         Stamps of tiles that are not wanted (again).
     submit : callable, optional
         Reads parts of files in other processes, which see the temporary folder; see `io.tiling.file_parts`.
-
+    keep : bool
+        Whether LAZ files are wanted again: with room their points stay in the temporary folder, decoded.
     known : KnownSurvey, optional
         What an earlier source of the same survey has learnt.
     crs : str
@@ -82,6 +83,7 @@ class TileSource:
         temporary: str | Path | None = None,
         skip: Container[int] = (),
         submit: Submit | None = None,
+        keep: bool = False,
         known: KnownSurvey | None = None,
         crs: str = "",
     ) -> None:
@@ -90,7 +92,6 @@ class TileSource:
         if why := excess_of(len(self._clouds)):
             raise InputError(why)
         self.unreadable: set[int] = set()
-        self.inputs = [cloud.input_file for cloud in self._clouds]
         self.frame: MapFrame = frame_of(self._clouds, crs)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
@@ -110,6 +111,8 @@ class TileSource:
         self._closed = threading.Event()
         self._store = TileStore(self._grid, self.frame, temporary, known.spacing)
         self._store.brightness.recall(known.dark_limit, known.scales)
+        self._clouds = kept_in(self._store.spool.folder, self._clouds) if keep else self._clouds
+        self.inputs = [cloud.input_file for cloud in self._clouds]
         self._finalizer = weakref.finalize(self, self._store.spool.remove)
         self._steps = self._read_all()
 

@@ -1,10 +1,12 @@
 """A source of tiles: stamps, doing without what is done, bad files, its temporary folder, its memory."""
 
 import gc
+import shutil
 import threading
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from types import SimpleNamespace
 
 import laspy
 import numpy as np
@@ -24,6 +26,7 @@ from support.long_survey import peak_of_surveys
 
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 
@@ -189,6 +192,32 @@ def test_the_temporary_folder_goes_with_the_source(tmp_path):
     del source
     gc.collect()
     assert list((tmp_path / "spool").iterdir()) == []
+
+
+def test_points_stay_decoded_where_there_is_room(tmp_path, monkeypatch):
+    sizes = {tmp_path / "a.laz": 3000, tmp_path / "b.las": 2000}
+    paths = [
+        cloud_files.saved(cloud_files.random_cloud(n, point_format=6), path) for path, n in sizes.items()
+    ]
+    with TileSource(paths, keep=True) as source:
+        assert not source.inputs[0].kept.exists()
+        list(source.ready())
+        assert source.inputs[1].kept is None, "is not compressed"
+        plain = open_cloud(paths[0])
+        kept = replace(plain, kept=source.inputs[0].kept)
+        assert kept.kept.stat().st_size == 3000 * plain.header.point_format.size
+        runs = [(0, 700), (1500, 3000)]
+        for (first, one), (place, other) in zip(kept.runs(runs, 500), plain.runs(runs, 500), strict=True):
+            assert first == place
+            assert np.array_equal(one.array, other.array)
+            assert np.array_equal(one.x, other.x)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=1_000_000))
+    with TileSource(paths, keep=True) as source:
+        assert source.inputs[0].kept is None
+    monkeypatch.undo()
+    cloud_files.fill_the_disk(monkeypatch, ".part", 1000)
+    with TileSource(paths, keep=True) as source, pytest.raises(OutputError, match="free some space"):
+        list(source)
 
 
 def test_a_known_survey_has_the_buffer_that_it_had(tmp_path):
