@@ -21,6 +21,7 @@ from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_ga
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
 from lidar_buildings.pipeline.reconstruct import PipelineConfig
@@ -72,6 +73,7 @@ def _models() -> None:
 def _rasters() -> None:
     tile = sample_tile().tile
     rasterise_tile(tile, RasterConfig(), tile.frame)
+    relief(np.eye(3), 1.0)
     spacing = quantised_spacing(tile.points)
     brightness_raster(tile.points, tile.intensity, np.ones(len(tile), dtype=bool), spacing)
 

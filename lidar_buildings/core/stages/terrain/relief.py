@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.surfaces.incremental_delaunay import with_room
-from lidar_buildings.core.surfaces.tin import Tin
+from lidar_buildings.core.surfaces.tin import Tin, walk
 from lidar_buildings.core.surfaces.triangulation import insert_all
 
 #: A mesh of more triangles or rounds is refined no more; wide margins: towns need a quarter, and ten rounds.
@@ -59,7 +60,7 @@ def relief(
     within = _within_hull(tin, nodes)  # which no round changes: what lies beyond it has no error
     candidates = np.flatnonzero(within & inner.ravel())
     for _ in range(_MOST_ROUNDS):
-        worst = candidates[_worst_nodes(*_errors(tin, nodes[candidates]), tolerance)]
+        worst = _worst_nodes(candidates, nodes, tin.triangles, tin.neighbours, tolerance)
         if not len(worst) or mesh.n_triangles > _MOST_TRIANGLES:
             break
         mesh.insert(worst)
@@ -137,26 +138,27 @@ def _within_hull(tin: Tin, nodes: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray((one >= 0.0) & (other >= 0.0) & (one + other <= 1.0 + 1e-12))
 
 
-def _errors(tin: Tin, nodes: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return each node's triangle and its distance in height from that."""
-    triangle = tin.locate(nodes)
-    corners = tin.vertices[tin.triangles]
-    (ux, uy, uz), (vx, vy, vz) = ((corners[:, k] - corners[:, 0]).T for k in (1, 2))
-    area = ux * vy - uy * vx
-    with np.errstate(divide="ignore", invalid="ignore"):  # of a triangle without area: no distance
-        east, north = (uz * vy - uy * vz) / area, (ux * vz - uz * vx) / area
-        planes = np.column_stack([east, north, corners[:, 0]])[triangle]
-        up = planes[:, 0] * (nodes[:, 0] - planes[:, 2]) + planes[:, 1] * (nodes[:, 1] - planes[:, 3])
-    return triangle, np.abs(up + planes[:, 4] - nodes[:, 2])
-
-
-def _worst_nodes(
-    triangle: NDArray[np.int32], error: NDArray[np.float64], tolerance: float
-) -> NDArray[np.intp]:
+@kernel
+def _worst_nodes(candidates, nodes, triangles, neighbours, tolerance):  # type: ignore[no-untyped-def]
     """Return the node of each triangle that is furthest off, where it is by more than the tolerance."""
-    far = np.flatnonzero(error > tolerance)
-    order = far[np.lexsort((far, -error[far], triangle[far]))]
-    return order[np.flatnonzero(np.diff(triangle[order], prepend=-1))]
+    worst, most = np.full(len(triangles), -1, dtype=np.int64), np.full(len(triangles), tolerance)
+    triangle, last = 0, -1
+    ax = ay = az = east = north = 0.0
+    for row in candidates:
+        x, y, z = nodes[row]
+        triangle = walk(x, y, triangle, nodes, triangles, neighbours)
+        if triangle != last:
+            last = triangle
+            a, b, c = triangles[triangle]
+            ax, ay, az = nodes[a]
+            ux, uy, uz = nodes[b, 0] - ax, nodes[b, 1] - ay, nodes[b, 2] - az
+            vx, vy, vz = nodes[c, 0] - ax, nodes[c, 1] - ay, nodes[c, 2] - az
+            area = ux * vy - uy * vx  # without any there is no distance
+            east, north = (uz * vy - uy * vz) / area, (ux * vz - uz * vx) / area
+        off = abs(east * (x - ax) + north * (y - ay) + az - z)
+        if off > most[triangle]:
+            worst[triangle], most[triangle] = row, off
+    return worst[worst >= 0]
 
 
 def _over_known(
