@@ -13,8 +13,8 @@ from lidar_buildings.core.scans.transform_tree import frame_name
 from lidar_buildings.io.bags.bag import ODOMETRY, Bag, TopicContent, topic_contents
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
-from lidar_buildings.io.tiling.fix_track import Fix
 from lidar_buildings.io.tiling.map_place import zone_of
+from lidar_buildings.io.tiling.satellite_fixes import Fix
 
 #: Messages of odometry that are looked at for the tree of frames; wide margin: one tells both.
 _FIRST = 100

@@ -18,10 +18,10 @@ from lidar_buildings.io.bags.bag_summary import with_frames
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.tiling.fix_track import FixTrack
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.map_place import MapPlace
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
+from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 
 #: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
 _BATCH = 100
@@ -91,7 +91,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
 
 def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:
     """Say, and return, where the map lies by the fixes that poses stand beside."""
-    fixes = FixTrack()
+    fixes = SatelliteFixes()
     for message in messages:
         hand_over(message, placer)
         if message.type == FIX:

@@ -9,8 +9,8 @@ import numpy as np
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import ScanPlacer
-from lidar_buildings.io.tiling.fix_track import FixTrack
 from lidar_buildings.io.tiling.map_place import MapPlace
+from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 
 #: Coordinates of the map beyond this lose more than a centimetre in float32: the origin is moved [m].
 _FAR = 50_000.0
@@ -36,7 +36,7 @@ class FrameSearch:
 
     def __init__(self, given: MapFrame | None) -> None:
         self._found = None if given is None else MapPlace(given)
-        self._fixes = FixTrack()
+        self._fixes = SatelliteFixes()
         self._by_fixes: MapPlace | None = None
         self._first_at: float | None = None
         self._doubts: list[str] = []

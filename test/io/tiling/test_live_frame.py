@@ -11,12 +11,12 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.fix_track import Fix, FixTrack
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_files import Recorded
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.map_place import MapPlace
+from lidar_buildings.io.tiling.satellite_fixes import Fix, SatelliteFixes
 
 #: The frame of odometry that began along a street, in a zone of UTM.
 TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
@@ -25,7 +25,7 @@ DRIVE = np.array([[min(k, 60), max(k - 60, 0), 2.0] for k in range(101)])
 
 
 def place_by_fix(stamp, place, placer):
-    fixes = FixTrack()
+    fixes = SatelliteFixes()
     fixes.take(fix(stamp, place.latitude, place.longitude, place.height), placer)
     fixes.pair(placer)
     return fixes.place()
@@ -33,7 +33,7 @@ def place_by_fix(stamp, place, placer):
 
 def driven(truth=TRUTH, noise=0.0, ahead=0, wrong=(), **more):
     """Fixes of a drive, of which some are 60 m off; their clock may be ahead [s]."""
-    placer, fixes = ScanPlacer(), FixTrack()
+    placer, fixes = ScanPlacer(), SatelliteFixes()
     random = np.random.default_rng(0)
     for k, place in enumerate(DRIVE):
         stamp = T0 + k * SECOND // 5
@@ -133,7 +133,7 @@ def test_fixes_that_tell_how_good_they_are_are_held_to_it():
 
 
 def test_an_antenna_is_where_transforms_say_that_it_is():
-    placer, fixes = ScanPlacer(), FixTrack()
+    placer, fixes = ScanPlacer(), SatelliteFixes()
     placer.add_transforms(transforms((0, "base_link", "gps", (2.0, 0.0, 1.0))), is_static=True)
     for k, place in enumerate(DRIVE):
         placer.add_odometry(odometry(T0 + k * SECOND, place, frame="odom", child="base_link"))
@@ -144,7 +144,7 @@ def test_an_antenna_is_where_transforms_say_that_it_is():
 
 
 def test_where_tf_alone_tells_the_poses_the_antenna_is_on_the_base_link():
-    placer, fixes = ScanPlacer(), FixTrack()
+    placer, fixes = ScanPlacer(), SatelliteFixes()
     for k, place in enumerate(DRIVE):
         placer.add_transforms(transforms((T0 + k * SECOND // 5, "odom", "base_link", place)), is_static=False)
         seen = TRUTH.geodetic(place[None])

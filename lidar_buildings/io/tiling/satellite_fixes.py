@@ -51,7 +51,7 @@ class Fix(NamedTuple):
         return cls(stamp_of(message.header), place, frame_name(message.header.frame_id), sigma)
 
 
-class FixTrack:
+class SatelliteFixes:
     """
     Gathers fixes and the poses at their times.
 
