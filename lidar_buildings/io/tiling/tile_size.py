@@ -20,7 +20,7 @@ _SIZES = tuple(float(size) for size in range(1000, 49, -25))
 _SHORTEST = 0.5
 #: A buffer of half the width is taken where stages then see so many times fewer points; tiles grow more often
 #: then.
-_NARROW_GAIN = 1.5
+_NARROW_GAIN = 1.4
 #: Bounds as small as those of a single point are taken for this wide [m].
 _SMALLEST = 1e-3
 #: A header whose bounds span more tiles than this says nothing.

@@ -52,7 +52,7 @@ class TilingConfig(StageConfig):
         read_only=True,
     )
     max_tile_points: int = parameter(
-        2_500_000,
+        3_300_000,
         "Most points of a tile with its buffer where tile_size is 0; raising it lets stages see fewer points "
         "twice, and takes about 0.3 GB of memory a million points, for each tile that is worked on.",
         minimum=1_000,
