@@ -62,7 +62,7 @@ class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
     PROCESSES = _WayFigures(1.2, 0.0, 1.0, 320e6, 90e6, 1.0, 30.0)
-    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75, 0.0)
+    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75, 30.0)
     #: Workers load compiled loops each for itself, where the others are forked with them.
     CLUSTER = _WayFigures(2.0, 1.2, 1.0, 320e6, 180e6, 1.0, 0.0)
 

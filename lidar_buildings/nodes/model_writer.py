@@ -15,6 +15,7 @@ from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain import TerrainRasters
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.run_record import RunRecord
@@ -51,14 +52,16 @@ class ModelWriter(StageNode):
     and what was made last; `n_clouds_left` how many classified clouds have still to be written.
     """
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
+    def __init__(
+        self, pool: BuildingPool | None = None, *, read: Sequence[InputFile] = (), **kwargs: Any
+    ) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
         self._pool = pool or BuildingPool(0)
         self.n_saved, self.last_words = 0, ""
         self.n_clouds_left = 0
         config = self.parameters[ModelWriterConfig]
         try:
-            self._survey = SurveyFolder(config)
+            self._survey = SurveyFolder(config, read)
         except Exception:
             self.destroy_node()
             raise

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import weakref
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from functools import partial
@@ -38,11 +38,12 @@ class SurveyFolder:
 
     Without inputs the survey is live: tiles go on coming after files were made. Such a survey, and one of
     bags, has a frame, and with it tiles on disk, from `open` on. `on_disk` leads from the stamp of a tile's
-    first revision to that of the revision on disk [ns]; `settings` are what results depend on.
+    first revision to that of the revision on disk [ns]; `settings` are what results depend on. The points of
+    files that were `read` in this process may still be decoded.
     LidarBuildingsError if inputs cannot be read, or the folder cannot be used.
     """
 
-    def __init__(self, config: ModelWriterConfig) -> None:
+    def __init__(self, config: ModelWriterConfig, read: Sequence[InputFile] = ()) -> None:
         if not config.output:
             raise ParameterError("model_writer.output is empty: name a folder for the results")
         self._config = config
@@ -51,6 +52,7 @@ class SurveyFolder:
         self.settings = _settings(config.settings)
         self.on_disk: dict[int, int] = {}
         self._problems: list[str] = []
+        self._read = {(one.path, one.state): one for one in read}
         self._folder: OutputFolder | None = None
         if self._bags and not config.placed:
             raise ParameterError("model_writer.placed is empty: bags need the folder of tile_player.placed")
@@ -117,6 +119,7 @@ class SurveyFolder:
         LidarBuildingsError if no frame is known, or a file cannot be written.
         """
         folder, problems = self._opened(), list(self._problems)
+        folder.inputs = [self._read.get((one.path, one.state), one) for one in folder.inputs]
         if self.is_live:
             folder.inputs = placed_inputs(Path(self._config.placed)) if self._config.placed else []
             if not folder.inputs:

@@ -11,6 +11,7 @@ from rosgraph_msgs.msg import Clock
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_reader import TileReader
@@ -24,13 +25,14 @@ from lidar_buildings.ros.stamps import header_of, to_time
 class TilePlayer(TileSender):
     """Cuts files into tiles and sends them into the graph."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
+    def __init__(self, pool: BuildingPool | None = None, *, keep: bool = False, **kwargs: Any) -> None:
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
         try:
             inputs = self._with_placed_bags(config)
-            self._source = TileSource(inputs, config, skip=() if config.loop else self._done, crs=config.crs)
+            skip = () if config.loop else self._done
+            self._source = TileSource(inputs, config, skip=skip, keep=keep, crs=config.crs)
         except Exception:
             self.destroy_node()
             raise
@@ -43,6 +45,11 @@ class TilePlayer(TileSender):
         self.begin()
         self.publish_frame(self._source.frame)
         self.tiles.start(self._wake.trigger)
+
+    @property
+    def inputs(self) -> list[InputFile]:
+        """The files that are read."""
+        return self._source.inputs
 
     def may_send(self, tile: PointTile) -> bool:
         """Whether a tile's time has come in the recording."""

@@ -9,6 +9,8 @@ import pytest
 from support.node_bench import running
 from support.results import assert_complete
 
+from lidar_buildings.io.clouds import cloud
+from lidar_buildings.io.clouds.las_reader import open_reader
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.stamps import tile_of
@@ -91,3 +93,22 @@ def test_every_stage_works_once_on_each_tile_of_a_graph_slower_than_any_timeout(
         assert len({tile_of(stamp) for name, stamp, _ in graph.calls if name == node}) == n_tiles
     # what comes after tracing sees a tile of which a building was cut off only once it is large enough
     assert sum(node in ("plane_fitter", "model_builder") for node, *_ in graph.calls) == 2 * n_tiles
+
+
+def test_files_are_decoded_once_in_a_process_that_reads_and_writes_them(
+    context, house, tmp_path, monkeypatch
+):
+    opened = Counter()
+
+    def noted(path):
+        opened[path] += 1
+        return open_reader(path)
+
+    monkeypatch.setattr(cloud, "open_reader", noted)
+    output, files = tmp_path / "out", sorted(house.glob("*.laz"))
+    nodes = survey_nodes([str(house)], str(output), context=context, namespace=f"once_{os.getpid()}")
+    with running(*nodes.values()) as composition:
+        assert composition.wait(nodes["model_writer"], timeout=300.0)
+        assert nodes["model_writer"].outcome.result().n_points
+    assert opened == dict.fromkeys(files, 1)
+    assert_complete(house, output)
