@@ -31,7 +31,7 @@ def make_node(
     Make a node; of the settings what is not named keeps its default, what is of other nodes is left out.
     """
     # these work themselves; the others let processes work, to wait for no interpreter's lock in one process
-    shared: dict[str, Any] = {} if name in ("scan_assembler", "recorder") else {"pool": pool}
+    shared = {} if name in ("scan_assembler", "recorder") else {"pool": pool}
     return node_class(name)(
         parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
     )
@@ -70,13 +70,11 @@ def survey_nodes(
         names = [name for name in nodes_until(until, source) if output or name != "model_writer"]
         recorder = ("recorder",) if merged.get("recorder", {}).get("output") else ()
         for name in (*recorder, *names):
-            if name == "tile_player":
-                given_on: dict[str, Any] = {"keep": bool(output)}
-            elif name == "model_writer":
-                given_on = {"read": getattr(nodes.get("tile_player"), "inputs", ())}
-            else:
-                given_on = {}
-            nodes[name] = make_node(name, merged, pool, **given_on, **kwargs)
+            points: dict[str, dict[str, Any]] = {  # decoded once
+                "tile_player": {"keep": bool(output)},
+                "model_writer": {"read": getattr(nodes.get("tile_player"), "inputs", ())},
+            }
+            nodes[name] = make_node(name, merged, pool, **points.get(name, {}), **kwargs)
     except Exception:
         for node in nodes.values():
             node.destroy_node()
