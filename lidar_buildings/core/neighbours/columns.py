@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
 SLACK = 1e-9
@@ -20,7 +20,7 @@ MAX_PLACES = 16
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Points column by column, in each by z, x, y: the same sequence whatever the order of the rows."""
+    """Points column by column: the same sequence whatever the order of the rows if made by `by_column`."""
 
     points: NDArray[np.float64]  #: the points column by column [m], shape (n_points, 3)
     rows: NDArray[np.intp]  #: the input row of each, shape (n_points,)
@@ -105,8 +105,16 @@ class Columns:
 
 
 def by_column(points: NDArray[np.float64], size: float) -> Columns:
-    """Sort points into square columns of a side [m], which is doubled for an enormous extent."""
-    grid = sort_by_cell(points, size)
+    """Sort points into square columns of a side [m], which is doubled for an enormous extent; by z, x, y."""
+    return _of_grid(sort_by_cell(points, size))
+
+
+def gathered(points: NDArray[np.float64], size: float) -> Columns:
+    """Do so without sorting the points of a column, which keep the order given: half the time."""
+    return _of_grid(rows_by_cell(points, size))
+
+
+def _of_grid(grid: CellGrid) -> Columns:
     return Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
 
 

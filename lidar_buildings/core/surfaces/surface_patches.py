@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.columns import Columns, by_column
+from lidar_buildings.core.neighbours.columns import Columns, by_column, gathered
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, root
 
 #: Columns a step: points in one of half a step's side are all connected in plan.
@@ -52,7 +52,8 @@ def connected_parts(
     points: NDArray[np.float64], radius: float, *, in_plan: bool = False
 ) -> NDArray[np.int64]:
     """Number the parts of a cloud that are connected by steps no longer than a radius [m]."""
-    columns = by_column(points, radius / COLUMNS_A_STEP)
+    # In plan all of a column is of one part, in whatever order.
+    columns = (gathered if in_plan else by_column)(points, radius / COLUMNS_A_STEP)
     part = np.empty(len(points), dtype=np.int64)
     part[columns.rows] = connected_columns(columns, radius, in_plan=in_plan)
     return part
@@ -111,8 +112,8 @@ def _connect(points, first, held, beside, around, radius, size, in_plan, part): 
             while i < first[k + 1] and height >= 0.0 and (in_plan or points[i, 2] - lowest <= height):
                 i += 1
     group[-1], start[n] = n, len(points)
-    parent = np.arange(n)
-    # What lies beside connects most of it; little remains to be measured farther away.
+    # What lies beside connects most of it; little remains to be measured farther away, past what is of a set.
+    parent, beyond = np.arange(n), np.arange(1, n + 1)
     for runs in (beside, around):
         for place in range(len(held)):
             k = held[place]
@@ -121,18 +122,25 @@ def _connect(points, first, held, beside, around, radius, size, in_plan, part): 
                 low, high = points[start[one], 2] - radius, points[start[one + 1] - 1, 2] + radius
                 for row in range(runs.shape[1]):
                     west, east = group[runs[place, row, 0]], group[runs[place, row, 1]]
-                    for other in range(max(west, one + 1), east):
-                        begin, end = start[other], start[other + 1]
-                        if parent[other] == own or (
-                            not in_plan and (points[begin, 2] > high or points[end - 1, 2] < low)
-                        ):
+                    other = max(west, one + 1)
+                    while other < east:
+                        if parent[other] == own:
+                            other = beyond[other]
                             continue
-                        if own != root(parent, other) and _touch(
-                            points, start[one], start[one + 1], begin, end, square, in_plan
+                        begin, end = start[other], start[other + 1]
+                        is_level = in_plan or (points[begin, 2] <= high and points[end - 1, 2] >= low)
+                        if (
+                            is_level
+                            and own != root(parent, other)
+                            and _touch(points, start[one], start[one + 1], begin, end, square, in_plan)
                         ):
                             link(parent, own, other)
                             own = root(parent, own)
+                        other += 1
         flatten(parent)
+        for one in range(n - 2, -1, -1):
+            if parent[one] == parent[one + 1]:
+                beyond[one] = beyond[one + 1]
     number = 0
     for one in range(n):
         # The lowest of a set is its root, and has its number before the others.

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.columns import Columns, by_column
+from lidar_buildings.core.neighbours.columns import Columns, gathered
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 #: Smallest radius of a neighbourhood, in spacings: sixteen points on an even surface, where planes take six.
@@ -48,7 +48,7 @@ class Candidates:
     @cached_property
     def cells(self) -> Columns:
         """The points cell by cell, few of which stay empty on a surface; `rows` are those of `points`."""
-        return by_column(self.points, self.cell)
+        return gathered(self.points, self.cell)
 
     def parts(
         self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False

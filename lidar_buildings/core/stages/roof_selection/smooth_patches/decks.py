@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.columns import gathered
 from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
 
 #: Surfaces and ground are compared in cells of this side [m], or of the side in which areas are counted.
@@ -45,13 +44,12 @@ def is_deck(
     is_near = np.flatnonzero(np.isfinite(lowest)[label])
     ground = ground.take(np.flatnonzero(ground[:, 2] >= lowest.min(initial=np.inf) - MAX_STEP), axis=0)
     points, label = points[is_near], label[is_near]
-    grid = rows_by_cell(np.vstack([points, ground]), cell)
-    owner = np.concatenate([label, np.full(len(ground), -1)])[grid.rows]
-    columns = Columns(grid.points, grid.rows, grid.first, grid.numbers, grid.n_columns, grid.size)
-    steps = (REACH + cell) / grid.size
+    columns = gathered(np.vstack([points, ground]), cell)
+    owner = np.concatenate([label, np.full(len(ground), -1)])[columns.rows]
+    steps = (REACH + cell) / columns.size
     ends, met = np.zeros((2, n_surfaces, N_SECTORS), dtype=np.int64)
     runs = columns.around(REACH + cell)
-    _count_ends(grid.points, owner, grid.first, columns.places, runs, steps, ends, met)
+    _count_ends(columns.points, owner, columns.first, columns.places, runs, steps, ends, met)
     is_end = (met >= MIN_SHARE * ends) & (met > 0)
     opposite, beside = N_SECTORS // 2, N_SECTORS // 4
     sides = np.minimum(np.roll(ends, beside, axis=1), np.roll(ends, -beside, axis=1))

@@ -35,7 +35,7 @@ def _count_rims(points, first, places, runs, building, rim, met):  # type: ignor
     top = np.full(len(places), -1, dtype=np.int64)
     for k in range(len(places)):
         for i in range(first[k], first[k + 1]):
-            if building[i] >= 0:
+            if building[i] >= 0 and (top[k] < 0 or points[i, 2] >= points[top[k], 2]):
                 top[k] = i
     seen = np.empty((3, 3), dtype=np.int64)
     for k in range(len(places)):
