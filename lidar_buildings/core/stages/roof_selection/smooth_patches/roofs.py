@@ -88,9 +88,14 @@ def _without_narrow(
 ) -> NDArray[np.bool_]:
     """Take out of the roofs what is too narrow, in plan and on its level, and what is too small."""
     label, n = _levels(candidates, roof, config)
-    found = _ending(candidates, *candidates.buildings(label >= 0, config.min_building_area))
-    found = _ending(candidates, np.where(found, label, -1), n)
-    return candidates.of_buildings(found, config.min_building_area)
+    building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
+    ends = _ending(candidates, building, n_buildings)
+    found = _ending(candidates, np.where(ends, label, -1), n)
+    # What remains of buildings that have lost levels may be too small.
+    has_lost = np.zeros(n_buildings + 1, dtype=bool)  # the last one is none
+    has_lost[building[ends & ~found]] = True
+    rest = found & has_lost[building]
+    return (found & ~rest) | candidates.of_buildings(rest, config.min_building_area)
 
 
 def _levels(
