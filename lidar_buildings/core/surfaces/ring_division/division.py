@@ -106,7 +106,7 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
     Columns are the directions, then free walls, then arcs.
     """
     free, bow = len(cosines), len(cosines) + 1
-    variance = noise * noise
+    variance, share = noise * noise, 1.0 / (noise * noise)
     longest = min(max(_MAX_PAIRS // n, _MIN_WALL_SAMPLES), _MAX_WALL_SAMPLES)
     best = np.full((n + 1, bow + 1), np.inf)
     # Cost of everything before a wall of this kind that starts here, the wall's own included.
@@ -125,11 +125,11 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
         for s in range(n_starts):
             start = starts[s]
             _, _, _, xx, xy, yy = scatter_of(sums, shift + start, shift + end)
-            straight = least_scatter(xx, xy, yy) / variance
+            straight = least_scatter(xx, xy, yy) * share
             least[s] = cheapest[start] + straight
             for k in range(free):
                 c, d = cosines[k], sines[k]
-                cost = entry[start, k] + (c * c * xx + 2 * c * d * xy + d * d * yy) / variance
+                cost = entry[start, k] + (c * c * xx + 2 * c * d * xy + d * d * yy) * share
                 if cost < best[end, k]:
                     best[end, k] = cost
                     came_from[end, k] = start
@@ -139,7 +139,7 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
             # An arc costs more than a free wall: it has to fit better by the difference.
             if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
                 bent, is_arc = _bent(sums, shift + start, shift + end, sense, variance)
-                bent /= variance
+                bent *= share
                 least[s] = min(least[s], cheapest[start] + bent)
                 if is_arc and entry[start, bow] + bent < best[end, bow]:
                     best[end, bow] = entry[start, bow] + bent

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lidar_buildings.core.kernels import kernel
@@ -51,7 +53,7 @@ def scatter_of(sums, start, end):  # type: ignore[no-untyped-def]
 @kernel
 def least_scatter(xx, xy, yy):  # type: ignore[no-untyped-def]
     """Return the scatter across the best line: the smaller eigenvalue."""
-    return max(0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy), 0.0)
+    return max(0.5 * (xx + yy) - math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy), 0.0)
 
 
 @kernel
