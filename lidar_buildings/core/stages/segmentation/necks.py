@@ -65,14 +65,13 @@ def cut_necks(
     is_large = np.bincount(part, minlength=n_parts) >= min_points
     if np.bincount(component_of[is_large], minlength=1).max() > 1:
         is_large &= occupied_areas(positions[core], part, n_parts, 1.0) >= min_area
-    found = []
+    label, found = np.full(len(positions), -1, dtype=np.int64), []
+    label[core] = np.where(is_large[part], part, -1)
     for number in np.flatnonzero(np.bincount(component_of[is_large], minlength=1) > 1):
         rows = np.flatnonzero(component == number)
-        label = np.full(len(positions), -1, dtype=np.int64)
-        label[core] = np.where(is_large[part], part, -1)
         nearest = _nearest_labels(positions[rows], label[rows])
         # Parts are numbered from the south-west, whatever the points' order.
-        found += [(int(number), rows[nearest == one]) for one in np.unique(nearest)[1:]]
+        found += [(int(number), rows[nearest == one]) for one in np.flatnonzero(np.bincount(nearest))[1:]]
     return found
 
 
@@ -82,8 +81,8 @@ def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) ->
     # By their coordinates, so that of equally near ones the same is taken in whatever order they come.
     members = members[np.lexsort(positions[members].T)]
     others = np.flatnonzero(label < 0)
-    labels = label.copy()
-    labels[others] = label[members[cKDTree(positions[members]).query(positions[others])[1]]]
+    labels, tree = label.copy(), cKDTree(positions[members], balanced_tree=False, compact_nodes=False)
+    labels[others] = label[members[tree.query(positions[others])[1]]]
     return labels
 
 
