@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.columns import Columns
-from lidar_buildings.core.stages.roof_selection.surroundings import Surroundings, near_in_plan, surroundings
+from lidar_buildings.core.stages.roof_selection.surroundings import near_in_plan, surroundings
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
 REACH_SPACINGS = 0.7
@@ -26,7 +26,7 @@ def find_facades(
     height: NDArray[np.float64],
     is_roof: NDArray[np.bool_],
     is_last: NDArray[np.bool_],
-    around: Surroundings,
+    highest: NDArray[np.float64],
     reach: float,
     spacing: float,
 ) -> NDArray[np.bool_]:
@@ -43,8 +43,8 @@ def find_facades(
         Which points are roof, or wall as large as a building's; the answer for them is False.
     is_last : ndarray of bool, shape (n_points,)
         Whether the pulse ended there; what has roof all around counts only then, else it is foliage.
-    around : Surroundings
-        These within `TOP_REACH`.
+    highest : ndarray of shape (n_columns,)
+        Top of these within `TOP_REACH` of columns that hold others [m].
     reach : float
         Largest distance from a roof point in plan [m]; 0 for none. It is no less than 0.7 spacings.
     spacing : float
@@ -55,7 +55,7 @@ def find_facades(
     column, z = columns.column, columns.points[:, 2]
     reach = max(reach, REACH_SPACINGS * spacing)
     can_be = ~is_roof & (height >= max(MIN_HEIGHT, spacing))
-    hangs = can_be & (z <= around.highest[column])
+    hangs = can_be & (z <= highest[column])
     both = columns.select(is_roof | hangs)
     hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], reach)
     is_inside = can_be & is_last & ~hangs

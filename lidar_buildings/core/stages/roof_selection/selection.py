@@ -268,12 +268,12 @@ def _open_classes(
     is_wall = is_wall & ~is_roof & (config.facade_reach > 0.0)
     stands = is_roof | is_wall
     reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
-    around = surroundings(columns, is_roof, reach, ~is_roof)
-    classes[columns.points[:, 2] <= around.highest[columns.column]] = PointClass.UNCLASSIFIED
-    is_bare = columns.points[:, 2] > around.highest[columns.column] + TOP_REACH
+    highest = surroundings(columns, is_roof, reach, ~is_roof).highest
+    classes[columns.points[:, 2] <= highest[columns.column]] = PointClass.UNCLASSIFIED
+    is_bare = columns.points[:, 2] > highest[columns.column] + TOP_REACH
     if is_wall.any():
-        around = surroundings(columns, stands, reach, ~stands)
-    is_facade = find_facades(columns, height, stands, is_last, around, config.facade_reach, spacing)
+        highest = np.maximum(highest, surroundings(columns, is_wall, reach, ~stands).highest)
+    is_facade = find_facades(columns, height, stands, is_last, highest, config.facade_reach, spacing)
     classes[stands | is_facade] = PointClass.BUILDING
     facade = np.where(is_bare, Facade.BARE, Facade.BELOW_ROOF) * (is_facade | is_wall)
     return classes, facade.astype(np.uint8)

@@ -21,10 +21,12 @@ def facades(roofs, others, *, is_last=True, reach=0.2, order=None):
     is_roof = np.arange(len(points)) < len(roofs)
     columns = by_column(points[order], 0.5)
     own = is_roof[order][columns.rows]
-    around = surroundings(columns, own, TOP_REACH, ~own)
+    highest = surroundings(columns, own, TOP_REACH, ~own).highest
     last = np.full(len(points), is_last)
     back = np.empty(len(points), dtype=bool)
-    back[order[columns.rows]] = find_facades(columns, columns.points[:, 2], own, last, around, reach, SPACING)
+    back[order[columns.rows]] = find_facades(
+        columns, columns.points[:, 2], own, last, highest, reach, SPACING
+    )
     assert not back[: len(roofs)].any()
     return back[len(roofs) :]
 
