@@ -27,18 +27,28 @@ def without_crowds(columns: Columns) -> tuple[NDArray[np.bool_], NDArray[np.int6
     is_chosen = np.empty(len(columns.points), dtype=np.bool_)
     place = np.empty(len(columns.points), dtype=np.int64)
     _choose(columns.points, columns.first, columns.size, is_chosen, place)
-    return is_chosen, (np.cumsum(is_chosen) - 1)[place]
+    return is_chosen, place
 
 
 @kernel
 def _choose(points, first, size, is_chosen, place):  # type: ignore[no-untyped-def]
-    """Write which points are chosen, and the row of the one that stands for each."""
-    voxel, count = np.empty(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
-    newest = np.empty(VOXELS_A_COLUMN * VOXELS_A_COLUMN, dtype=np.int64)
-    layer, n_voxels = np.empty(len(newest)), 0
+    """Write which points are chosen, and which of the chosen stands for each."""
+    room, n_chosen = 0, 0
     for k in range(len(first) - 1):
-        newest[:] = -1
-        for i in range(first[k], first[k + 1]):
+        room = max(room, first[k + 1] - first[k])
+    voxel, count, n_seen = np.empty((3, room), dtype=np.int64)
+    stands_for = np.empty((room, MOST), dtype=np.int64)
+    newest = np.empty(VOXELS_A_COLUMN * VOXELS_A_COLUMN, dtype=np.int64)
+    layer = np.empty(len(newest))
+    for k in range(len(first) - 1):
+        begin, end = first[k], first[k + 1]
+        if end - begin <= MOST:  # no crowd
+            for i in range(begin, end):
+                is_chosen[i], place[i] = True, n_chosen
+                n_chosen += 1
+            continue
+        newest[:], n_voxels = -1, 0
+        for i in range(begin, end):
             # The points of a column rise, and so do the voxels of each stack in it.
             stack = 0
             for axis in range(2):
@@ -48,19 +58,17 @@ def _choose(points, first, size, is_chosen, place):  # type: ignore[no-untyped-d
             height = math.floor(VOXELS_A_COLUMN * (points[i, 2] / size))
             if newest[stack] < 0 or layer[stack] != height:
                 newest[stack], layer[stack] = n_voxels, height
+                count[n_voxels], n_seen[n_voxels] = 0, 0
                 n_voxels += 1
-            voxel[i] = newest[stack]
-            count[voxel[i]] += 1
-    n_seen = np.zeros(n_voxels, dtype=np.int64)
-    row = np.empty((n_voxels, MOST), dtype=np.int64)
-    for i in range(len(points)):
-        n = count[voxel[i]]
-        n_shares = min(n, MOST)
-        share = n_seen[voxel[i]] * n_shares // n
-        is_chosen[i] = n_seen[voxel[i]] == -(-share * n // n_shares)  # the first of its share
-        if is_chosen[i]:
-            row[voxel[i], share] = i
-        n_seen[voxel[i]] += 1
-        place[i] = share
-    for i in range(len(points)):
-        place[i] = row[voxel[i], place[i]]
+            voxel[i - begin] = newest[stack]
+            count[newest[stack]] += 1
+        for i in range(begin, end):
+            own = voxel[i - begin]
+            n, n_shares = count[own], min(count[own], MOST)
+            share = n_seen[own] * n_shares // n
+            is_chosen[i] = n_seen[own] == -(-share * n // n_shares)  # the first of its share
+            if is_chosen[i]:
+                stands_for[own, share] = n_chosen
+                n_chosen += 1
+            n_seen[own] += 1
+            place[i] = stands_for[own, share]
