@@ -41,6 +41,8 @@ def _count_rims(points, first, places, runs, building, rim, met):  # type: ignor
     for k in range(len(places)):
         if top[k] < 0:
             continue
+        if _is_within(places, runs[k], top, k):
+            continue
         seen[:] = 0
         seen[1, 1] = ROOF
         for row in range(runs.shape[1]):
@@ -56,6 +58,17 @@ def _count_rims(points, first, places, runs, building, rim, met):  # type: ignor
         for one in seen.ravel():
             rim[building[top[k]]] += one & ROOF == 0
             met[building[top[k]]] += one == LEVEL | BEHIND
+
+
+@inner_kernel
+def _is_within(places, runs, top, k):  # type: ignore[no-untyped-def]
+    """Tell whether there is roof in all cells beside one."""
+    n = 0
+    middle = len(runs) // 2
+    for row in range(middle - 1, middle + 2):
+        for c in range(runs[row, 0], runs[row, 1]):
+            n += abs(places[c, 1] - places[k, 1]) <= 1 and top[c] >= 0
+    return n == 9
 
 
 @inner_kernel
