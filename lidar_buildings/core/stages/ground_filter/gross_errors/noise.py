@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
 from lidar_buildings.core.stages.ground_filter.gross_errors.high_noise import (
     find_cloud_layers,
     find_high_layers,
@@ -67,7 +67,7 @@ def _column_cells(cloud: CellGrid) -> int:
     lowest = cloud.points[cloud.first[:-1]]
     side = BLOCK_CELLS
     while True:
-        counts = np.diff(sort_by_cell(lowest, side * cloud.size).first)
+        counts = np.diff(rows_by_cell(lowest, side * cloud.size).first)
         occupied = np.median(np.repeat(counts, counts))
         if occupied >= BLOCK_CELLS or side >= MAX_COLUMN * BLOCK_CELLS:
             return int(min(max(round(side / np.sqrt(occupied)), 1), MAX_COLUMN))
