@@ -123,7 +123,7 @@ def label_roof_edges(
         What is labelled, the tile's roofs if not given; of other points all is 0.
     """
     rows = np.flatnonzero(tile.is_roof if is_roof is None else is_roof)
-    result = label_edges(tile.points[rows], config, point_spacing=tile.point_spacing)
+    result = label_edges(tile.points.take(rows, axis=0), config, point_spacing=tile.point_spacing)
     found = {
         "linearity": result.linearity,
         "planarity": result.planarity,

@@ -75,7 +75,7 @@ def trace_buildings(
     blocks = {
         number
         for number, rows in rows_by_building(found.block_id)
-        if is_core[rows[anchor_row(tile.points[rows])]]
+        if is_core[rows[anchor_row(tile.points.take(rows, axis=0))]]
     }
     owned = [
         (number, rows)
@@ -85,11 +85,11 @@ def trace_buildings(
     number_of, jobs, spacing = np.zeros(len(tile), dtype=np.uint32), [], tile.point_spacing
     for number, rows in owned:
         number_of[rows] = number
-        cloud = tile.points[rows_to_trace(rows, tile.edge, boundary_tracing)]
+        cloud = tile.points.take(rows_to_trace(rows, tile.edge, boundary_tracing), axis=0)
         jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
-    places = (extent_of(tile.points[rows, :2]) for _, rows in owned)
+    places = (extent_of(tile.points.take(rows, axis=0)[:, :2]) for _, rows in owned)
     clipped = reduce(
         or_,
         (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places),

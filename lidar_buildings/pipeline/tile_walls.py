@@ -110,7 +110,7 @@ def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
     if not is_long.any():
         return []
     rows = np.flatnonzero(is_building)
-    part = connected_parts(tile.points[rows], WALL_GAP, in_plan=True)
+    part = connected_parts(tile.points.take(rows, axis=0), WALL_GAP, in_plan=True)
     own = np.unique(part[np.searchsorted(rows, bare[is_long[wall]])])
     chosen = np.flatnonzero(np.isin(part, own))
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
@@ -138,7 +138,7 @@ class _Ground:
     def __init__(self, tile: PointTile) -> None:
         classes = tile.classification
         rows = np.flatnonzero(is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND))
-        rows = rows[lowest_per_cell(tile.points[rows], GROUND_CELL)]
+        rows = rows[lowest_per_cell(tile.points.take(rows, axis=0), GROUND_CELL)]
         self._points = _middles(tile.points[rows], GROUND_CELL)
         self._rows = rows  # cell by cell, the southernmost ones first
 

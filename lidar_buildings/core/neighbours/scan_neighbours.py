@@ -47,7 +47,9 @@ class Pulses(NamedTuple):
     def select(self, rows: NDArray[np.intp]) -> Pulses:
         """Return some of the points."""
         time = self.time[rows] if len(self.time) else self.time
-        return Pulses(self.points[rows], time, self.strip[rows] if len(self.strip) else self.strip)
+        return Pulses(
+            self.points.take(rows, axis=0), time, self.strip[rows] if len(self.strip) else self.strip
+        )
 
 
 def mark_probes(

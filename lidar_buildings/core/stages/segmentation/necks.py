@@ -59,17 +59,18 @@ def cut_necks(
     if is_core.all() or not is_core.any():
         return []
     core = np.flatnonzero(is_core)
-    part, n_parts = chain_windows(positions[core], (half, half))
+    own = positions.take(core, axis=0)
+    part, n_parts = chain_windows(own, (half, half))
     component_of = np.zeros(n_parts, dtype=np.int64)
     component_of[part] = component[core]
     is_large = np.bincount(part, minlength=n_parts) >= min_points
     if np.bincount(component_of[is_large], minlength=1).max() > 1:
-        is_large &= occupied_areas(positions[core], part, n_parts, 1.0) >= min_area
+        is_large &= occupied_areas(own, part, n_parts, 1.0) >= min_area
     label, found = np.full(len(positions), -1, dtype=np.int64), []
     label[core] = np.where(is_large[part], part, -1)
     for number in np.flatnonzero(np.bincount(component_of[is_large], minlength=1) > 1):
         rows = np.flatnonzero(component == number)
-        nearest = _nearest_labels(positions[rows], label[rows])
+        nearest = _nearest_labels(positions.take(rows, axis=0), label[rows])
         # Parts are numbered from the south-west, whatever the points' order.
         found += [(int(number), rows[nearest == one]) for one in np.flatnonzero(np.bincount(nearest))[1:]]
     return found
@@ -77,12 +78,13 @@ def cut_necks(
 
 def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return labels, those of −1 replaced by the label of the nearest point that has one."""
-    members = np.flatnonzero(label >= 0)
+    members, others = np.flatnonzero(label >= 0), np.flatnonzero(label < 0)
     # By their coordinates, so that of equally near ones the same is taken in whatever order they come.
-    members = members[np.lexsort(positions[members].T)]
-    others = np.flatnonzero(label < 0)
-    labels, tree = label.copy(), cKDTree(positions[members], balanced_tree=False, compact_nodes=False)
-    labels[others] = label[members[tree.query(positions[others])[1]]]
+    members = members[np.lexsort(positions.take(members, axis=0).T)]
+    known = positions.take(members, axis=0)
+    nearest = cKDTree(known, balanced_tree=False, compact_nodes=False).query(positions[others])[1]
+    labels = label.copy()
+    labels[others] = label[members[nearest]]
     return labels
 
 

@@ -76,7 +76,9 @@ def chain_along_scan(
     first = np.searchsorted(group[order], np.arange(len(patterns) + 1))
     for number in np.flatnonzero(has_lines):
         rows = order[first[number] : first[number + 1]]
-        part, n_parts = chain_windows(turned(pulses.points[rows], patterns[number]), (half, half))
+        part, n_parts = chain_windows(
+            turned(pulses.points.take(rows, axis=0), patterns[number]), (half, half)
+        )
         component[rows] = n_components + part
         n_components += n_parts
         chain_patterns += [patterns[number]] * n_parts

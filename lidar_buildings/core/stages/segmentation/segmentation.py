@@ -155,7 +155,7 @@ def _without_necks(
     cut_from = list(range(chains.n_components))
     for unit, rows in _by_unit(chains, spacings, spacing):
         parts = cut_necks(
-            turned(cloud[rows], unit),
+            turned(cloud.take(rows, axis=0), unit),
             chains.component[rows],
             window=config.window,
             min_neck=config.min_neck,

@@ -43,7 +43,7 @@ def is_deck(
     lowest[lowest > ground[:, 2].max(initial=-np.inf) + MAX_STEP] = np.inf
     is_near = np.flatnonzero(np.isfinite(lowest)[label])
     ground = ground.take(np.flatnonzero(ground[:, 2] >= lowest.min(initial=np.inf) - MAX_STEP), axis=0)
-    points, label = points[is_near], label[is_near]
+    points, label = points.take(is_near, axis=0), label[is_near]
     columns = gathered(np.vstack([points, ground]), cell)
     owner = np.concatenate([label, np.full(len(ground), -1)])[columns.rows]
     steps = (REACH + cell) / columns.size

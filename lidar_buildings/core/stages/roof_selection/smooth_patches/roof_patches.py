@@ -71,13 +71,14 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     del features, upward, noise  # half of the memory
 
     def patches(chosen: NDArray[np.bool_]) -> _Patches:
-        is_chosen = np.zeros(n, dtype=bool)
-        is_chosen[rows[chosen]] = True
-        points, offset = columns.select(is_chosen), PATCH_OFFSET * config.max_roughness
+        own, is_chosen = np.flatnonzero(chosen), np.zeros(n, dtype=bool)
+        is_chosen[rows[own]] = True
+        points, own_normals = columns.select(is_chosen), normals.take(own, axis=0)
+        offset = PATCH_OFFSET * config.max_roughness
         label = smooth_patches(
-            points, normals[chosen], reach[chosen], max_angle_deg=MAX_ANGLE_DEG, max_offset=offset
+            points, own_normals, reach[own], max_angle_deg=MAX_ANGLE_DEG, max_offset=offset
         )
-        return _Patches(points, label, normals[chosen], roughness[chosen] / config.max_roughness)
+        return _Patches(points, label, own_normals, roughness[own] / config.max_roughness)
 
     walls = patches(smooth & upright)
     area = wall_areas(walls.columns.points, walls.label, config.min_building_width)
@@ -88,7 +89,8 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     is_steep[roofs.columns.rows[hangs]] = True
     accepted &= ~hangs
     is_surface[roofs.columns.rows[accepted]] = True
-    return RoofSurface(is_surface, is_steep, is_wall, roofs.normals[accepted])
+    own = roofs.normals.take(np.flatnonzero(accepted), axis=0)
+    return RoofSurface(is_surface, is_steep, is_wall, own)
 
 
 class _Patches(NamedTuple):
@@ -107,8 +109,10 @@ def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
     patch[points.rows] = label
     area = candidates.areas(patch, label.max(initial=-1) + 1)
     accepted = (area >= MIN_PATCH_AREA) & _is_opaque(candidates, patches, area)
-    asked = accepted[label]
-    decks = is_deck(points.points[asked], label[asked], len(area), candidates.ground, candidates.cell)
+    asked = np.flatnonzero(accepted[label])
+    decks = is_deck(
+        points.points.take(asked, axis=0), label[asked], len(area), candidates.ground, candidates.cell
+    )
     return np.asarray((accepted & ~decks)[label])
 
 
