@@ -139,7 +139,7 @@ class _Ground:
         classes = tile.classification
         rows = np.flatnonzero(is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND))
         rows = rows[lowest_per_cell(tile.points.take(rows, axis=0), GROUND_CELL)]
-        self._points = _middles(tile.points[rows], GROUND_CELL)
+        self._points = _middles(tile.points.take(rows, axis=0), GROUND_CELL)
         self._rows = rows  # cell by cell, the southernmost ones first
 
     def about(self, points: NDArray[np.float64]) -> NDArray[np.intp]:

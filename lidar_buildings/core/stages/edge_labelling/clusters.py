@@ -76,7 +76,7 @@ def cluster_edges(
     # For clusters this small one thread is the quickest.
     with threadpool_limits(1):
         for number, own in zip(numbers.tolist(), np.split(rows, ends)[:-1], strict=True):
-            edge[own], found = _cluster(number, features[own], linearity[own], config)
+            edge[own], found = _cluster(number, features.take(own, axis=0), linearity[own], config)
             clusters.append(found)
     return edge, tuple(clusters)
 
