@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
 import numpy as np
-from scipy import ndimage
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells
@@ -22,30 +21,6 @@ ABOVE = 0.3
 _AROUND = 5
 #: Most squares of the raster in which points share what they stand for.
 _MAX_SQUARES = 40_000
-
-
-class _Squares(NamedTuple):
-    """Squares of a spacing, wider where they would be too many, at whole multiples of their side."""
-
-    side: float
-    first: FloatArray  #: column and row of the south-western one
-    shape: tuple[int, int]
-
-    @classmethod
-    def over(cls, xy: FloatArray, spacing: float) -> _Squares:
-        """Return those that some places need."""
-        low, high = xy.min(axis=0), xy.max(axis=0)
-        side = max(spacing, float(np.prod(high - low) / _MAX_SQUARES) ** 0.5)
-        first, last = np.floor(low / side), np.floor(high / side)
-        n_columns, n_rows = (last - first + 1.0).tolist()
-        return cls(side, first, (int(n_columns), int(n_rows)))
-
-    def of(self, points: FloatArray) -> IntArray:
-        """Return the number of each point's square from 1 on; 0 for those beside all."""
-        (west, south), (n_columns, n_rows) = self.first, self.shape
-        column, row = np.floor(points[:, 0] / self.side) - west, np.floor(points[:, 1] / self.side) - south
-        inside = (column >= 0.0) & (column < n_columns) & (row >= 0.0) & (row < n_rows)
-        return np.where(inside, column * n_rows + row + 1.0, 0.0).astype(np.int64)
 
 
 def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
@@ -123,14 +98,10 @@ def plane_costs(
         Point spacing [m].
     """
     slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
-    seen = _highest_around(cells.vertices, points, spacing)
-    costs = np.zeros((len(cells), len(planes)))
-    _add_costs(
+    return _costs(
         points, weight, cell, np.ascontiguousarray(planes.T),
-        cells.vertices, cells.borders, cells.sides, cells.areas,
-        ABOVE + slack, seen, (_AROUND * spacing) ** 2, costs,
+        cells.vertices, cells.borders, cells.sides, cells.areas, ABOVE + slack, spacing,
     )  # fmt: skip
-    return costs
 
 
 def point_weights(points: FloatArray, outline: Outline, spacing: float) -> FloatArray:
@@ -139,31 +110,82 @@ def point_weights(points: FloatArray, outline: Outline, spacing: float) -> Float
 
     Points beside the outline's bounding box stand for none.
     """
-    squares = _Squares.over(outline.exterior, spacing)
-    square = squares.of(points)
-    shared = squares.side**2 / np.maximum(np.bincount(square), 1)
-    shared[0] = 0.0
-    return shared[square]
+    return _weights(points, outline.exterior, spacing)
 
 
-def _highest_around(places: FloatArray, points: FloatArray, spacing: float) -> FloatArray:
-    """Return the elevation of the highest return around each place, of all where there is none [m]."""
-    squares = _Squares.over(places, spacing)
-    highest = np.full(1 + squares.shape[0] * squares.shape[1], -np.inf)
-    np.maximum.at(highest, squares.of(points), points[:, 2])
-    around = highest[1:].reshape(squares.shape)
-    around = ndimage.maximum_filter(around, 2 * _AROUND + 1, mode="constant", cval=-np.inf)
-    found = around.ravel()[squares.of(places) - 1]
-    return np.where(np.isinf(found), highest.max(), found)
+@inner_kernel
+def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return squares over places: their side, the column and row of the south-western one, and how many of both.
+
+    They are of a spacing, wider where they would be too many, and lie at whole multiples of their side.
+    """
+    west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
+    for i in range(len(places)):
+        west, south = min(west, places[i, 0]), min(south, places[i, 1])
+        east, north = max(east, places[i, 0]), max(north, places[i, 1])
+    side = max(spacing, math.sqrt((east - west) * (north - south) / _MAX_SQUARES))
+    column, row = np.floor(west / side), np.floor(south / side)
+    n_columns, n_rows = int(np.floor(east / side) - column) + 1, int(np.floor(north / side) - row) + 1
+    return side, column, row, n_columns, n_rows
+
+
+@inner_kernel
+def _square_of(x, y, squares):  # type: ignore[no-untyped-def]
+    """Return the number of the square that a place lies in, -1 beside all."""
+    side, first_column, first_row, n_columns, n_rows = squares
+    column, row = np.floor(x / side) - first_column, np.floor(y / side) - first_row
+    if 0.0 <= column < n_columns and 0.0 <= row < n_rows:
+        return int(column) * n_rows + int(row)
+    return -1
 
 
 @kernel
-def _add_costs(  # type: ignore[no-untyped-def]
-    points, weight, cell, planes, vertices, borders, sides, areas, high, seen, spoken, costs
-):  # fmt: skip
-    """Add to the costs of all planes."""
-    n_planes = planes.shape[1]
-    beyond = np.zeros(costs.shape)
+def _weights(points, places, spacing):  # type: ignore[no-untyped-def]
+    """See `point_weights`."""
+    squares = _squares_over(places, spacing)
+    shared, square = np.zeros(squares[3] * squares[4], np.int64), np.empty(len(points), np.int64)
+    for i in range(len(points)):
+        square[i] = _square_of(points[i, 0], points[i, 1], squares)
+        if square[i] >= 0:
+            shared[square[i]] += 1
+    weights = np.zeros(len(points))
+    for i in range(len(points)):
+        if square[i] >= 0:
+            weights[i] = squares[0] ** 2 / shared[square[i]]
+    return weights
+
+
+@inner_kernel
+def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
+    """Return the elevation of the highest return around each place, of all where there is none [m]."""
+    squares = _squares_over(places, spacing)
+    n_columns, n_rows = squares[3], squares[4]
+    highest, top = np.full((n_columns, n_rows), -np.inf), -np.inf
+    for i in range(len(points)):
+        square, z = _square_of(points[i, 0], points[i, 1], squares), points[i, 2]
+        top = max(top, z)
+        if square >= 0:
+            column, row = square // n_rows, square % n_rows
+            highest[column, row] = max(highest[column, row], z)
+    seen = np.full(len(places), -np.inf)
+    for i in range(len(places)):
+        square = _square_of(places[i, 0], places[i, 1], squares)
+        column, row = square // n_rows, square % n_rows
+        for c in range(max(column - _AROUND, 0), min(column + _AROUND + 1, n_columns)):
+            for r in range(max(row - _AROUND, 0), min(row + _AROUND + 1, n_rows)):
+                seen[i] = max(seen[i], highest[c, r])
+        if seen[i] == -np.inf:
+            seen[i] = top
+    return seen
+
+
+@kernel
+def _costs(points, weight, cell, planes, vertices, borders, sides, areas, high, spacing):  # type: ignore[no-untyped-def]
+    """See `plane_costs`; planes in columns."""
+    n_planes, spoken = planes.shape[1], (_AROUND * spacing) ** 2
+    seen = _highest_around(vertices, points, spacing)
+    costs, beyond = np.empty((len(areas), n_planes)), np.zeros((len(areas), n_planes))
     # Rows of their own, so that the loops over planes become wide (SIMD).
     a, b, d = planes[0], planes[1], planes[2]
     for e in range(len(borders)):
@@ -179,7 +201,7 @@ def _add_costs(  # type: ignore[no-untyped-def]
                     own[k] = excess if excess > own[k] else own[k]
     for c in range(len(costs)):
         for k in range(n_planes):
-            costs[c, k] += beyond[c, k] * min(areas[c], spoken)
+            costs[c, k] = beyond[c, k] * min(areas[c], spoken)
     for i in range(len(points)):
         c = cell[i]
         if c < 0:
@@ -189,3 +211,4 @@ def _add_costs(  # type: ignore[no-untyped-def]
         for k in range(n_planes):
             misfit = abs(z - (a[k] * x + b[k] * y + d[k]))
             own[k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT)
+    return costs
