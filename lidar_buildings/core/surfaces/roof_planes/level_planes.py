@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 
@@ -22,16 +25,38 @@ def level_planes(planes: FreePlanes) -> IntArray:
     Planes become level that do not move more at their points than these are rough, and one surface with the
     largest of those that are as near in height.
     """
-    gradients = planes.coefficients[:, :2]
-    scatter = planes.scatter[:, :2, :2] / planes.counts[:, None, None]
-    squares = np.einsum("ki,kij,kj->k", gradients, scatter, gradients) * planes.normals[:, 2] ** 2
-    allowed = np.clip(_SHARE_OF_RMS * planes.rms, _LEAST_MOVE, _MOST_MOVE)
-    is_gentle = np.hypot(gradients[:, 0], gradients[:, 1]) <= _MOST_SLOPE
-    left = planes.roof & is_gentle & (np.sqrt(np.maximum(squares, 0.0)) <= allowed)
-    surface = np.full(len(left), -1, dtype=np.int64)
-    for k in np.argsort(-planes.counts, kind="stable"):
-        if left[k]:
-            near = np.abs(planes.mean[:, 2] - planes.mean[k, 2]) <= np.minimum(allowed, allowed[k])
-            surface[left & near] = surface.max() + 1
-            left &= ~near
-    return surface
+    return _level(
+        planes.mean,
+        planes.scatter,
+        planes.counts,
+        planes.normals,
+        planes.rms,
+        planes.coefficients,
+        planes.roof,
+    )
+
+
+@kernel
+def _level(mean, scatter, counts, normals, rms, coefficients, roof):  # type: ignore[no-untyped-def]
+    """See `level_planes`."""
+    n = len(counts)
+    left, allowed, surface = np.empty(n, np.bool_), np.empty(n), np.full(n, -1)
+    for k in range(n):
+        a, b = coefficients[k, 0], coefficients[k, 1]
+        square = a * a * scatter[k, 0, 0] + 2.0 * a * b * scatter[k, 0, 1] + b * b * scatter[k, 1, 1]
+        moved = math.sqrt(max(square / counts[k], 0.0)) * normals[k, 2]
+        allowed[k] = min(max(_SHARE_OF_RMS * rms[k], _LEAST_MOVE), _MOST_MOVE)
+        left[k] = roof[k] and math.hypot(a, b) <= _MOST_SLOPE and moved <= allowed[k]
+    n_surfaces = 0
+    while True:
+        largest = -1
+        for k in range(n):
+            if left[k] and (largest < 0 or counts[k] > counts[largest]):
+                largest = k
+        if largest < 0:
+            return surface
+        for k in range(n):
+            off = abs(mean[k, 2] - mean[largest, 2])
+            if left[k] and off <= min(allowed[k], allowed[largest]):
+                surface[k], left[k] = n_surfaces, False
+        n_surfaces += 1

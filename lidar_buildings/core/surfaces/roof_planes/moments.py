@@ -57,11 +57,19 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
         add_point(sums[k], x, y, z)
 
 
-def centroids_and_scatters(moments: PlaneMoments) -> tuple[FloatArray, FloatArray]:
+@kernel
+def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
     """
     Return each plane's centroid about the centre, shape (n, 3), and its scatter matrix about it, (n, 3, 3).
     """
-    n = np.maximum(moments.sums[:, 0], 1.0)
-    mean = moments.sums[:, 1:4] / n[:, None]
-    products = moments.sums[:, [4, 5, 6, 5, 7, 8, 6, 8, 9]].reshape(-1, 3, 3)
-    return mean, products - n[:, None, None] * mean[:, :, None] * mean[:, None, :]
+    mean, scatter = np.empty((len(sums), 3)), np.empty((len(sums), 3, 3))
+    # Of the sums, those of products of x, y and z.
+    products = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
+    for k in range(len(sums)):
+        n = max(sums[k, 0], 1.0)
+        for i in range(3):
+            mean[k, i] = sums[k, 1 + i] / n
+        for i in range(3):
+            for j in range(3):
+                scatter[k, i, j] = sums[k, products[i, j]] - n * mean[k, i] * mean[k, j]
+    return mean, scatter
