@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
+from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
 #: A vertex nearer to the line through its neighbours than this is no corner [m].
@@ -26,22 +29,40 @@ def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_st
 
     Two parts are parted by a mean step of `min_step` [m] along their common border.
     """
-    if len(planes) < 2:
-        return np.zeros(len(planes), dtype=np.int64)
-    left, right = np.append(face, -1)[cells.sides.T]
-    low, high = np.minimum(left, right), np.maximum(left, right)
-    between = ((low >= 0) & (low < high)).nonzero()[0]
-    low, high = low[between], high[between]
-    (ax, ay), (bx, by) = cells.vertices[cells.borders[between]].transpose(1, 2, 0)
-    length = np.hypot(bx - ax, by - ay)
-    a, b, c = (planes[low] - planes[high]).T
-    first, last = a * ax + b * ay + c, a * bx + b * by + c
-    # Where the planes cross on the way, the mean of two triangles.
-    crossed = (first**2 + last**2) / np.maximum(np.abs(first - last), 1e-12)
-    mean = 0.5 * np.where(first * last < 0.0, crossed, np.abs(first + last))
-    pair, inverse = np.unique(low * len(planes) + high, return_inverse=True)
-    is_low = np.bincount(inverse, length * mean) < min_step * np.bincount(inverse, length)
-    return numbered(sets_of_pairs(len(planes), *np.divmod(pair[is_low], len(planes))))
+    return numbered(_parts(cells.vertices, cells.borders, cells.sides, face, planes, min_step))
+
+
+@kernel
+def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no-untyped-def]
+    n, m = len(planes), 0
+    keys, rows = np.empty(len(borders), np.int64), np.empty(len(borders), np.int64)
+    for e in range(len(borders)):
+        left = face[sides[e, 0]] if sides[e, 0] >= 0 else -1
+        right = face[sides[e, 1]] if sides[e, 1] >= 0 else -1
+        if left >= 0 and right >= 0 and left != right:
+            keys[m], rows[m] = min(left, right) * n + max(left, right), e
+            m += 1
+    sort_rows(keys, rows, m)
+    parent = np.arange(n)
+    step, length = 0.0, 0.0
+    for k in range(m):
+        low, high = keys[k] // n, keys[k] % n
+        a, b, c = planes[low] - planes[high]
+        ax, ay = vertices[borders[rows[k], 0]]
+        bx, by = vertices[borders[rows[k], 1]]
+        first, last = a * ax + b * ay + c, a * bx + b * by + c
+        mean = 0.5 * abs(first + last)
+        if first * last < 0.0:
+            # Where the planes cross on the way, the mean of two triangles.
+            mean = 0.5 * (first**2 + last**2) / max(abs(first - last), 1e-12)
+        step += math.hypot(bx - ax, by - ay) * mean
+        length += math.hypot(bx - ax, by - ay)
+        if k + 1 == m or keys[k + 1] != keys[k]:
+            if step < min_step * length:
+                link(parent, low, high)
+            step, length = 0.0, 0.0
+    flatten(parent)
+    return parent
 
 
 def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:

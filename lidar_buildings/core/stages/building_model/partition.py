@@ -8,7 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
-from lidar_buildings.core.neighbours.few_rows import rows_by_number
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
@@ -82,9 +82,5 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
 
 
 def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
-    rows = np.flatnonzero(cell >= 0)
-    number = face[cell[rows]]
-    order = rows_by_number(number, n_faces)
-    ends = np.cumsum(np.bincount(number, minlength=n_faces)).tolist()
-    rows = rows[order]
-    return [rows[begin:end] for begin, end in pairwise([0, *ends])]
+    rows, first = rows_by_group(1 + np.append(face, -1)[cell], n_faces + 1)
+    return [rows[begin:end] for begin, end in pairwise(first[1:].tolist())]

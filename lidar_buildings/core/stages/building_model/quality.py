@@ -57,12 +57,20 @@ def measure_model(
 def _misfits(faces: list[RoofFacePatch], points: FloatArray) -> FloatArray:
     """Return every point's distance to the plane of the face over or under it [m]."""
     rows, planes = np.concatenate([face.rows for face in faces]), np.array([face.plane for face in faces])
-    lengths = np.sqrt(1.0 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
-    each = np.column_stack([planes, lengths]).repeat([len(face.rows) for face in faces], axis=0)
-    (x, y, z), (a, b, c, length) = points[rows].T, each.T
+    return _off_planes(points, rows, np.cumsum([len(face.rows) for face in faces]), planes)
+
+
+@kernel
+def _off_planes(points, rows, ends, planes):  # type: ignore[no-untyped-def]
+    """Return points' distances to planes; the rows of the points over plane k end at ``ends[k]``."""
     # The plane goes on beside the outline, the roof does not.
-    distance = np.full(len(points), np.inf)
-    distance[rows] = np.abs(z - (a * x + b * y) - c) / length
+    distance, first = np.full(len(points), np.inf), 0
+    for k in range(len(planes)):
+        a, b, c = planes[k]
+        length = math.sqrt(1.0 + a * a + b * b)
+        for i in rows[first : ends[k]]:
+            distance[i] = abs(points[i, 2] - (a * points[i, 0] + b * points[i, 1]) - c) / length
+        first = ends[k]
     return distance
 
 
