@@ -56,16 +56,19 @@ def repaired_outlines(outline: Outline) -> list[tuple[Outline, str]]:
 
 def _without_repetitions(ring: FloatArray) -> FloatArray:
     """Leave out vertices equal to the next one, and tips of spikes, until there are none."""
-    while len(ring) >= 3:
-        before, after = np.concatenate([ring[-1:], ring[:-1]]), np.concatenate([ring[1:], ring[:1]])
-        repeated = (ring == after).all(axis=1)
-        tip = (before == after).all(axis=1)
-        if not (repeated.any() or tip.any()):
-            break
-        # One tip at a time: its neighbours become a repetition.
-        drop = repeated if repeated.any() else np.arange(len(ring)) == np.argmax(tip)
-        ring = ring[~drop]
-    return ring
+    corners = list(map(tuple, ring.tolist()))
+    while len(corners) >= 3:
+        after = corners[1:] + corners[:1]
+        kept = [one for one, other in zip(corners, after, strict=True) if one != other]
+        if len(kept) == len(corners):
+            # One tip at a time: its neighbours become a repetition.
+            tips = (k for k, other in enumerate(after) if corners[k - 1] == other)
+            tip = next(tips, None)
+            if tip is None:
+                break
+            del kept[tip]
+        corners = kept
+    return ring if len(corners) == len(ring) else np.array(corners).reshape(-1, 2)
 
 
 def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:

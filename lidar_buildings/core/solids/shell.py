@@ -45,7 +45,7 @@ class Solid:
         if not len(self.vertices):
             return 0.0
         # Gauss: signed tetrahedra over fans of triangles; what a fan adds outside a ring it takes back.
-        corners = self.vertices - self.vertices.mean(axis=0)
+        corners = self.vertices - self.vertices[0]
         rings = [ring for face in self.faces for ring in face if len(ring) > 2]
         sizes = np.array([len(ring) for ring in rings], dtype=np.int64)
         rows = np.fromiter(chain.from_iterable(rings), dtype=np.int64, count=int(sizes.sum()))
