@@ -4,10 +4,13 @@ Positions where planes should meet: outline corners that lines pass, and points 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_lines
@@ -52,18 +55,34 @@ def _corners(
     pieces: Pieces, ends: FloatArray, corners: FloatArray, centre: FloatArray, spacing: float
 ) -> list[CommonVertex]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
-    along = ends[:, 1] - ends[:, 0]
-    along /= np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-12)[:, None]
-    away = corners[None, None] - ends[:, :, None]
-    beside = np.abs(away[..., 0] * along[:, None, None, 1] - away[..., 1] * along[:, None, None, 0])
-    distance = np.hypot(away[..., 0], away[..., 1])
-    distance[(beside > _BESIDE_CORNER * spacing) | (distance > _BEFORE_CORNER * spacing)] = np.inf
-    vertices = []
-    for k, end in np.argwhere(np.isfinite(distance.min(axis=2))):
-        x, y = corners[int(np.argmin(distance[k, end]))] + centre[:2]
-        pair = int(pieces.first[k]), int(pieces.second[k])
-        vertices.append(CommonVertex(pair, (float(x), float(y)), True))
+    near = _near_corners(ends, corners, spacing)
+    pairs = zip(pieces.first.tolist(), pieces.second.tolist(), near.tolist(), strict=True)
+    places = (corners + centre[:2]).tolist()
+    vertices = [
+        CommonVertex((first, second), (places[at][0], places[at][1]), True)
+        for first, second, rows in pairs
+        for at in rows
+        if at >= 0
+    ]
     return list(dict.fromkeys(vertices))
+
+
+@kernel
+def _near_corners(ends, corners, spacing):  # type: ignore[no-untyped-def]
+    """Return the row of the corner that each line nearly passes through at either end, -1 for none."""
+    near = np.full((len(ends), 2), -1)
+    for k in range(len(ends)):
+        x, y = ends[k, 1, 0] - ends[k, 0, 0], ends[k, 1, 1] - ends[k, 0, 1]
+        length = max(math.hypot(x, y), 1e-12)
+        for end in range(2):
+            least = _BEFORE_CORNER * spacing
+            for i in range(len(corners)):
+                u, v = corners[i, 0] - ends[k, end, 0], corners[i, 1] - ends[k, end, 1]
+                distance, beside = math.hypot(u, v), abs(u * y - v * x) / length
+                is_nearer = distance < least or (distance == least and near[k, end] < 0)
+                if is_nearer and beside <= _BESIDE_CORNER * spacing:
+                    near[k, end], least = i, distance
+    return near
 
 
 def _common_points(

@@ -130,13 +130,29 @@ def common_point(coefficients):  # type: ignore[no-untyped-def]
 
 def _roof_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPlane, ...]:
     """Return the planes after the adjustment; walls stay as they were fitted."""
-    roof, (a, b, c) = free.roof, coefficients.T
-    upright = np.column_stack([-a, -b, np.ones_like(c)]) / np.sqrt(a * a + b * b + 1.0)[:, None]
-    normals = np.where(roof[:, None], upright, free.normals)
-    places = free.mean.copy()
-    places[roof, 2] = (a * places[:, 0] + b * places[:, 1] + c)[roof]
-    off = np.einsum("ki,ki->k", normals, free.mean - places)
-    squares = np.einsum("ki,kij,kj->k", normals, free.scatter, normals) / free.counts + off**2
-    rms = np.sqrt(np.maximum(squares, 0.0)).tolist()
-    columns = (normals, places + free.moments.centre, rms, free.moments.sums[:, 0].astype(np.int64).tolist())
-    return tuple(RoofPlane(*each) for each in zip(*columns, strict=True))
+    normals, places, rms = _placed(
+        free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
+    )
+    columns = (normals, places + free.moments.centre, rms.tolist(), free.moments.sums[:, 0].tolist())
+    return tuple(
+        RoofPlane(normal, place, miss, int(n)) for normal, place, miss, n in zip(*columns, strict=True)
+    )
+
+
+@kernel
+def _placed(roof, normals, mean, scatter, counts, coefficients):  # type: ignore[no-untyped-def]
+    """Return normals, a place on each plane about the centre, and the root mean square of distances."""
+    normals, places, rms = normals.copy(), mean.copy(), np.empty(len(roof))
+    for k in range(len(roof)):
+        if roof[k]:
+            a, b, c = coefficients[k]
+            length = math.sqrt(a * a + b * b + 1.0)
+            normals[k, 0], normals[k, 1], normals[k, 2] = -a / length, -b / length, 1.0 / length
+            places[k, 2] = a * places[k, 0] + b * places[k, 1] + c
+        off, square = 0.0, 0.0
+        for i in range(3):
+            off += normals[k, i] * (mean[k, i] - places[k, i])
+            for j in range(3):
+                square += normals[k, i] * scatter[k, i, j] * normals[k, j]
+        rms[k] = math.sqrt(max(square / counts[k] + off * off, 0.0))
+    return normals, places, rms
