@@ -60,17 +60,17 @@ class Columns:
     def select(self, kept: NDArray[np.bool_]) -> Columns:
         """Return some of the points in the same columns; their `rows` are positions among these points."""
         rows = np.flatnonzero(kept)
-        return replace(self, points=self.points.take(rows, axis=0), rows=rows, first=self._first_of(kept))
+        return replace(self, points=self.points.take(rows, axis=0), rows=rows, first=self.first_of(kept))
 
     def holding(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Return the columns with wanted points, rising."""
-        return np.flatnonzero(np.diff(self._first_of(wanted)))
+        return np.flatnonzero(np.diff(self.first_of(wanted)))
 
-    def _first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return where the columns of `select` begin."""
-        before = np.zeros(len(kept) + 1, dtype=np.int64)
+        before = np.zeros(len(kept) + 1, dtype=np.int32)
         before[1:] = kept  # numpy sums truth values several times as slowly
-        return np.cumsum(before, out=before)[self.first]
+        return np.cumsum(before, out=before)[self.first].astype(np.int64)
 
     def around(
         self, reach: float, asking: NDArray[np.intp] | None = None, *, north: bool = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -35,8 +36,8 @@ class Candidates:
     #: Whether the pulse ended there, and whether that is all that came back of it, shape (n_points,).
     is_last: NDArray[np.bool_]
     is_only: NDArray[np.bool_]
-    #: Ground and what is lower than half of `min_height` [m], shape (n_ground, 3).
-    ground: NDArray[np.float64]
+    #: Takes ground and what is lower than half of `min_height` out of the cloud [m], shape (n_ground, 3).
+    ground: Callable[[], NDArray[np.float64]]
     radius: float  #: smallest radius of a neighbourhood, and longest step within a surface [m]
     cell: float  #: side of the cells in which areas are counted, two spacings [m]
 

@@ -171,15 +171,18 @@ def select_roofs(
     rows = rows[columns.rows]
     is_roof, facade = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=np.uint8)
     is_chosen, place = without_crowds(columns)
-    columns, chosen = columns.select(is_chosen), rows[is_chosen]
+    chosen = rows
+    each: slice | NDArray[np.int64] = slice(None)
+    if not is_chosen.all():
+        columns, chosen, each = columns.select(is_chosen), rows[is_chosen], place
+    del is_chosen, place  # memory
     own = (height[chosen], is_last[chosen], is_only[chosen])
-    low = points.take(np.flatnonzero(is_low), axis=0)
-    roof, wall = _roofs(columns, *own, low, spacing, config)
-    is_roof[rows] = roof[place]
+    roof, wall = _roofs(columns, *own, lambda: points.take(np.flatnonzero(is_low), axis=0), spacing, config)
+    is_roof[rows] = roof[each]
     if config.method in COMPLETIONS:
         is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
     of_chosen = _open_classes(columns, own[0], is_roof[chosen], wall, own[1], spacing, config)
-    classes[rows], facade[rows] = (values[place] for values in of_chosen)
+    classes[rows], facade[rows] = (values[each] for values in of_chosen)
     if config.road_method == "grey_values":
         if intensity is not None:
             grey = checked_column("intensity", intensity, len(points), np.float32)
@@ -241,7 +244,7 @@ def _roofs(
     height: NDArray[np.float64],
     is_last: NDArray[np.bool_],
     is_only: NDArray[np.bool_],
-    low: NDArray[np.float64],
+    low: Callable[[], NDArray[np.float64]],
     spacing: float,
     config: RoofSelectionConfig,
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

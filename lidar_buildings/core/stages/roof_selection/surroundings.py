@@ -41,23 +41,25 @@ def near_tangent_plane(
     `normals` are those of the surface points alone; the surface goes on beyond these by the radius, and a
     point may be `max_distance` from the tangent plane of one within it [m].
     """
-    return _joined(columns, normals, is_surface, radius, max_distance, 1.0)
+    return _joined(columns, columns.select(is_surface), normals, is_surface, radius, max_distance, 1.0)
 
 
 def near_in_plan(columns: Columns, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
     """Tell which points are targets or lie within reach of one in plan [m]."""
-    return _joined(columns, np.zeros((int(targets.sum()), 3)), targets, reach, 0.0, 0.0)
+    near = columns.select(targets)
+    return _joined(columns, near, near.points, targets, reach, np.inf, 0.0)
 
 
 def _joined(
     columns: Columns,
+    surface: Columns,
     normals: NDArray[np.float64],
     is_surface: NDArray[np.bool_],
     radius: float,
     max_distance: float,
     upright: float,
 ) -> NDArray[np.bool_]:
-    surface, joined = columns.select(is_surface), is_surface.copy()
+    joined = is_surface.copy()
     own, runs, limits = (
         (columns.points, columns.first),
         columns.around(radius),
@@ -82,12 +84,12 @@ def surroundings(
     Whole columns are within reach if their middles are: to within half a column, as many times faster as
     there are points in one.
     """
-    around, asking = columns.select(chosen), columns.holding(wanted)
-    is_held = np.diff(around.first, append=around.first[-1]) > 0
+    rows, first, asking = np.flatnonzero(chosen), columns.first_of(chosen), columns.holding(wanted)
+    is_held = np.diff(first, append=first[-1]) > 0
     holds = np.flatnonzero(is_held)
     before: NDArray[np.int64] = np.cumsum(is_held) - is_held
     place = columns.places[holds]
-    lowest, highest = around.points[around.first[holds], 2], around.points[around.first[holds + 1] - 1, 2]
+    lowest, highest = (columns.points[rows[at], 2] for at in (first[holds], first[holds + 1] - 1))
     n = len(columns.numbers)
     found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
     runs, own = columns.around(reach, asking), columns.places

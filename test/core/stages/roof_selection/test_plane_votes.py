@@ -32,7 +32,7 @@ def roof_share(points, is_last=None, is_only=None, ground=None):
     columns = by_column(points, SPACING)
     every, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3)) if ground is None else ground
     is_last, is_only = ((every if one is None else one)[columns.rows] for one in (is_last, is_only))
-    candidates = Candidates(columns, is_last, is_only, ground, 2.25 * SPACING, 2.0 * SPACING)
+    candidates = Candidates(columns, is_last, is_only, lambda: ground, 2.25 * SPACING, 2.0 * SPACING)
     return find_voted_roofs(candidates, RoofSelectionConfig()).mean()
 
 

@@ -17,7 +17,7 @@ def started(width, split_share, noise=0.0, length=5.0):
     columns = by_column(points, 0.375)
     is_only = random.permutation(np.arange(len(points)) >= split_share * len(points))
     is_last, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3))
-    candidates = Candidates(columns, is_last, is_only, ground, 0.75, 0.5)
+    candidates = Candidates(columns, is_last, is_only, lambda: ground, 0.75, 0.5)
     return find_roof_surface(candidates, RoofSelectionConfig()).is_surface.mean()
 
 

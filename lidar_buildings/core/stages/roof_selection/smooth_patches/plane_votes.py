@@ -42,7 +42,7 @@ def find_voted_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDA
     rows = np.flatnonzero(_mean_around(points[:, :2], votes) >= least)
     label, n_parts = candidates.parts(rows, candidates.radius)
     part, roof = label[rows], np.zeros(n, dtype=bool)
-    decks = is_deck(points[rows], part, n_parts, candidates.ground, candidates.cell)
+    decks = is_deck(points[rows], part, n_parts, candidates.ground(), candidates.cell)
     roof[rows[~decks[part]]] = True
     return roof
 

@@ -111,7 +111,7 @@ def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
     accepted = (area >= MIN_PATCH_AREA) & _is_opaque(candidates, patches, area)
     asked = np.flatnonzero(accepted[label])
     decks = is_deck(
-        points.points.take(asked, axis=0), label[asked], len(area), candidates.ground, candidates.cell
+        points.points.take(asked, axis=0), label[asked], len(area), candidates.ground(), candidates.cell
     )
     return np.asarray((accepted & ~decks)[label])
 
