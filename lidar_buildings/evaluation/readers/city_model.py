@@ -77,7 +77,8 @@ def read_city_model(path: Path) -> CityModel:
                 vertices = _vertices(document, transform) * _unit_of(crs)
                 buildings.extend(_buildings(document.get("CityObjects", {}), vertices))
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
-            raise InputError(f"{file}: is no CityJSON that can be read: {error!r}") from error
+            why = f"{type(error).__name__}: {error}"  # a UnicodeDecodeError's repr holds the whole file
+            raise InputError(f"{file}: is no CityJSON that can be read: {why}") from error
     return CityModel(tuple(buildings), crs)
 
 

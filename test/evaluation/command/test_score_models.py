@@ -118,6 +118,10 @@ def test_what_is_no_city_model_is_refused(survey, tmp_path):
     (tmp_path / "bad.city.jsonl").write_text('{"type": "Feature"}\n')
     with pytest.raises(InputError, match="no CityJSON that can be read"):
         run_score("models", tmp_path, survey)
+    (tmp_path / "binary.gpkg").write_bytes(b"\xa0" * 100_000)
+    with pytest.raises(InputError, match="is no CityJSON that can be read: UnicodeDecodeError: ") as refused:
+        run_score("models", survey, tmp_path / "binary.gpkg")
+    assert len(str(refused.value)) < 500
     with pytest.raises(InputError, match="no such file"):
         run_score("models", tmp_path / "none.city.jsonl", survey)
 
