@@ -10,18 +10,27 @@ from typing import Any
 __version__ = "0.2.0"
 
 _MODULES = {
-    "core.stages.ground_filter": ("GroundFilterConfig", "classify_ground"),
-    "core.stages.roof_selection": ("RoofSelectionConfig", "select_roofs"),
-    "core.stages.edge_labelling": ("EdgeLabellingConfig", "label_edges"),
-    "core.stages.segmentation": ("SegmentationConfig", "segment_buildings"),
-    "core.stages.boundary_tracing": ("BoundaryTracingConfig", "trace_boundary"),
-    "core.stages.footprints": ("FootprintConfig",),
-    "core.stages.regularisation": ("RegularisationConfig", "regularise_outline"),
-    "core.stages.plane_fitting": ("PlaneFittingConfig", "fit_roof_planes"),
-    "core.stages.building_model": ("BuildingModelConfig", "build_model"),
+    "core.stages.ground_filter.config": ("GroundFilterConfig",),
+    "core.stages.ground_filter.classification": ("classify_ground",),
+    "core.stages.roof_selection.config": ("RoofSelectionConfig",),
+    "core.stages.roof_selection.selection": ("select_roofs",),
+    "core.stages.edge_labelling.config": ("EdgeLabellingConfig",),
+    "core.stages.edge_labelling.labelling": ("label_edges",),
+    "core.stages.segmentation.config": ("SegmentationConfig",),
+    "core.stages.segmentation.segmentation": ("segment_buildings",),
+    "core.stages.boundary_tracing.config": ("BoundaryTracingConfig",),
+    "core.stages.boundary_tracing.tracing": ("trace_boundary",),
+    "core.stages.footprints.config": ("FootprintConfig",),
+    "core.stages.regularisation.config": ("RegularisationConfig",),
+    "core.stages.regularisation.regularising": ("regularise_outline",),
+    "core.stages.plane_fitting.config": ("PlaneFittingConfig",),
+    "core.stages.plane_fitting.fitting": ("fit_roof_planes",),
+    "core.stages.building_model.config": ("BuildingModelConfig",),
+    "core.stages.building_model.model": ("build_model",),
     "core.model.tile": ("PointTile",),
     "io.clouds.las": ("read_tile",),
-    "pipeline.reconstruct": ("PipelineConfig", "TileResult", "reconstruct_tile"),
+    "pipeline.config": ("PipelineConfig",),
+    "pipeline.reconstruct": ("TileResult", "reconstruct_tile"),
 }
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 __all__ = ["__version__", *_MODULE_OF]

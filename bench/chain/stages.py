@@ -26,12 +26,12 @@ from bench.common.clouds import read_files
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
-from lidar_buildings.core.stages.footprints import Footprints
+from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
 from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
 from lidar_buildings.io.results.process_tree import cpu_of, tree_of
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from bench.common.clouds import read_tile
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.evaluation.scores.edges import alpha_of_spacing
 from lidar_buildings.evaluation.scores.roofs import (

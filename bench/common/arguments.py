@@ -10,7 +10,7 @@ from typing import Any
 from bench.common.clouds import ROOT
 from lidar_buildings.commands.settings import read_settings
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
+from lidar_buildings.pipeline.config import STAGE_CONFIGS, PipelineConfig
 
 
 def data_parser(description: str | None) -> argparse.ArgumentParser:

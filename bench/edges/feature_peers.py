@@ -25,8 +25,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
-from lidar_buildings.core.stages.edge_labelling.labelling import MIN_RADIUS
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import MIN_RADIUS, label_edges
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
 # Threads that wait in a loop for one another slow down whatever is measured next.

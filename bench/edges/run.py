@@ -27,7 +27,8 @@ from bench.common.arguments import parser_of, settings_of
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
 from lidar_buildings.evaluation.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
 
 #: The methods of the paper's Figure 7, and the parameters that choose them.

@@ -23,8 +23,8 @@ from bench.roofs.scenes import made
 from bench.scenes.roofs import ROOF_SCENES
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 

@@ -22,7 +22,7 @@ from lidar_buildings.core.stages.building_model.surface_distance import distance
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
 from lidar_buildings.evaluation.scores.wireframe_match import match_corners, score_wireframes
 from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Below the data folder: clouds and wireframes (.obj) of the same names.
 FOLDER = "tallinn"

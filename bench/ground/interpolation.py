@@ -22,8 +22,9 @@ from scipy.spatial import cKDTree
 from bench.common.arguments import parser_of
 from bench.common.clouds import Cloud, data_folder, read_cloud
 from bench.common.tables import table
-from lidar_buildings.core.stages.terrain import RasterConfig, make_rasters
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.interpolation import METHODS
+from lidar_buildings.core.stages.terrain.rasters import make_rasters
 
 #: Name → files.
 CLOUDS = {

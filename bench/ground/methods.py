@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from bench.common.clouds import Cloud
 from lidar_buildings.core.model.parameters import spec_of
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.evaluation.scores.ground import RESULT_GROUND
 
 #: The methods there are, the default one first; not the one for clouds without ground.

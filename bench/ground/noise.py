@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.common.tables import table
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.stages.ground_filter import classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 
 #: Rise over run of planes, and rolling ground.
 TERRAINS = (

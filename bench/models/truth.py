@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from bench.common.tables import table
 from bench.scenes.models import ModelScene, roof_words
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.stages.building_model import BuildingModel, build_model
-from lidar_buildings.core.stages.plane_fitting import RoofPlanes, fit_roof_planes
+from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.building_model.result import BuildingModel
+from lidar_buildings.core.stages.plane_fitting.fitting import RoofPlanes, fit_roof_planes
 from lidar_buildings.evaluation.scores.models import ModelScore, score_models
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: The finest level; the others come in its place.
 FINEST = "2.2"

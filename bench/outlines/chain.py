@@ -17,10 +17,10 @@ from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.boundary_tracing import trace_boundary
-from lidar_buildings.core.stages.regularisation import regularise_outline
-from lidar_buildings.core.stages.segmentation import segment_buildings
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
+from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Columns of a tile that segmentation can be told.
 SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")

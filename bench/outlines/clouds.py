@@ -12,8 +12,8 @@ from bench.common.clouds import read_files
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 

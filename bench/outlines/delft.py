@@ -18,7 +18,7 @@ from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polyg
 from lidar_buildings.evaluation.scores.corners import score_corners
 from lidar_buildings.evaluation.scores.directions import score_directions
 from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_outlines
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Headings of what `quality_cells` gives.
 HEADINGS = (

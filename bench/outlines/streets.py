@@ -14,7 +14,8 @@ from bench.outlines.pictures import draw_rings
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
+from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile
 from lidar_buildings.simulation import make_scene
 from lidar_buildings.simulation.live import Scan, VehicleConfig, drive
 

@@ -16,7 +16,7 @@ from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.truth import tile_of
 from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
 from lidar_buildings.evaluation.scores.outlines import AdjustmentScore, score_adjustment
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Buildings per data set, as in the paper.
 N_BUILDINGS = 10

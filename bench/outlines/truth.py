@@ -16,7 +16,7 @@ from bench.scenes.outlines import OutlineScene
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.evaluation.scores.boundaries import BoundaryDistances, boundary_distances
 from lidar_buildings.evaluation.scores.directions import score_directions
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: A building counts as found, and a courtyard, from this intersection over union on.
 MIN_IOU = 0.5

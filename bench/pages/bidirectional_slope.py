@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles

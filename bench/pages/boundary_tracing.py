@@ -7,7 +7,7 @@ import numpy as np
 
 from bench.pages.drawing import plt, save
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import trace_boundary
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 
 #: Spacing of the scattered points [m].
 SPACING = 0.5

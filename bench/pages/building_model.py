@@ -12,11 +12,11 @@ from bench.pages.drawing import plt, save
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.solids.output_grid import gridded_outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.core.stages.building_model import build_model
 from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
+from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.noding import extend_segments
-from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
-from lidar_buildings.core.stages.roof_topology import find_topology
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
 POINTS, LINES, ROOF, WALL = "#b4bac4", "#c8472f", "#c8705a", "#d8dbe0"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from bench.outlines.streets import draw_street, drive_through
 from bench.pages.drawing import save
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Of a round that nothing was developed with.
 SEED = 12

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from bench.pages.drawing import save
 from bench.pages.morphological import draw_scenes
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 
 #: Scene → what to see, and along which axis and where its profile is cut, as a share of its extent.
 SCENES = {

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
-from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
 
 #: Distance of points along and across the scan [m].
 STEPS = (0.45, 0.38)

@@ -15,8 +15,9 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bench.scenes.models import BAD_SCENES, model_scene
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.stages.building_model import BuildingModel, build_model
-from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.building_model.result import BuildingModel
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.io.models.cityjson import feature_line, load_feature
 from lidar_buildings.report.models import model_arrays
 from lidar_buildings.report.view.drawing import picture_of

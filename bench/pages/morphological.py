@@ -7,7 +7,8 @@ import numpy as np
 
 from bench.pages.drawing import plt, save
 from bench.scenes.terrain import TERRAIN_SCENES
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 
 #: Scene → what to see, and along which axis and where its profile is cut, as a share of its extent.
 FAILURES = {

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
-from lidar_buildings.core.stages.ground_filter import classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 
 #: Class → colour and name.
 COLOURS = {

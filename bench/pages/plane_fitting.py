@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
-from lidar_buildings.core.stages.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
+from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.core.stages.plane_fitting.surroundings import survey_points
 from lidar_buildings.simulation import roof_shapes, special_roofs
 

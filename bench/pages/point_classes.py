@@ -9,8 +9,8 @@ from matplotlib.colors import to_rgb
 
 from bench.pages.drawing import plt, save
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig

@@ -7,9 +7,10 @@ import numpy as np
 
 from bench.pages.drawing import plt, save
 from bench.scenes.outlines import outline_scene
-from lidar_buildings.core.stages.boundary_tracing import trace_boundary
-from lidar_buildings.core.stages.regularisation import AS_PUBLISHED, RegularisationConfig, regularise_outline
-from lidar_buildings.core.stages.regularisation.concavities import bearing_points
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation.concavities import bearing_points, concavity_limits
+from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
+from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
 from lidar_buildings.core.stages.regularisation.samples import working_spacing
 
 POINTS, TRACED, WALLS, TRUTH = "#b4bac4", "#8d95a3", "#c8472f", "#3f9b58"
@@ -42,7 +43,7 @@ def draw_bearing_points(axes) -> None:
     traced = trace_boundary(scene.points, point_spacing=scene.spacing).outline
     config = RegularisationConfig()
     ring = traced.exterior
-    bears = bearing_points(ring, config.concavity_limits(working_spacing(traced, config)))
+    bears = bearing_points(ring, concavity_limits(config, working_spacing(traced, config)))
     set_up(axes, scene, "bearing points (full); walls, and corrected (dashed)")
     line(axes, ring, TRACED, linewidth=1.0)
     axes.plot(*ring[~bears].T, "o", color="white", markeredgecolor=TRACED, markersize=4)

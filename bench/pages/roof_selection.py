@@ -7,7 +7,8 @@ import numpy as np
 
 from bench.pages.drawing import plt, save
 from bench.scenes.roofs import ROOF_SCENES, RoofScene
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 
 METHODS = ("smooth_patches", "lasclassify", "single_returns")
 #: Scene → the window that is shown: x from, to, y from, to [m].

@@ -10,7 +10,8 @@ import shapely
 
 from bench.pages.drawing import plt, save
 from bench.scenes.models import ModelScene, model_scene
-from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, VALLEY, RoofTopology, find_topology
+from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, RoofTopology
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
 COLOURS = {RIDGE: "#c8472f", HIP: "#a03f9b", VALLEY: "#2f5f9f"}
 STEP_COLOUR, OUTLINE_COLOUR = "#1d1f24", "#8d95a3"

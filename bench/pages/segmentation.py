@@ -7,7 +7,8 @@ import numpy as np
 
 from bench.pages.drawing import plt, save
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
+from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
 
 COLOURS = ("#2f5f9f", "#c8472f", "#4f8a47", "#b58a2c", "#7a4f9a", "#3a9a9a", "#9a3a6a", "#6b6f7a")
 NONE = "#9a9ea8"

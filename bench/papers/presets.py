@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lidar_buildings.commands.settings import preset_file, read_settings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, PipelineConfig
+from lidar_buildings.pipeline.config import STAGE_CONFIGS, PipelineConfig
 
 
 def config_of(preset: str) -> PipelineConfig:

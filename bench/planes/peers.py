@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.plane_fitting import AS_PUBLISHED, PlaneFittingConfig, fit_roof_planes
+from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 
 #: What was best on the labelled roofs: tolerance [m], samples, reach of clusters [m], fewest points.
 TUNED = {"tolerance": 0.2, "n_samples": 1000, "reach": 1.5, "fewest": 30}

@@ -25,7 +25,7 @@ from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.planes.peers import METHODS, Method, own_method
 from bench.planes.truth import KnownRoof, labelled_roofs, virtual_roofs
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.evaluation.scores.planes import PlaneScore, score_planes
 
 OWN = "lidar_buildings"

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from bench.common.tables import percent
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.parameters import spec_of
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
 
 #: The methods there are, the default one first.

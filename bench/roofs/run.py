@@ -28,8 +28,8 @@ from bench.common.tables import percent, table
 from bench.roofs.methods import METHODS, groups_of, method_headings, point_score
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.evaluation.scores.cells import (
     DEFAULT_CELL,

@@ -20,11 +20,12 @@ import numpy as np
 
 from lidar_buildings.commands.tile_work import products_of
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.io.clouds.las import frame_of, open_inputs, read_tile
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.pipeline.reconstruct import PipelineConfig, reconstruct_tile
+from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.simulation import simulate_survey
 

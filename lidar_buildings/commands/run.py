@@ -13,7 +13,6 @@ from dataclasses import asdict, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
-from lidar_buildings.commands.prepare import load_stages
 from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
@@ -21,8 +20,7 @@ from lidar_buildings.commands.usage import measured
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.io.bags import bags_beside_clouds, bags_of
-from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.bags import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
 from lidar_buildings.io.results.run_folder import (
@@ -113,6 +111,7 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
+    from lidar_buildings.commands.prepare import load_stages
     from lidar_buildings.pipeline.building_pool import BuildingPool
 
     tune_malloc()  # before the pool: its processes are forked
@@ -167,6 +166,8 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
         if given := [f"--{name}" for name, value in told.items() if value]:
             raise ParameterError(f"{', '.join(given)}: says what of a bag is wanted, and no INPUT is one")
         return request
+    from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
+
     folder = request.output / PARTIAL / PLACED
     records = place_bags(
         request.inputs,

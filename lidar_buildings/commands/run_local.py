@@ -17,8 +17,8 @@ from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.tile_update import EarlierBuildings
 from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
 from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.core.stages.footprints import Footprints
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import (
@@ -33,7 +33,7 @@ from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 if TYPE_CHECKING:  # what takes time to import, and dask, which is there for those who ask for it
     from lidar_buildings.io.vectors.footprints import FootprintFile

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from lidar_buildings.commands.settings import Settings, preset_file, read_settings
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import StageConfig
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.stages.footprints import FootprintConfig
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.stages.footprints.config import FootprintConfig
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_folder import Use
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES, PipelineConfig
+from lidar_buildings.pipeline.config import STAGE_CONFIGS, PipelineConfig
 
 if TYPE_CHECKING:
     from lidar_buildings.io.vectors.footprints import FootprintSource

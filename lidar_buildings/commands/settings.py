@@ -20,7 +20,7 @@ from lidar_buildings.core.model.parameters import (
     parameter_names,
     spellings,
 )
-from lidar_buildings.pipeline.reconstruct import nearest
+from lidar_buildings.pipeline.config import nearest
 
 #: {stage: {parameter name: value}}
 Settings = dict[str, dict[str, Any]]

@@ -20,11 +20,11 @@ from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.brightness import brightness_raster
 from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile

@@ -19,13 +19,15 @@ from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.footprints import Footprints
-from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters
+from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
-from lidar_buildings.pipeline.reconstruct import PipelineConfig, TileResult, reconstruct_tile
+from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile
 from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close

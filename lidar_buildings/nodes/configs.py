@@ -11,14 +11,14 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.stages.footprints import FootprintConfig
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints.config import FootprintConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
+from lidar_buildings.pipeline.config import STAGE_CONFIGS
 
 
 @dataclass(frozen=True)

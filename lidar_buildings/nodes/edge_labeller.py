@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import label_roof_edges

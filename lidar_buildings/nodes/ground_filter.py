@@ -8,7 +8,7 @@ from sensor_msgs.msg import PointCloud2
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile

@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.building_model import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFrameConfig
 from lidar_buildings.pipeline.building_pool import BuildingPool

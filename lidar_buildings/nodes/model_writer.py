@@ -14,7 +14,7 @@ from std_srvs.srv import Trigger
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.terrain import TerrainRasters
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig

@@ -6,7 +6,7 @@ from typing import Any
 
 from std_msgs.msg import String
 
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points

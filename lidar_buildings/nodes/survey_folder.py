@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
+from lidar_buildings.io.bags import bags_among
+from lidar_buildings.io.bags.bag_inputs import with_clouds
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs
 from lidar_buildings.io.results.output_config import OutputConfig

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.terrain import TerrainRasters
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, ROOF_FACES, TRACED_OUTLINES

@@ -10,7 +10,8 @@ from rosgraph_msgs.msg import Clock
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.bags import bags_among
+from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig

@@ -3,26 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.outline import BuildingOutline
-from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig
-from lidar_buildings.core.stages.building_model import BuildingModelConfig
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
-from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
@@ -34,58 +23,6 @@ from lidar_buildings.pipeline.tile_stages import (
     select_roof_points,
 )
 from lidar_buildings.pipeline.tile_tracing import trace_footprints, trace_or_close
-
-
-@dataclass(frozen=True)
-class PipelineConfig:
-    """The configs of all stages, by stage name."""
-
-    ground_filter: GroundFilterConfig = field(default_factory=GroundFilterConfig)
-    roof_selection: RoofSelectionConfig = field(default_factory=RoofSelectionConfig)
-    edge_labelling: EdgeLabellingConfig = field(default_factory=EdgeLabellingConfig)
-    segmentation: SegmentationConfig = field(default_factory=SegmentationConfig)
-    boundary_tracing: BoundaryTracingConfig = field(default_factory=BoundaryTracingConfig)
-    footprints: FootprintConfig = field(default_factory=FootprintConfig)
-    regularisation: RegularisationConfig = field(default_factory=RegularisationConfig)
-    plane_fitting: PlaneFittingConfig = field(default_factory=PlaneFittingConfig)
-    building_model: BuildingModelConfig = field(default_factory=BuildingModelConfig)
-
-    @classmethod
-    def from_settings(cls, settings: Mapping[str, Mapping[str, Any]]) -> PipelineConfig:
-        """
-        Make a config from ``{stage: {name: value}}``; what is not named keeps its default.
-
-        Raises
-        ------
-        ParameterError
-            If a stage or name is unknown, or a value out of range.
-        """
-        return cls(**{stage: stage_config(stage, values) for stage, values in settings.items()})
-
-
-#: Stage name → its config class, in the order of the chain.
-STAGE_CONFIGS: dict[str, type[StageConfig]] = {
-    member.name: member.default_factory  # type: ignore[misc]
-    for member in fields(PipelineConfig)
-}
-
-
-def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:
-    """
-    Make one stage's config, or say which name is unknown and which one was probably meant.
-
-    Raises
-    ------
-    ParameterError
-        If the stage or a name is unknown, or a value out of range.
-    """
-    if stage not in STAGE_CONFIGS:
-        raise ParameterError(f"there is no stage {stage!r}{nearest(stage, STAGE_CONFIGS)}")
-    known = [member.name for member in fields(STAGE_CONFIGS[stage])]
-    for name in values:
-        if name not in known:
-            raise ParameterError(f"there is no parameter {stage}.{name}{nearest(name, known)}")
-    return STAGE_CONFIGS[stage](**values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,9 +148,3 @@ class _StageClock:
         now = time.perf_counter()
         self.seconds[stage], self._started = now - self._started, now
         return stage == self._until
-
-
-def nearest(word: str, known: Collection[str]) -> str:
-    """Suggest the nearest known name, or list them all."""
-    near = get_close_matches(word, known, n=1)
-    return f" (did you mean {near[0]}?)" if near else f" (there are {', '.join(known)})"

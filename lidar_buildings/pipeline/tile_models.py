@@ -15,13 +15,10 @@ from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_buil
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.building_model import (
-    ATTRIBUTES,
-    BuildingModel,
-    BuildingModelConfig,
-    build_model,
-)
-from lidar_buildings.core.stages.footprints import remark_on_points
+from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
+from lidar_buildings.core.stages.footprints.assignment import remark_on_points
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 
 _log = logging.getLogger(__name__)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.terrain import RasterConfig, TerrainRasters, make_rasters
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters
 
 
 def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> TerrainRasters | None:

@@ -21,10 +21,15 @@ from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig, label_edges
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground, used_classes
-from lidar_buildings.core.stages.plane_fitting import PlaneFittingConfig, number_planes
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.overlap import used_classes
+from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.fitting import number_planes
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls
 

@@ -17,10 +17,14 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace, trace_boundary
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.stages.footprints import FootprintConfig, Footprints, assign_footprints
-from lidar_buildings.core.stages.segmentation import SegmentationConfig, segment_buildings
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace, trace_boundary
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints.assignment import assign_footprints
+from lidar_buildings.core.stages.footprints.config import FootprintConfig
+from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
+from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls, walled_buildings

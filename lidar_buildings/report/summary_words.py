@@ -16,7 +16,7 @@ from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
+from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.report.result_folder import GPKG, Result
 
 #: Attribute → what its histogram is called.

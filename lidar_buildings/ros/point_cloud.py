@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.scans.cloud_layout import DATATYPES, XYZ, columns_of, taken_points
-from lidar_buildings.core.stages.terrain import RasterWindow
+from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.ros.stamps import header_of, to_stamp
 
 _CODES = {dtype: code for code, dtype in DATATYPES.items()}

@@ -10,7 +10,7 @@ from support.tables import lines_of
 from bench.common import areas as roof_areas
 from bench.edges import run as edges
 from bench.edges import truth as edge_outlines
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 
 
 @pytest.fixture

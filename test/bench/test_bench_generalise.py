@@ -6,7 +6,7 @@ from bench.generalise import corners, ground, run
 from bench.generalise.disturbances import KINDS, disturbances
 from bench.generalise.figures import Score, figures_of, worst_tenth
 from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 CHANCE = np.random.default_rng(5)
 POINTS = CHANCE.uniform(0.0, 100.0, (4000, 3))

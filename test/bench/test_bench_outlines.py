@@ -19,7 +19,7 @@ from bench.outlines import table1 as outline_table1
 from bench.outlines import truth as outline_truth
 from bench.outlines.streets import HEADINGS, drive_through, streets_table
 from bench.scenes.outlines import outline_scene
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 CORNER = np.array([85_000.0, 447_000.0])
 

@@ -7,7 +7,7 @@ from support.cloud_files import saved
 
 from lidar_buildings.commands.tile_work import whole_result
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 
 
 def outlines_of(paths, tile_size):

@@ -47,7 +47,16 @@ TOP = {"cli", "__main__"}
 WITHOUT_ROS = {"lidar_buildings.commands.run_local", "lidar_buildings.commands.settings"}
 WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.running_graph"}
 #: Third-party packages that the core is made of.
-CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "threadpoolctl", "shapely", "mapbox_earcut"}
+CORE_LIBRARIES = {
+    "numpy",
+    "scipy",
+    "numba",
+    "llvmlite",
+    "sklearn",
+    "threadpoolctl",
+    "shapely",
+    "mapbox_earcut",
+}
 
 
 def layer_of(module):

@@ -44,6 +44,17 @@ def test_an_unknown_name_is_no_attribute():
 
 
 def test_the_package_alone_imports_neither_numpy_nor_ros():
-    code = "import sys, lidar_buildings; print(sorted({'numpy', 'numba', 'rclpy'} & set(sys.modules)))"
+    assert imported_with("lidar_buildings", "numpy", "numba", "rclpy") == "[]"
+
+
+def test_what_a_run_reads_before_its_processes_start_is_light():
+    """What takes long to import is imported side by side, in the first process and in the command's own."""
+    heavy = ["numba", "scipy", "shapely", "laspy", "pyproj", "rclpy"]
+    assert imported_with("lidar_buildings.commands.run", *heavy) == "[]"
+    assert imported_with("lidar_buildings.pipeline.building_pool", *heavy) == "[]"
+
+
+def imported_with(module, *names):
+    code = f"import sys, {module}; print(sorted({set(names)} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    return done.stdout.strip()

@@ -15,8 +15,8 @@ from support.cli_runs import FILES, PROGRESS, RASTERS, SMALL_TILES, Command, bad
 from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.nodes import ground_filter, outline_regulariser
-from lidar_buildings.pipeline.reconstruct import STAGES
 
 pytestmark = pytest.mark.graph
 

@@ -15,6 +15,7 @@ from support.source_tree import ROOT
 
 from lidar_buildings.commands.settings import shared_file
 from lidar_buildings.core.model.parameters import parameter_names, spec_of
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.nodes import reference
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
@@ -27,7 +28,7 @@ from lidar_buildings.nodes.table import (
     writer_topics,
 )
 from lidar_buildings.nodes.topics import DIAGNOSTICS, OF_EVERY_NODE
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS, STAGES
+from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import ros_value
 

@@ -30,6 +30,7 @@ from support.saved_tiles import load_products
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.sides import NONE, Sides
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes import building_tracer, ground_filter
@@ -38,7 +39,6 @@ from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
-from lidar_buildings.pipeline.reconstruct import STAGES
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.features import tile_closing_message

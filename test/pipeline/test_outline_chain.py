@@ -12,9 +12,10 @@ import shapely
 from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, trace_boundary
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
-from lidar_buildings.core.stages.segmentation import SegmentationConfig
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_tracing import trace_buildings
 

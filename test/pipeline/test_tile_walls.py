@@ -8,7 +8,8 @@ from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.pipeline.reconstruct import PipelineConfig, reconstruct_tile
+from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, roof_points

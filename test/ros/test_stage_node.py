@@ -11,7 +11,7 @@ from std_msgs.msg import String
 from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.ros.point_cloud import from_message, to_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode

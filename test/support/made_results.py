@@ -4,7 +4,7 @@ import numpy as np
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.tile_products import TileProducts

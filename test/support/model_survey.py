@@ -10,7 +10,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.raising import RoofPiece, extrude, roof_solid
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 from lidar_buildings.io.results.tile_products import Shapes

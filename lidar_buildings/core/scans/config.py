@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, parameter
@@ -85,6 +84,8 @@ class ScanConfig(StageConfig):
         if not self.mounting.strip():
             return None
         numbers = self._numbers("mounting", "x, y, z [m], roll, pitch, yaw [deg]")
+        from scipy.spatial.transform import Rotation  # 0.1 s, for which most runs have no use
+
         # roll, pitch and yaw about fixed axes, as in URDF (REP-103)
         quaternion = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_quat()
         x, y, z, w = (float(part) for part in quaternion)

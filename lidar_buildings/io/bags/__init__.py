@@ -1,6 +1,7 @@
 """rosbag2 (MCAP, sqlite3) and rosbag1 files, read by rosbags without any ROS installation."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file
@@ -33,6 +34,11 @@ def bags_of(path: str | Path) -> list[Path]:
         return [Path(path)]
     has_clouds, bags = _held(path)
     return [] if has_clouds else bags
+
+
+def bags_among(inputs: Sequence[str]) -> list[Path]:
+    """Return the bags among inputs, and in folders among them, each once."""
+    return list(dict.fromkeys(bag.resolve() for one in inputs for bag in bags_of(one)))
 
 
 def bags_beside_clouds(path: str | Path) -> list[Path]:

@@ -10,13 +10,8 @@ from typing import Any
 
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
-from lidar_buildings.io.bags import bags_of
+from lidar_buildings.io.bags import bags_among, bags_of
 from lidar_buildings.io.bags.bag_config import BagConfig
-
-
-def bags_among(inputs: Sequence[str]) -> list[Path]:
-    """Return the bags among inputs, and in folders among them, each once."""
-    return list(dict.fromkeys(bag.resolve() for one in inputs for bag in bags_of(one)))
 
 
 def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:

@@ -14,8 +14,9 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.chunk_reader import open_chunks
 from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
-from lidar_buildings.io.clouds.las_reader import open_reader, reported
+from lidar_buildings.io.clouds.las_reader import open_reader
 from lidar_buildings.io.clouds.las_records import RawHeader
+from lidar_buildings.io.files.read_errors import reported
 
 #: Points read at a time: about 60 MB with all that is made of them.
 CHUNK = 500_000

@@ -1,4 +1,4 @@
-"""Readers of laspy, and their failures as an `InputError` of one line."""
+"""Readers of laspy."""
 
 from __future__ import annotations
 
@@ -11,35 +11,12 @@ from typing import Any
 
 import laspy
 
-from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.files.captured_stderr import captured_panics, is_failure, one_line
+from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.locations import open_binary
 
 # what laspy logs of a failing file is said again in the one line of the InputError
 for _name in ("laspy.lasreader", "laspy.header"):
     logging.getLogger(_name).addFilter(lambda record: record.levelno < logging.ERROR)
-
-
-@contextmanager
-def reported(path: Path) -> Iterator[None]:
-    """Turn any failure of the block into one InputError that names the file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file: check the path") from None
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be opened ({one_line(error)}): check the file and its rights"
-        ) from error
-    except BaseException as error:
-        if not is_failure(error) or isinstance(error, MemoryError):
-            raise
-        raise InputError(
-            f"{path}: cannot be decoded ({one_line(error)}): it is damaged, or of a kind that is not "
-            "supported; download it again, or convert it with a current LAS tool"
-        ) from None
 
 
 def laz_backend() -> laspy.LazBackend:

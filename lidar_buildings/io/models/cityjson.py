@@ -18,7 +18,7 @@ from lidar_buildings.core.model.ids import readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units

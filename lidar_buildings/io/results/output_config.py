@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import parameter
-from lidar_buildings.core.stages.terrain import RasterConfig
+from lidar_buildings.core.stages.terrain.config import RasterConfig
 
 #: The format of what has a place on the earth.
 TILES = "3dtiles"

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.core.stages.terrain.relief import relief
-from lidar_buildings.core.stages.terrain.window import enclosing
+from lidar_buildings.core.stages.terrain.window import RasterWindow, enclosing
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las_crs import vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
-from lidar_buildings.core.stages.terrain import RasterWindow, TerrainRasters
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
+from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.io.files.atomic_files import atomic_file
 
 _NAME = ("source", "index")

@@ -7,7 +7,7 @@ from dataclasses import Field, fields
 from typing import Any, NamedTuple
 
 from lidar_buildings.core.model.parameters import spec_of
-from lidar_buildings.pipeline.reconstruct import STAGE_CONFIGS
+from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.report.summary_words import changed_parameters
 
 

@@ -4,8 +4,8 @@ import pytest
 from lidar_buildings.core.model.classes import CLASS_GROUPS, is_of_groups
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 DECIDED_HERE = (0, 1, 2, 3, 4, 5, 6, 8)

@@ -5,21 +5,22 @@ import pytest
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import BoundaryTracingConfig, rows_to_trace
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
+from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace
 from lidar_buildings.core.stages.ground_filter.growing_tin.histogram_tin import (
     facet_offsets,
     histogram_limits,
 )
 from lidar_buildings.core.stages.ground_filter.scan_profiles.slope_pairs import objects_between_slopes
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
-from lidar_buildings.core.stages.regularisation import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
 from lidar_buildings.core.stages.regularisation.regularising import _problem
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
 from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roads import of_road_grey
 from lidar_buildings.core.surfaces.ring_division.division import Division
 from lidar_buildings.core.surfaces.triangulation import build_tin

@@ -5,10 +5,11 @@ import pytest
 import shapely
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.edge_labelling import EdgeLabellingConfig
-from lidar_buildings.core.stages.footprints import FootprintConfig, footprints_of
+from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.footprints.config import FootprintConfig
+from lidar_buildings.core.stages.footprints.footprints import footprints_of
 from lidar_buildings.core.surfaces.surface_patches import APART_SPACINGS, own_roofs
-from lidar_buildings.pipeline.reconstruct import PipelineConfig
+from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_stages import (
     fit_planes,
     label_roof_edges,

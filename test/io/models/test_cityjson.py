@@ -13,8 +13,8 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.stages.building_model import build_model
-from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.io.models.cityjson import feature_line, header_line, load_feature, parse_feature
 
 DUTCH = MapFrame("EPSG:28992", (84900.0, 447400.0, 0.0))

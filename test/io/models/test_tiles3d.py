@@ -15,7 +15,7 @@ from support.tileset import contents_of, geocentric, tiles_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models import tiles3d
 from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.models.survey_building import TerrainMesh

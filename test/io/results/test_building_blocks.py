@@ -15,7 +15,7 @@ from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.building_blocks import squares_of, write_in_blocks

@@ -17,7 +17,7 @@ from support.source_tree import ROOT
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.stages.building_model import BuildingModel
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh

@@ -14,7 +14,9 @@ from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, TerrainRasters
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
+from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder

@@ -2,8 +2,8 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig

@@ -15,7 +15,7 @@ from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS
 from lidar_buildings.core.stages.building_model.quality import ModelQuality
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES
-from lidar_buildings.core.stages.roof_topology import RoofTopology
+from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.surfaces.percentiles import percentile_of
 
 

@@ -40,7 +40,8 @@ from lidar_buildings.core.stages.building_model.partition import partition_outli
 from lidar_buildings.core.stages.building_model.point_order import rows_in_order
 from lidar_buildings.core.stages.building_model.quality import measure_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch, RoofFaces
-from lidar_buildings.core.stages.roof_topology import RoofTopology, find_topology
+from lidar_buildings.core.stages.roof_topology.result import RoofTopology
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
 _log = logging.getLogger(__name__)
 

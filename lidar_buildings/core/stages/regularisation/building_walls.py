@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.config import OWN_DIRECTION_COST, RegularisationConfig
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import shared_directions, wall_scatters
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
-from lidar_buildings.core.surfaces.ring_division.division import Division, divide_ring
+from lidar_buildings.core.surfaces.ring_division.division import Costs, Division, divide_ring
 from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
 #: What a further pair of directions must save in squared offsets over noise²: a term of the information
 #: criterion (Schwarz, 1978).
 _DIRECTION_COST = 10.0
+#: What a direction of its own and an arc must save in squared offsets over noise² beside the wall's cost.
+_OWN_DIRECTION_COST, _ARC_COST = 15.0, 60.0
 #: Length from which a wall helps to find the directions [spacings]; Sampath & Shan (2007) take 10 m.
 _LONG_WALL = 8.0
 
@@ -38,6 +40,19 @@ def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
     return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
 
 
+def _costs(spacing: float, config: RegularisationConfig) -> Costs:
+    """
+    Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
+    """
+    return Costs(
+        noise=config.noise * spacing,
+        wall=config.wall_cost,
+        own_direction=_OWN_DIRECTION_COST,
+        step=config.wall_cost,
+        arc=_ARC_COST if config.curved_walls else np.inf,
+    )
+
+
 def _divided(
     samples: list[RingSamples], spacing: float, config: RegularisationConfig
 ) -> tuple[tuple[float, ...], list[Division]]:
@@ -47,7 +62,7 @@ def _divided(
     The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
     the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
     """
-    costs = config.costs(spacing)
+    costs = _costs(spacing, config)
 
     def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
         starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
@@ -113,7 +128,7 @@ def _long_directions(
         [wall for wall in walls if wall.length >= min_length],
         np.deg2rad(config.angle_tolerance_deg),
         config.noise * spacing,
-        OWN_DIRECTION_COST if config.adjustment == "robust" else np.inf,
+        _OWN_DIRECTION_COST if config.adjustment == "robust" else np.inf,
         max_directions,
     )
 

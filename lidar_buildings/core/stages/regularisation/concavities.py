@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+
+#: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
+_MAX_DEPTH, _MAX_LENGTH = 1.0, 12.0
+#: Area of a gap up to which it is left by chance [spacings²], and its depth [spacings].
+_MAX_GAP_AREA = 3.0
 
 #: A ring keeps at least so many vertices.
 _FEWEST = 4
@@ -26,6 +32,15 @@ class ConcavityLimits(NamedTuple):
     #: A gap no larger than that may be left empty by chance, however deep it is, up to `gap_depth` [m²].
     area: float
     gap_depth: float  #: depth of the deepest such gap [m]
+
+
+def concavity_limits(config: RegularisationConfig, spacing: float) -> ConcavityLimits | None:
+    """Return which concavities are bridged at a point spacing [m]; None if none are."""
+    if not config.bridge_concavities:
+        return None
+    return ConcavityLimits(
+        _MAX_DEPTH * spacing, _MAX_LENGTH * spacing, _MAX_GAP_AREA * spacing**2, _MAX_GAP_AREA * spacing
+    )
 
 
 def bearing_points(ring: NDArray[np.float64], limits: ConcavityLimits) -> NDArray[np.bool_]:

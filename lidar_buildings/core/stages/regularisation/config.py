@@ -6,15 +6,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, parameter
-from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits
-from lidar_buildings.core.surfaces.ring_division.division import Costs
-
-#: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
-_MAX_DEPTH, _MAX_LENGTH = 1.0, 12.0
-#: Area of a gap up to which it is left by chance [spacings²], and its depth [spacings].
-_MAX_GAP_AREA = 3.0
-#: What a direction of its own and an arc must save in squared offsets over noise² beside the wall's cost.
-OWN_DIRECTION_COST, _ARC_COST = 15.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -136,26 +127,6 @@ class RegularisationConfig(StageConfig):
     keep_outlines: bool = parameter(
         False, "Whether all outlines stay as they are: set where footprints are given."
     )
-
-    def concavity_limits(self, spacing: float) -> ConcavityLimits | None:
-        """Return which concavities are bridged at a point spacing [m]; None if none are."""
-        if not self.bridge_concavities:
-            return None
-        return ConcavityLimits(
-            _MAX_DEPTH * spacing, _MAX_LENGTH * spacing, _MAX_GAP_AREA * spacing**2, _MAX_GAP_AREA * spacing
-        )
-
-    def costs(self, spacing: float) -> Costs:
-        """
-        Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
-        """
-        return Costs(
-            noise=self.noise * spacing,
-            wall=self.wall_cost,
-            own_direction=OWN_DIRECTION_COST,
-            step=self.wall_cost,
-            arc=_ARC_COST if self.curved_walls else float("inf"),
-        )
 
     def line_cost(self, spacing: float) -> float:
         """Return what a wall's own line has to save in squared offsets [m²]: none is shared as published."""

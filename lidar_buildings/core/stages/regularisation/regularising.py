@@ -13,6 +13,7 @@ from lidar_buildings.core.model.outline import Outline, OutlineQuality, signed_a
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, assemble
 from lidar_buildings.core.stages.regularisation.building_walls import both_ways, divide_building
+from lidar_buildings.core.stages.regularisation.concavities import concavity_limits
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
 from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
@@ -87,7 +88,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     centre = checked.exterior.mean(axis=0)
     spacing = working_spacing(checked, config)
     samples = [
-        sample_ring(ring - centre, spacing, config.concavity_limits(spacing)) for ring in checked.rings
+        sample_ring(ring - centre, spacing, concavity_limits(config, spacing)) for ring in checked.rings
     ]
     samples, directions, divisions = divide_building(samples, spacing, config)
     angles = both_ways(directions)
@@ -130,7 +131,7 @@ def outline_quality(
             "straight walls would lie over a neighbour's, or be spoilt by rounding",
         )
     spacing = working_spacing(traced, config)
-    limits = config.concavity_limits(spacing)
+    limits = concavity_limits(config, spacing)
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
     quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
     return OutlineQuality(*quality, own.status, own.reason)

@@ -11,12 +11,9 @@ from bench.scenes.buildings import GALLERY
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
-from lidar_buildings.core.stages.boundary_tracing import (
-    AS_PUBLISHED,
-    BoundaryTracingConfig,
-    trace_boundary,
-    tracing,
-)
+from lidar_buildings.core.stages.boundary_tracing import tracing
+from lidar_buildings.core.stages.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 
 
 def cloud(*parts):

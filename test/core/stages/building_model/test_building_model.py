@@ -11,9 +11,11 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.output_grid import on_grid
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.stages.building_model import ATTRIBUTES, BuildingModelConfig, build_model
 from lidar_buildings.core.stages.building_model import model as model_module
-from lidar_buildings.core.stages.plane_fitting import fit_roof_planes
+from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.building_model.result import ATTRIBUTES
+from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 

@@ -4,7 +4,8 @@ import pytest
 from bench.scenes import buildings as scenes
 from bench.scenes.edges import level_roof, roof_and_truth, sphere
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges
+from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
 
 FEATURES = ("eigenvalues", "linearity_planarity", "linearity")
 

@@ -8,7 +8,9 @@ import pytest
 
 from bench.scenes.edges import level_roof, roof_and_truth
 from lidar_buildings.core.neighbours import parallel
-from lidar_buildings.core.stages.edge_labelling import AS_PUBLISHED, EdgeLabellingConfig, label_edges, rims
+from lidar_buildings.core.stages.edge_labelling import rims
+from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
+from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
 
 CONFIGS = {
     "default": EdgeLabellingConfig(),

@@ -8,13 +8,11 @@ from lidar_buildings.core.model.ids import CELL, anchor_near
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.footprints import (
-    FootprintConfig,
-    assign_footprints,
-    footprints_of,
-    repaired_polygons,
-)
+from lidar_buildings.core.stages.footprints.assignment import assign_footprints
+from lidar_buildings.core.stages.footprints.config import FootprintConfig
+from lidar_buildings.core.stages.footprints.footprints import footprints_of
 from lidar_buildings.core.stages.footprints.inside import last_outline_around
+from lidar_buildings.core.stages.footprints.repair import repaired_polygons
 
 HOUSE = shapely.box(10, 10, 20, 18)
 NEIGHBOUR = shapely.box(20, 10, 28, 18)

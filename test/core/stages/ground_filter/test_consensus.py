@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from bench.scenes.terrain import TERRAIN_SCENES
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground, consensus
+from lidar_buildings.core.stages.ground_filter import consensus
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import (
     GROUND_DISTANCE_SLOPE,
     MAX_SLOPE,

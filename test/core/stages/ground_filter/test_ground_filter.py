@@ -5,7 +5,8 @@ import pytest
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 WITHOUT_GROUND = {"single_point", "collinear"}

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter import GroundFilterConfig, classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.plates import find_plates
 
 CONFIG = GroundFilterConfig()

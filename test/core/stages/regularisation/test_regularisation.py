@@ -11,13 +11,9 @@ from bench.scenes.outlines import ROTATIONS as ALL_ROTATIONS
 from bench.scenes.outlines import Scan, outline_scenes
 from lidar_buildings.core.model.outline import Outline, signed_area
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.stages.boundary_tracing import trace_boundary
-from lidar_buildings.core.stages.regularisation import (
-    AS_PUBLISHED,
-    RegularisationConfig,
-    outline_quality,
-    regularise_outline,
-)
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
+from lidar_buildings.core.stages.regularisation.regularising import outline_quality, regularise_outline
 
 CORNERS = {"flat": 4, "gable": 4, "hip": 4, "step_roof": 4, "l_shape": 6, "t_shape": 8, "courtyard": 4}
 ROTATIONS = (0.0, 17.0, 45.0, 78.0)

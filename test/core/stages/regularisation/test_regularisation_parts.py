@@ -5,15 +5,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.regularisation import RegularisationConfig, regularise_outline
 from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import (
     WallScatter,
     shared_directions,
     wall_scatters,
 )
 from lidar_buildings.core.stages.regularisation.joints import find_joint
+from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
 from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, sample_ring
 from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points

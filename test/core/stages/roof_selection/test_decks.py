@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bench.scenes.roofs import ROOF_SCENES
-from lidar_buildings.core.stages.roof_selection import select_roofs
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
 
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 
 GRASS, ASPHALT = 0.45, 0.18
 SIDE = 100.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours.columns import by_column
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 
 

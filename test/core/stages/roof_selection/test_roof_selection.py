@@ -5,7 +5,8 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons, score_buildings
 
 BUILDING = 6

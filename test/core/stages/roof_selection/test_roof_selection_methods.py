@@ -10,7 +10,8 @@ from bench.scenes import buildings as scenes
 from bench.scenes.roofs import ROOF_SCENES
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.neighbours import parallel
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 
 BUILDING = 6
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")

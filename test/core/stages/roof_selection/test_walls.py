@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.classes import Facade, PointClass
-from lidar_buildings.core.stages.roof_selection import RoofSelectionConfig, select_roofs
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.core.stages.roof_selection.smooth_patches.walls import wall_areas
 
 GROUND, BUILDING = PointClass.GROUND, PointClass.BUILDING

@@ -6,7 +6,8 @@ import shapely
 
 from bench.scenes.models import BAD_SCENES, model_scene
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.roof_topology import HIP, RIDGE, VALLEY, find_topology
+from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
 SPACING = 8.0**-0.5
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.stages.terrain import RasterConfig, RasterWindow, make_rasters
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import make_rasters
+from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.simulation.terrain import Terrain, Wave
 
 GROUND, TREE, ROOF = PointClass.GROUND, PointClass.HIGH_VEGETATION, PointClass.BUILDING

@@ -1,0 +1,93 @@
+"""The planes of one building."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_points, extent_of
+from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
+from lidar_buildings.core.stages.plane_fitting.adjusted import (
+    adjusted_planes,
+    numbered_by_size,
+    why_degenerate,
+)
+from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
+from lidar_buildings.core.stages.plane_fitting.connected import connected_planes
+from lidar_buildings.core.stages.plane_fitting.ransac import ransac_planes
+from lidar_buildings.core.surfaces.roof_planes import RoofPlane
+
+
+@dataclass(frozen=True, eq=False)
+class RoofPlanes:
+    """The planes of one building."""
+
+    #: Number of each point's plane, 0 = none; the largest plane is number 1, shape (n_points,).
+    plane_id: NDArray[np.uint16]
+    planes: tuple[RoofPlane, ...]  #: plane number k is ``planes[k - 1]``
+    status: BuildingStatus = BuildingStatus.OK  #: DEGENERATE where the points are too few or lie on a line
+    reason: str = ""  #: why there are no planes; empty if there are
+
+
+def fit_roof_planes(
+    points: ArrayLike, config: PlaneFittingConfig | None = None, *, point_spacing: float | None = None
+) -> RoofPlanes:
+    """
+    Find the roof planes of one building.
+
+    Planes are found by samples of near points (RANSAC, Fischler and Bolles 1981) as connected sets of points
+    whose surroundings lie along them; then they compete: points move to the plane that they are nearest to,
+    and planes join or dissolve wherever the points are described as well without them (an energy of fit,
+    smoothness and number of planes as of Isack and Boykov 2012). With the method ``"ransac"``, planes are
+    taken out of all points one after the other (Mancera-Taboada et al. 2012).
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        The building's roof points, in any order [m].
+    config : PlaneFittingConfig, optional
+    point_spacing : float, optional
+        Spacing of the cloud that the points are of [m]; measured on the points if not given.
+
+    Returns
+    -------
+    RoofPlanes
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite, or `point_spacing` is not positive.
+
+    Notes
+    -----
+    Order of points does not matter, nor do repetitions. Time grows with the number of points.
+    """
+    given = checked_points(points)
+    reason = why_degenerate(given)
+    if reason:
+        nothing = np.zeros(len(given), dtype=np.uint16)
+        return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, reason)
+    plane_id = number_planes(given, config, point_spacing=point_spacing)
+    planes = adjusted_planes(given, plane_id)
+    return RoofPlanes(plane_id, planes, reason="" if planes else "no plane has enough points")
+
+
+def number_planes(
+    points: ArrayLike, config: PlaneFittingConfig | None = None, *, point_spacing: float | None = None
+) -> NDArray[np.uint16]:
+    """Return the `plane_id` of `fit_roof_planes` alone, which takes less time."""
+    config = config or PlaneFittingConfig()
+    given = checked_points(points)
+    if point_spacing is not None and not (math.isfinite(point_spacing) and point_spacing > 0.0):
+        raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
+    if why_degenerate(given):
+        return np.zeros(len(given), dtype=np.uint16)
+    near = given - extent_of(given)[0]
+    spacing = point_spacing or measure_spacing(near, FEW_PROBES)
+    min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
+    find = ransac_planes if config.method == "ransac" else connected_planes
+    return numbered_by_size(near, find(near, spacing, min_points, config))
