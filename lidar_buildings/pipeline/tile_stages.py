@@ -92,9 +92,7 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
     result = select_roofs(
         tile.points,
         config,
-        height_above_ground=None
-        if tile.height_above_ground is None
-        else tile.height_above_ground.astype(float),
+        height_above_ground=tile.height_above_ground,
         classification=tile.classification,
         return_number=tile.return_number,
         number_of_returns=tile.number_of_returns,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
+from lidar_buildings.core.neighbours.windows import first_from
 
 #: Columns at the very reach count as within, whatever rounding makes of it.
 SLACK = 1e-9
@@ -123,6 +124,8 @@ def _find_runs(own, numbers, before, row_length, half, south, runs):  # type: ig
     """Find the runs of one column after the other; see `Columns.around`."""
     n, last = len(numbers), len(before) - 2
     begin, end = np.zeros((2, len(half)), dtype=np.int64)
+    for row in range(len(half)):
+        begin[row] = first_from(numbers, own[0] + (row - south) * row_length - half[row]) if len(own) else 0
     start = 0
     for k in range(len(own)):
         # That of the column before as a rule: a division for each would take longer than all else.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,8 +48,8 @@ class Candidates:
 
     @cached_property
     def cells(self) -> Columns:
-        """The points cell by cell, few of which stay empty on a surface; `rows` are those of `points`."""
-        return gathered(self.points, self.cell)
+        """Which points lie in each cell, few of which stay empty on a surface; no second copy of them."""
+        return replace(gathered(self.points, self.cell), points=np.empty((0, 3)))
 
     def parts(
         self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -176,11 +177,11 @@ def select_roofs(
     if not is_chosen.all():
         columns, chosen, each = columns.select(is_chosen), rows[is_chosen], place
     del is_chosen, place  # memory
-    own = (height[chosen], is_last[chosen], is_only[chosen])
+    own = (height[chosen].astype(float), is_last[chosen], is_only[chosen])
     roof, wall = _roofs(columns, *own, lambda: points.take(np.flatnonzero(is_low), axis=0), spacing, config)
     is_roof[rows] = roof[each]
     if config.method in COMPLETIONS:
-        is_roof |= COMPLETIONS[config.method](points, height, is_open, is_roof, spacing, config)
+        is_roof |= COMPLETIONS[config.method](points, height.astype(float), is_open, is_roof, spacing, config)
     of_chosen = _open_classes(columns, own[0], is_roof[chosen], wall, own[1], spacing, config)
     classes[rows], facade[rows] = (values[each] for values in of_chosen)
     if config.road_method == "grey_values":
@@ -218,13 +219,16 @@ def _mark_roads(
 
 def _prepared(
     points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
-) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+) -> tuple[NDArray[np.floating[Any]], NDArray[np.uint8]]:
     """Return heights and classes, derived where they are not given."""
     n = len(points)
     if height_above_ground is None:
         height = height_above_minimum(points)
     else:
-        height = checked_column("height_above_ground", height_above_ground, n, np.float64)
+        given = np.asarray(height_above_ground)
+        height = checked_column(
+            "height_above_ground", given, n, given.dtype if given.dtype.kind == "f" else float
+        )
         if not np.isfinite(height).all():
             row = int(np.argmin(np.isfinite(height)))
             raise ValueError(f"height_above_ground[{row}] = {height[row]}: must be finite")

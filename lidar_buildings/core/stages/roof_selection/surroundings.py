@@ -60,18 +60,14 @@ def _joined(
     upright: float,
 ) -> NDArray[np.bool_]:
     joined = is_surface.copy()
-    own, runs, limits = (
-        (columns.points, columns.first),
-        columns.around(radius),
-        (radius, max_distance, upright),
-    )
-    for_row_blocks(
-        lambda begin, end: _join(
-            *own, surface.points, surface.first, normals, runs, *limits, joined, begin, end
-        ),
-        len(columns.numbers),
-        BLOCK,
-    )
+    own, other = (columns.points, columns.first), (surface.points, surface.first, normals)
+    limits = radius, max_distance, upright
+
+    def join(begin: int, end: int) -> None:
+        runs = columns.around(radius, np.arange(begin, end))
+        _join(*own, *other, runs, *limits, joined, begin)
+
+    for_row_blocks(join, len(columns.numbers), BLOCK)
     return joined
 
 
@@ -92,28 +88,28 @@ def surroundings(
     lowest, highest = (columns.points[rows[at], 2] for at in (first[holds], first[holds + 1] - 1))
     n = len(columns.numbers)
     found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
-    runs, own = columns.around(reach, asking), columns.places
-    for_row_blocks(
-        lambda begin, end: _look_around(
-            asking, own, runs, before, place, lowest, highest, reach / columns.size, *found, begin, end
-        ),
-        len(asking),
-        BLOCK,
-    )
+    own, known = columns.places, (before, place, lowest, highest, reach / columns.size)
+
+    def look_around(begin: int, end: int) -> None:
+        runs = columns.around(reach, asking[begin:end])
+        _look_around(asking[begin:end], own, runs, *known, *found)
+
+    for_row_blocks(look_around, len(asking), BLOCK)
     return found
 
 
 @kernel
 def _join(  # type: ignore[no-untyped-def]
-    points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin, end
+    points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin
 ):
-    for k in range(begin, end):
+    for k in range(begin, begin + len(runs)):
         for i in range(first[k], first[k + 1]):
             if joined[i]:
                 continue
             x, y, z = points[i]
             for row in range(runs.shape[1]):
-                for j in range(surface_first[runs[k, row, 0]], surface_first[runs[k, row, 1]]):
+                west, east = runs[k - begin, row]
+                for j in range(surface_first[west], surface_first[east]):
                     dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, upright * (surface[j, 2] - z)
                     off = normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz
                     if dx * dx + dy * dy + dz * dz <= radius * radius and abs(off) <= max_distance:
@@ -124,8 +120,8 @@ def _join(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high, begin, end):  # type: ignore[no-untyped-def]
-    for one in range(begin, end):
+def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high):  # type: ignore[no-untyped-def]
+    for one in range(len(asking)):
         k, seen = asking[one], 0
         for row in range(runs.shape[1]):
             for j in range(before[runs[one, row, 0]], before[runs[one, row, 1]]):

@@ -16,26 +16,28 @@ MAX_SHARE = 0.5
 ROOF, LEVEL, BEHIND = 1, 2, 4
 
 
-def stands_out(cells: Columns, building: NDArray[np.int64], n_buildings: int) -> NDArray[np.bool_]:
+def stands_out(
+    cells: Columns, elevation: NDArray[np.float64], building: NDArray[np.int64], n_buildings: int
+) -> NDArray[np.bool_]:
     """
     Tell which buildings, or parts of them, end: along most of their rims nothing goes on at their level.
 
     What is one cell wide, a parapet or a façade, is an end, and so is the end of the data. Cells are such
-    that a surface leaves few empty; building −1 is none.
+    that a surface leaves few empty; elevations [m] and buildings, −1 being none, come cell by cell.
     """
     rim, met = np.zeros((2, n_buildings), dtype=np.int64)
     runs = cells.around(2.0 * cells.size)
-    _count_rims(cells.points, cells.first, cells.places, runs, building, rim, met)
+    _count_rims(elevation, cells.first, cells.places, runs, building, rim, met)
     return np.asarray(met <= MAX_SHARE * rim)
 
 
 @kernel
-def _count_rims(points, first, places, runs, building, rim, met):  # type: ignore[no-untyped-def]
+def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ignore[no-untyped-def]
     """Count, by building, the directions of its cells that lead out of roofs, and those where it goes on."""
     top = np.full(len(places), -1, dtype=np.int64)
     for k in range(len(places)):
         for i in range(first[k], first[k + 1]):
-            if building[i] >= 0 and (top[k] < 0 or points[i, 2] >= points[top[k], 2]):
+            if building[i] >= 0 and (top[k] < 0 or elevation[i] >= elevation[top[k]]):
                 top[k] = i
     seen = np.empty((3, 3), dtype=np.int64)
     for k in range(len(places)):
@@ -51,7 +53,7 @@ def _count_rims(points, first, places, runs, building, rim, met):  # type: ignor
                 if max(abs(dy), abs(dx)) == 1:
                     if top[c] >= 0:
                         seen[1 + dy, 1 + dx] |= ROOF
-                    elif _has_level(points[first[c] : first[c + 1], 2], points[top[k], 2]):
+                    elif _has_level(elevation[first[c] : first[c + 1]], elevation[top[k]]):
                         seen[1 + dy, 1 + dx] |= LEVEL
                 elif abs(dy) % 2 == 0 and abs(dx) % 2 == 0:
                     seen[1 + dy // 2, 1 + dx // 2] |= BEHIND

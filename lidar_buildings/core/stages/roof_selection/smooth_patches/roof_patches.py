@@ -67,30 +67,32 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     upright = upward < math.cos(math.radians(STEEP_DEG))
     is_surface, is_steep, is_wall = np.zeros((3, n), dtype=bool)
     is_steep[rows[smooth & ~level]] = True
-    normals, reach = features.normals, _link_lengths(features.n_neighbours, features.radius, radius)
-    del features, upward, noise  # half of the memory
-
-    def patches(chosen: NDArray[np.bool_]) -> _Patches:
-        own, is_chosen = np.flatnonzero(chosen), np.zeros(n, dtype=bool)
-        is_chosen[rows[own]] = True
-        points, own_normals = columns.select(is_chosen), normals.take(own, axis=0)
-        offset = PATCH_OFFSET * config.max_roughness
-        label = smooth_patches(
-            points, own_normals, reach[own], max_angle_deg=MAX_ANGLE_DEG, max_offset=offset
-        )
-        return _Patches(points, label, own_normals, roughness[own] / config.max_roughness)
-
-    walls = patches(smooth & upright)
+    links = _link_lengths(features.n_neighbours, features.radius, radius)
+    known = _Known(rows, features.normals, links, roughness / config.max_roughness)
+    del features, upward, noise, roughness, links  # here and below: half of the memory
+    offset = PATCH_OFFSET * config.max_roughness
+    walls = _patches(columns, known, smooth & upright, offset)
     area = wall_areas(walls.columns.points, walls.label, config.min_building_width)
     large = (area > 0.0) & (area >= config.min_building_area) & _is_opaque(candidates, walls, area)
     is_wall[walls.columns.rows] = large[walls.label]
-    roofs = patches(smooth & level)
+    del walls
+    roofs = _patches(columns, known, smooth & level, offset)
+    del known
     accepted, hangs = _accepted(candidates, roofs), _of_walls(roofs)
     is_steep[roofs.columns.rows[hangs]] = True
     accepted &= ~hangs
     is_surface[roofs.columns.rows[accepted]] = True
     own = roofs.normals.take(np.flatnonzero(accepted), axis=0)
     return RoofSurface(is_surface, is_steep, is_wall, own)
+
+
+class _Known(NamedTuple):
+    """What is known of the last returns: their rows, normals, longest links, and roughness as of patches."""
+
+    rows: NDArray[np.intp]
+    normals: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    roughness: NDArray[np.float64]
 
 
 class _Patches(NamedTuple):
@@ -100,6 +102,17 @@ class _Patches(NamedTuple):
     label: NDArray[np.int64]
     normals: NDArray[np.float64]
     roughness: NDArray[np.float64]
+
+
+def _patches(columns: Columns, known: _Known, chosen: NDArray[np.bool_], max_offset: float) -> _Patches:
+    """Join some of the last returns to patches."""
+    own, is_chosen = np.flatnonzero(chosen), np.zeros(len(columns.points), dtype=bool)
+    is_chosen[known.rows[own]] = True
+    points, normals = columns.select(is_chosen), known.normals.take(own, axis=0)
+    label = smooth_patches(
+        points, normals, known.reach[own], max_angle_deg=MAX_ANGLE_DEG, max_offset=max_offset
+    )
+    return _Patches(points, label, normals, known.roughness[own])
 
 
 def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:

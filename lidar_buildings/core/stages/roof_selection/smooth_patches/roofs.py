@@ -118,5 +118,6 @@ def _levels(
 
 def _ending(candidates: Candidates, label: NDArray[np.int64], n_labels: int) -> NDArray[np.bool_]:
     """Tell which points are of labels, −1 being none, that stand out."""
-    ends = stands_out(candidates.cells, label[candidates.cells.rows], n_labels)
+    rows = candidates.cells.rows
+    ends = stands_out(candidates.cells, candidates.points[rows, 2], label[rows], n_labels)
     return np.asarray(np.append(ends, False)[label])
