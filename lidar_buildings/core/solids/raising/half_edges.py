@@ -174,24 +174,13 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
 def _find_crossing(
     vertices: IntArray, planes: FloatArray, a: int, b: int, left: int, right: int, new: int
 ) -> None:
-    """Put a vertex on the place of the grid next to the crossing at which both pieces differ least."""
+    """Put a vertex on the place of the grid that is nearest to the crossing of both pieces."""
     ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
     first = raw_elevation(planes, ax, ay, left) - raw_elevation(planes, ax, ay, right)
     last = raw_elevation(planes, bx, by, left) - raw_elevation(planes, bx, by, right)
     share = first / (first - last) if first != last else 0.5
-    x, y = ax + share * (bx - ax), ay + share * (by - ay)
-    least = np.inf
-    for squared in range(3):
-        for dx in range(-1, 2):
-            for dy in range(-1, 2):
-                if dx * dx + dy * dy == squared:
-                    u, v = int(np.rint(x)) + dx, int(np.rint(y)) + dy
-                    step = raw_elevation(planes, u, v, left) - raw_elevation(planes, u, v, right)
-                    # how far the pieces are apart there against how far it is from where it should be
-                    misfit = abs(step) + abs(u - x) + abs(v - y)
-                    if misfit < least:
-                        least = misfit
-                        vertices[new, X], vertices[new, Y] = u, v
+    vertices[new, X] = int(np.rint(ax + share * (bx - ax)))
+    vertices[new, Y] = int(np.rint(ay + share * (by - ay)))
 
 
 @inner_kernel
