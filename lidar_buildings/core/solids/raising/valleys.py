@@ -18,8 +18,6 @@ from lidar_buildings.core.solids.raising.edge_columns import LEVEL, START, X, Y
 
 #: How far a valley's tip is drawn back, in steps of the grid.
 DRAWN_BACK = 10
-#: Tips of narrow valleys are drawn back further, up to so many times.
-_MAX_FACTOR = 4.0
 
 
 @inner_kernel
@@ -65,7 +63,5 @@ def find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int
     begin = math.atan2(py, px)
     opening = (math.atan2(qy, qx) - begin) % (2.0 * math.pi)
     half = 0.5 * (opening if opening != 0.0 else 2.0 * math.pi)
-    reach = DRAWN_BACK * min(_MAX_FACTOR, 1.0 / max(math.sin(min(half, 0.5 * math.pi)), 1e-9))
-    reach = min(reach, 0.4 * min(math.sqrt(px * px + py * py), math.sqrt(qx * qx + qy * qy)))
-    vertices[new, X] = int(np.rint(vertices[v, X] + reach * math.cos(begin + half)))
-    vertices[new, Y] = int(np.rint(vertices[v, Y] + reach * math.sin(begin + half)))
+    vertices[new, X] = int(np.rint(vertices[v, X] + DRAWN_BACK * math.cos(begin + half)))
+    vertices[new, Y] = int(np.rint(vertices[v, Y] + DRAWN_BACK * math.sin(begin + half)))
