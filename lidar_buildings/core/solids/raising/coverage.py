@@ -71,7 +71,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     faces = shapely.get_parts(shapely.polygonize([noded]))
     # Holes stay holes even where they have come to cross their exterior.
     sound = shapely.make_valid(polygons, method="structure", keep_collapsed=False)
-    labels = _labels(faces, sound, numbers[rings.owner[rings.is_exterior]], within)
+    labels = _labels(faces, sound, numbers[rings.owner[rings.is_exterior]])
     shells, face = shapely.get_rings(faces[labels != OUTSIDE], return_index=True)
     corners, ring = shapely.get_coordinates(shells, return_index=True)
     is_last = np.diff(ring, append=len(shells)) != 0
@@ -103,21 +103,11 @@ def _snapped(rings: GridRings, within: float) -> GridRings:
     return grid_rings(full.corners, full.starts, full.is_exterior, full.owner)
 
 
-def _labels(
-    faces: NDArray[np.object_], polygons: NDArray[np.object_], owners: IntArray, within: float
-) -> IntArray:
-    """Return the piece that each face belongs to: the first that covers it; slivers go to a neighbour."""
+def _labels(faces: NDArray[np.object_], polygons: NDArray[np.object_], owners: IntArray) -> IntArray:
+    """Return the piece that each face belongs to: the first that covers it."""
     inside = shapely.point_on_surface(faces)
     hits = shapely.STRtree(polygons).query(inside, predicate="intersects")
     labels = np.full(len(faces), OUTSIDE)
     for face, polygon in sorted(hits.T.tolist(), reverse=True):
         labels[face] = owners[polygon]
-    widths = 2.0 * shapely.area(faces) / shapely.length(faces)
-    for face in np.flatnonzero((labels == OUTSIDE) & (widths < within)):
-        others = np.flatnonzero(labels != OUTSIDE)
-        shared = shapely.length(
-            shapely.intersection(shapely.boundary(faces[others]), shapely.boundary(faces[face]))
-        )
-        if len(shared) and shared.max() > 0.0:
-            labels[face] = labels[others[int(np.argmax(shared))]]
     return labels
