@@ -25,7 +25,7 @@ from lidar_buildings.core.solids.validity.triangulation import triangulate
 _NON_PLANAR = {203, 204}
 #: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
 #: [steps of the output grid].
-_SIMPLER = ((5.0, 1.0), (10.0, 5.0), (20.0, 10.0), (50.0, 25.0), (150.0, 50.0))
+_SIMPLER = ((10.0, 5.0), (50.0, 25.0))
 #: Share of its area that a plan may gain or lose by being simplified.
 _MAX_CHANGE = 0.05
 
