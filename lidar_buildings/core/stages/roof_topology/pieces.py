@@ -26,8 +26,6 @@ _NOISE = 0.06
 _BESIDE = 2.5
 #: Shortest piece, and longest gap within one, in spacings.
 _LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
-#: Least share of a piece along which the regions do border on one another.
-_LEAST_SUPPORT = 0.4
 #: Regions are looked up so many cells off the line to tell which plane lies on which side.
 _LEAST_PROBE, _MOST_PROBE = 2, 4
 
@@ -135,7 +133,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             length = 0.0
             for at in range(low, high + 1):
                 length += cell * (abs(uy) if upright[rows[at]] else abs(ux))
-            if length < _LEAST_LENGTH * spacing or length < _LEAST_SUPPORT * (t1 - t0):
+            if length < _LEAST_LENGTH * spacing:
                 continue
             votes = 0
             for at in range(low, high + 1):
