@@ -27,7 +27,7 @@ _BESIDE = 2.5
 #: Shortest piece, and longest gap within one, in spacings.
 _LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
 #: Regions are looked up so many cells off the line to tell which plane lies on which side.
-_LEAST_PROBE, _MOST_PROBE = 2, 4
+_PROBE = 2
 
 
 class Pieces(NamedTuple):
@@ -164,13 +164,12 @@ def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: 
     points to.
     """
     votes = 0
-    for probe in range(_LEAST_PROBE, _MOST_PROBE + 1):
-        for side in range(-1, 2, 2):
-            c = math.floor((x + side * probe * cell * uy - west) / cell)
-            r = math.floor((y - side * probe * cell * ux - south) / cell)
-            if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
-                if label[r, c] == first:
-                    votes -= side
-                elif label[r, c] == second:
-                    votes += side
+    for side in range(-1, 2, 2):
+        c = math.floor((x + side * _PROBE * cell * uy - west) / cell)
+        r = math.floor((y - side * _PROBE * cell * ux - south) / cell)
+        if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
+            if label[r, c] == first:
+                votes -= side
+            elif label[r, c] == second:
+                votes += side
     return votes
