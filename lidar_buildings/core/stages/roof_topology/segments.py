@@ -18,9 +18,8 @@ from lidar_buildings.core.surfaces.roof_planes import CommonVertex
 _RIDGE_SHARE = 0.3
 #: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
 _PLANE_REACH, _REACH = 4.5, 2.5
-#: Pieces near a point are none, but points taken for another plane's, if they are no longer than this, or
-#: no longer than this and lead to nowhere [spacings].
-_SHORT_STUB, _STUB = 2.5, 6.0
+#: Pieces near a point that lead to nowhere are none if they are no longer than this [spacings].
+_STUB = 6.0
 #: What is left shorter is nothing but a point, in spacings.
 _SHORTEST = 1.0
 #: A corner within so many spacings of the end of the line on the outline is that end.
@@ -85,9 +84,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
         for end in range(2):
             here, there = t[k, end], t[k, 1 - end]
             point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
-            at, length = point, abs(there - here)
-            if abs(point - there) < abs(point - here) and length > _SHORT_STUB * spacing:
-                at = math.nan
+            at = point if abs(point - there) >= abs(point - here) else math.nan
             if math.isnan(at):
                 reach = _PLANE_REACH * spacing
                 at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
@@ -95,7 +92,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
                     at = math.nan
             if math.isnan(at):
                 at = stop(here, fx, fy, ux, uy, stops, _REACH * spacing, _CORNER * spacing, -1)
-            if math.isnan(at) and length <= _STUB * spacing:
+            if math.isnan(at) and abs(there - here) <= _STUB * spacing:
                 at = point
             if not math.isnan(at):
                 moved[k, end] = at
