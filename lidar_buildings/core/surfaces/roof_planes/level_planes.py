@@ -14,8 +14,6 @@ from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
 _SHARE_OF_RMS = 0.5
 #: but by no less and no more than this [m].
 _LEAST_MOVE, _MOST_MOVE = 0.02, 0.04
-#: Largest slope that may become level [m/m].
-_MOST_SLOPE = 0.06
 
 
 def level_planes(planes: FreePlanes) -> IntArray:
@@ -46,7 +44,7 @@ def _level(mean, scatter, counts, normals, rms, coefficients, roof):  # type: ig
         square = a * a * scatter[k, 0, 0] + 2.0 * a * b * scatter[k, 0, 1] + b * b * scatter[k, 1, 1]
         moved = math.sqrt(max(square / counts[k], 0.0)) * normals[k, 2]
         allowed[k] = min(max(_SHARE_OF_RMS * rms[k], _LEAST_MOVE), _MOST_MOVE)
-        left[k] = roof[k] and math.hypot(a, b) <= _MOST_SLOPE and moved <= allowed[k]
+        left[k] = roof[k] and moved <= allowed[k]
     n_surfaces = 0
     while True:
         largest = -1
