@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.result import StepEdge
 
-#: Longer gaps divide the pieces of a line [spacings].
-LONGEST_GAP = 4.0
-
 
 class StepLines(NamedTuple):
     """Straight lines in plan, and the pieces of them that are steps."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.borders import Borders
 from lidar_buildings.core.stages.roof_topology.step_chains import step_chains
-from lidar_buildings.core.stages.roof_topology.step_lines import LONGEST_GAP, StepLines
+from lidar_buildings.core.stages.roof_topology.step_lines import StepLines
 from lidar_buildings.core.stages.roof_topology.straight_runs import straight_runs
 from lidar_buildings.core.surfaces.roof_planes.directions import (
     main_directions,
@@ -107,7 +107,6 @@ def _pieces(
     if not len(run):
         return run, np.zeros((0, 2)), planes, t
     new = (run[1:] != run[:-1]) | np.any(planes[1:] != planes[:-1], axis=1)
-    new |= t[1:] - t[:-1] > LONGEST_GAP * spacing
     begin = np.concatenate([[0], np.flatnonzero(new) + 1])
     end = np.concatenate([begin[1:], [len(run)]]) - 1
     ends = np.column_stack([t[begin] - 0.5 * cell, t[end] + 0.5 * cell])
