@@ -93,7 +93,7 @@ def close_walls(
     edges = [_with_ends(own, across) for own, across in zip(lines, seen.T, strict=True)]
     ground = _within_boxes(ground, edges)
     within = np.concatenate([roofs, ground])
-    shapes = [one for one in _wide_parts(_boxes(edges, roofs, ground)) if _is_closed(one, seen, bare, within)]
+    shapes = [one for one in _wide_parts(_boxes(edges, ground)) if _is_closed(one, seen, bare, within)]
     # Corners alone would be too few for what follows: it takes an outline for points along walls.
     walked = shapely.transform(shapely.segmentize(shapes, _STEP), lambda xy: xy @ turn.T)
     return [Outline.of(one) for one in walked]
@@ -179,16 +179,11 @@ def _within_boxes(cells: NDArray[np.float64], edges: list[NDArray[np.float64]]) 
     return cells[is_within]
 
 
-def _boxes(
-    edges: list[NDArray[np.float64]], roofs: NDArray[np.float64], ground: NDArray[np.float64]
-) -> Iterator[shapely.Polygon]:
+def _boxes(edges: list[NDArray[np.float64]], ground: NDArray[np.float64]) -> Iterator[shapely.Polygon]:
     """Yield the boxes between lines that are part of the building."""
-    of_ground, of_roof = (
-        np.histogram2d(cells[:, 0], cells[:, 1], bins=(edges[0], edges[1]))[0] for cells in (ground, roofs)
-    )
+    of_ground = np.histogram2d(ground[:, 0], ground[:, 1], bins=(edges[0], edges[1]))[0]
     most = MAX_GROUND / GROUND_CELL**2 * np.outer(*map(np.diff, edges))
-    # Ground below eaves is seen beside the roof.
-    for i, j in zip(*np.nonzero(of_ground <= np.maximum(most, of_roof)), strict=True):
+    for i, j in zip(*np.nonzero(of_ground <= most), strict=True):
         yield shapely.box(edges[0][i], edges[1][j], edges[0][i + 1], edges[1][j + 1])
 
 
