@@ -102,9 +102,6 @@ def _group(
         if len(fitting) in (0, len(members)):
             break
         members = fitting
-    if candidates[0] not in members:
-        # The longest wall was outvoted: it stands for itself, so that the search goes on without it.
-        return candidates[0].angle % _RIGHT_ANGLE, [candidates[0]]
     return angle, members
 
 
