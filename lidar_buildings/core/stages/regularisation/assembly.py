@@ -142,7 +142,7 @@ def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[n
     """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:
         return False
-    x, y, _ = turning_point(points, first, last, i, k)
+    x, y = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
     shorter = min(extent_of(points, first[i], last[i]), extent_of(points, first[k], last[k]))
     if turn > PARALLEL or np.sin(turn) * shorter >= min_step:

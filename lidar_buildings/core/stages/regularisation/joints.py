@@ -18,10 +18,8 @@ from lidar_buildings.core.stages.regularisation.walls import (
 PARALLEL = np.deg2rad(15.0)
 #: Straight walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
 _NO_CORNER = np.deg2rad(2.0)
-#: A corner may lie this far from where the ring turns from one wall to the next [smallest steps],
+#: A corner may lie this far from where the ring turns from one wall to the next [smallest steps].
 _MAX_CORNER_SHIFT = 2.5
-#: or so many times the gap between the last sample of the one and the first of the other.
-_MAX_GAP_SHIFT = 0.8
 #: Ends of an arc and its neighbour that lie closer to each other are one corner [smallest steps].
 _SMOOTH = 1.0
 
@@ -51,30 +49,23 @@ def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-d
 
 @inner_kernel
 def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
-    """
-    Return the middle between the last sample of a wall and the first of the next, and how far they are apart.
-    """
+    """Return the middle between the last sample of a wall and the first of the next."""
     n = len(points)
     a, b = (last[i] - 1) % n, first[k] % n
-    return (
-        0.5 * (points[a, 0] + points[b, 0]),
-        0.5 * (points[a, 1] + points[b, 1]),
-        np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]),
-    )
+    return 0.5 * (points[a, 0] + points[b, 0]), 0.5 * (points[a, 1] + points[b, 1])
 
 
 @kernel
 def find_joint(points, first, last, shape, i, k, min_step, joint):  # type: ignore[no-untyped-def]
     """Write the corner between two walls twice, or the two ends of the step between them."""
-    x, y, gap = turning_point(points, first, last, i, k)
+    x, y = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
     is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
     if (PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - PARALLEL:
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
         # The sharper a corner, the farther it would stick out beyond the points that speak for it.
         sharp = np.sin(turn) if turn > 0.5 * np.pi else 1.0
-        limit = max(_MAX_CORNER_SHIFT * min_step * sharp, _MAX_GAP_SHIFT * gap)
-        if meet and np.hypot(mx - x, my - y) <= limit:
+        if meet and np.hypot(mx - x, my - y) <= _MAX_CORNER_SHIFT * min_step * sharp:
             joint[:, 0], joint[:, 1] = mx, my
             return
     ax, ay = foot_on(shape[i], x, y)
