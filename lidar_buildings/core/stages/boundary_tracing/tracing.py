@@ -11,9 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.group_spacing import group_spacings
-from lidar_buildings.core.neighbours.point_spacing import given_or_measured, measure_spacing
+from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, given_or_measured, measure_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
@@ -27,8 +25,6 @@ _MIN_POSITIONS = 4
 _MIN_WIDTH = 0.1
 #: Sides of the neighbourhood differ by this factor at most: in a narrower one rings follow every line.
 _MAX_RATIO = 2.0
-#: Window of the cells in which copies of points are sought before the spacing is known [guessed spacings].
-_GUESS_WINDOW = 4.0
 #: Sides up to which the neighbourhood grows where the walk fails; wide margin: gaps in roofs are narrower,
 #: and beyond it the ring comes from a triangulation [spacings].
 _MAX_WINDOW = 20.0
@@ -145,25 +141,7 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
     """Return the spacing as given, or the pattern's, or measured [m]."""
     if point_spacing is not None:
         return given_or_measured(cloud, point_spacing)
-    if pattern is not None:
-        return pattern.spacing
-    return _sampled_spacing(cloud)
-
-
-def _sampled_spacing(cloud: NDArray[np.float64]) -> float:
-    """
-    Measure the spacing from a sample of the distinct positions, or from all of them where that fails [m].
-    """
-    width, height = np.ptp(cloud[:, :2], axis=0) if len(cloud) else (0.0, 0.0)
-    # As if the points filled their bounding box: cells a little too large only cost time.
-    guess = float(np.sqrt(width / max(len(cloud), 1)) * np.sqrt(height))
-    if not 0.0 < guess < np.inf:
-        return measure_spacing(cloud)
-    grid = build_point_grid(cloud, ScanPattern.isotropic(guess), _GUESS_WINDOW)
-    positions = np.column_stack((grid.x, grid.y))
-    group = np.zeros(len(positions), dtype=np.int64)
-    spacing = float(group_spacings(positions, rows_by_cell(positions, 1.5 * guess), group, 1)[0])
-    return spacing if np.isfinite(spacing) else measure_spacing(cloud)
+    return measure_spacing(cloud, FEW_PROBES) if pattern is None else pattern.spacing
 
 
 def _widened(pattern: ScanPattern) -> ScanPattern:
