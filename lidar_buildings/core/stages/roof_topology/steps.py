@@ -20,9 +20,8 @@ from lidar_buildings.core.surfaces.roof_planes.directions import (
 
 #: Shorter pieces of a line between one pair of planes are left out [spacings].
 _LEAST_PIECE = 2.0
-#: Points keep so far from a border in the mean; upper ones that keep farther than that hide a strip of the
-#: lower roof [spacings].
-_USUAL_GAP, _OPEN_GAP = 0.5, 1.25
+#: Points keep so far from a border in the mean [spacings].
+_USUAL_GAP = 0.5
 
 
 def find_step_lines(
@@ -57,12 +56,10 @@ def find_step_lines(
     beside = _upper_points(borders, rows, points, centre, angle, offset, higher)
     weight = np.bincount(run, minlength=len(runs))
     mean = np.bincount(run, beside, len(runs)) / np.maximum(weight, 1)
-    hidden = np.abs(mean) > _OPEN_GAP * spacing
-    shift = np.where(hidden, mean - np.copysign(_USUAL_GAP * spacing, mean), 0.0)
     planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
-    gap = np.maximum(np.abs(mean - shift), _USUAL_GAP * spacing)
-    return StepLines(runs[:, 0], runs[:, 1] + shift, line, ends, planes, length, gap)
+    gap = np.maximum(np.abs(mean), _USUAL_GAP * spacing)
+    return StepLines(runs[:, 0], runs[:, 1], line, ends, planes, length, gap)
 
 
 def _elevations(gradients: FloatArray, xy: FloatArray) -> FloatArray:

@@ -121,13 +121,6 @@ def test_a_dormer_has_three_steps_that_close_with_its_valley():
     assert all(max(step.height) > 1.8 for step in sides)
 
 
-def test_steps_lie_where_the_upper_roof_ends_even_if_it_hides_a_strip_of_the_lower_one():
-    scene = model_scene("step")
-    hidden = (scene.plane_id == 1) & (scene.points[:, 0] > 38.8)
-    (step,) = topology_of(scene.select(~hidden)).steps
-    assert step.segment[:, 0] == pytest.approx([40.0, 40.0], abs=0.2)
-
-
 @pytest.mark.parametrize("gap", [0.0, 0.3, 0.6, 0.9])
 def test_a_step_that_continues_a_wall_lies_on_its_line_wherever_points_begin(gap):
     low, high = shapely.box(0, 0, 12, 6), shapely.box(0, 6, 7, 12)
