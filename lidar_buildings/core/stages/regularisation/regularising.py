@@ -67,7 +67,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     Returns
     -------
     RegularisedOutline
-        The traced outline with its reason where the walls give no valid ring or no simpler one.
+        The traced outline with its reason where the walls give no valid ring.
 
     Raises
     ------
@@ -229,8 +229,6 @@ def _problem(outline: Outline, traced: Outline) -> str:
         return "the walls do not make up a valid polygon"
     if not traced.polygon.is_valid:
         return "the traced outline is not valid"
-    if sum(map(len, outline.rings)) >= sum(map(len, traced.rings)):
-        return "the walls are no simpler than the traced outline"
     return ""
 
 
