@@ -78,23 +78,11 @@ def find_joint(points, first, last, shape, i, k, min_step, joint):  # type: igno
 
 @inner_kernel
 def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
-    """
-    Return the length of a wall between its ends in the ring's sense, negative if they are in the wrong order.
-    """
+    """Return the length of a wall between its ends in the ring's sense; negative if a line's are swapped."""
     if shape[i, RADIUS] == 0:
         tx, ty = travel_of(points, first, last, shape, i, start[0], start[1])
         return (end[0] - start[0]) * tx + (end[1] - start[1]) * ty
-    n = len(points)
-    way = 0.0
-    for s in range(first[i], last[i] - 1):
-        a, b = s % n, (s + 1) % n
-        way += np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
-    radius = abs(shape[i, RADIUS])
-    sweep = swept(shape[i], start, end)
-    # Ends in the wrong order make a sweep of nearly once round where the samples speak of little.
-    if sweep - way / radius > np.pi:
-        sweep -= 2.0 * np.pi
-    return sweep * radius
+    return swept(shape[i], start, end) * abs(shape[i, RADIUS])
 
 
 @kernel
