@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, close_rows
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing
 from lidar_buildings.core.stages.regularisation.collinear_walls import on_common_lines
-from lidar_buildings.core.stages.regularisation.joints import extent_of, find_joint, length_of
+from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import move_out, offset_of
 
 #: Corners of walls that were moved lie so many times farther from the samples.
 _MOVED = 1.5
-#: Walls and steps that are left of this length, when walls were moved, are kept [smallest steps].
-_LEAST_LEFT = 0.7
 
 
 def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> WalledRing:
@@ -43,7 +41,8 @@ def _drawn_anew(
     """Move each wall out by its distance [m], lay those in line on one line, and join them again."""
     moved = walled._replace(shape=_moved(samples.points, walled.first, walled.last, walled.shape, distances))
     shape = on_common_lines(samples, moved, fit)
-    return WalledRing(*_joined(samples.points, *walled[:3], shape, fit.min_step))
+    joints = _joints(samples.points, *walled[:2], shape, fit.min_step)
+    return walled._replace(shape=shape, joints=joints)
 
 
 @kernel
@@ -79,32 +78,10 @@ def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _joined(points, first, last, kind, shape, min_step):  # type: ignore[no-untyped-def]
-    """Join walls that have moved; steps and walls that shrank by it too much are dropped."""
+def _joints(points, first, last, shape, min_step):  # type: ignore[no-untyped-def]
+    """Return the joints of walls that have moved."""
     m = len(first)
-    first, last, kind = first.copy(), last.copy(), kind.copy()
     joints = np.zeros((m, 2, 2))
-    while m > 1:
-        for i in range(m):
-            find_joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step, joints[i])
-        spoilt = _spoilt(points, first, last, shape, joints, m, _LEAST_LEFT * min_step)
-        if spoilt < 0 or m <= 3:
-            break
-        m = close_rows(first, last, kind, shape, m, spoilt)
-    return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
-
-
-@inner_kernel
-def _spoilt(points, first, last, shape, joints, m, least):  # type: ignore[no-untyped-def]
-    """
-    Return a wall that is too short, or the shorter one beside a step that is too small, −1 if there is none.
-    """
-    for i in range(m):
-        k, before = (i + 1) % m, i - 1 if i else m - 1
-        if length_of(points, first, last, shape, i, joints[before, 1], joints[i, 0]) < least:
-            return i
-        step = np.hypot(joints[i, 0, 0] - joints[i, 1, 0], joints[i, 0, 1] - joints[i, 1, 1])
-        if 0.0 < step < least:
-            shorter = extent_of(points, first[i], last[i]) < extent_of(points, first[k], last[k])
-            return i if shorter else k
-    return -1
+    for i in range(m if m > 1 else 0):
+        find_joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step, joints[i])
+    return joints
