@@ -133,29 +133,23 @@ def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-
     """
     Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
 
-    The centre is sought uphill, towards more distance from the nearest point, from nine positions.
+    The centre is sought uphill, towards more distance from the nearest point, from the cell's middle.
     """
     side = math.hypot(dx, dy)
-    if _clearance(grid, x, y, radius, span) + 0.75 * side < radius:
+    best = _clearance(grid, x, y, radius, span)
+    if best + 0.75 * side < radius:
         return False, x, y
-    for start in range(9):
-        u, v, step = (start % 3 - 1) / 3.0, (start // 3 - 1) / 3.0, 1.0 / 6.0
-        best = _clearance(grid, x + u * dx - v * dy, y + u * dy + v * dx, radius, span)
-        while best < radius and step >= _ACCURACY:
-            is_better = False
-            for k in range(9):
-                p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
-                if abs(p) <= 0.5 and abs(q) <= 0.5:
-                    found = _clearance(grid, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
-                    if found > best + 1e-3 * step * side:
-                        best, best_u, best_v, is_better = found, p, q, True
-            if is_better:
-                u, v = best_u, best_v
-            else:
-                step *= 0.5
-        if best >= radius:
-            return True, x + u * dx - v * dy, y + u * dy + v * dx
-    return False, x, y
+    u, v, step = 0.0, 0.0, 1.0 / 6.0
+    while best < radius and step >= _ACCURACY:
+        is_better, best_u, best_v = False, u, v
+        for k in range(9):
+            p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
+            if abs(p) <= 0.5 and abs(q) <= 0.5:
+                found = _clearance(grid, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
+                if found > best + 1e-3 * step * side:
+                    best, best_u, best_v, is_better = found, p, q, True
+        u, v, step = best_u, best_v, step if is_better else 0.5 * step
+    return best >= radius, x + u * dx - v * dy, y + u * dy + v * dx
 
 
 @inner_kernel
