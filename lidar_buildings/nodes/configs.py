@@ -29,8 +29,7 @@ class SendingConfig(StageConfig):
         2,
         "How many tiles may be in the graph; more keep more stages busy and take more memory; "
         "0 sends without waiting for `tile_done`.",
-        minimum=0,
-        maximum=8,
+        within=(0, 8),
         read_only=True,
         advanced=True,
     )
@@ -39,8 +38,7 @@ class SendingConfig(StageConfig):
         "Time after which a tile that no node has in hand is sent again if no node says anything, doubled at "
         "each attempt; a longer one leaves more time to nodes that send no receipts.",
         unit="s",
-        minimum=0.1,
-        maximum=86_400.0,
+        within=(0.1, 86_400.0),
         read_only=True,
         advanced=True,
     )
@@ -48,8 +46,7 @@ class SendingConfig(StageConfig):
         4,
         "After so many attempts a tile is given up; one that was on its way when a node was restarted "
         "has lost none.",
-        minimum=1,
-        maximum=100,
+        within=(1, 100),
         read_only=True,
         advanced=True,
     )
@@ -83,8 +80,7 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
     rate: float = parameter(
         0.0,
         "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
-        minimum=0.0,
-        maximum=1_000_000.0,
+        within=(0.0, 1_000_000.0),
     )
     loop: bool = parameter(
         False,
@@ -156,8 +152,7 @@ class GroundFilterNodeConfig(GroundFilterConfig):
         0.5,
         "Side of a cell of `dtm`; a larger one gives smaller messages and less detail.",
         unit="m",
-        minimum=0.05,
-        maximum=100.0,
+        within=(0.05, 100.0),
         advanced=True,
     )
 
@@ -202,8 +197,7 @@ class MapFrameConfig(StageConfig):
         "Time that a tile waits for `map_origin` while nobody publishes it; then the map frame is taken as "
         "it is, with origin 0 and without a reference system. A longer one suits sources that start late.",
         unit="s",
-        minimum=0.1,
-        maximum=86_400.0,
+        within=(0.1, 86_400.0),
         read_only=True,
         advanced=True,
     )

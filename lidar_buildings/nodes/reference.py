@@ -122,8 +122,7 @@ def _sentence(one: Field[Any]) -> str:
 def _allowed(one: Field[Any]) -> str:
     """Return a parameter's range in words, empty where anything will do."""
     spec = spec_of(one)
-    is_open = not spec.choices and spec.minimum is None and spec.maximum is None
-    text = "" if is_open else spec.allowed().split(" [")[0]
+    text = "" if spec.is_free else spec.allowed().split(" [")[0]
     return text[:1].upper() + text[1:]
 
 

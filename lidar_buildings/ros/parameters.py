@@ -14,7 +14,6 @@ from rclpy.parameter import Parameter
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import (
-    ParameterSpec,
     StageConfig,
     checked_value,
     parameter_names,
@@ -62,18 +61,18 @@ def descriptor_of(config_field: Field[Any]) -> ParameterDescriptor:
     unit = f" [{spec.unit}]" if spec.unit else ""
     descriptor = ParameterDescriptor(
         description=f"{spec.description}{unit}",
-        additional_constraints="" if _is_free(spec) else spec.allowed(),
+        additional_constraints="" if spec.is_free else spec.allowed(),
         read_only=spec.read_only,
     )
-    if spec.minimum is None and spec.maximum is None:
+    if spec.within is None:
         return descriptor
+    low, high = spec.within
     if isinstance(config_field.default, float):
-        limit = sys.float_info.max
-        low, high = _limits(spec, -limit, limit)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        most = sys.float_info.max if high is None else float(high)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=most)]
     else:
-        low, high = _limits(spec, -_MAX_INTEGER - 1, _MAX_INTEGER)
-        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+        most = _MAX_INTEGER if high is None else int(high)
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=most, step=1)]
     return descriptor
 
 
@@ -155,13 +154,3 @@ class NodeParameters:
             stage, member = self._fields[name]
             members.setdefault(stage, {})[member.name] = value
         return values, {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
-
-
-def _limits(spec: ParameterSpec, lowest: float, highest: float) -> tuple[float, float]:
-    """Return the inclusive range with the type's own limits where it is open."""
-    low = lowest if spec.minimum is None else spec.minimum
-    return low, highest if spec.maximum is None else spec.maximum
-
-
-def _is_free(spec: ParameterSpec) -> bool:
-    return not spec.choices and spec.minimum is None and spec.maximum is None

@@ -18,42 +18,36 @@ class SimulationConfig(StageConfig):
         8.0,
         "Mean density of pulses over the scene, all strips together; raising it gives more points.",
         unit="1/m²",
-        minimum=0.05,
-        maximum=200.0,
+        within=(0.05, 200.0),
     )
     altitude: float = parameter(
         300.0,
         "Flying height above the mean terrain; raising it widens the strips and the beam's footprint.",
         unit="m",
-        minimum=100.0,
-        maximum=5000.0,
+        within=(100.0, 5000.0),
     )
     ground_speed: float = parameter(
         50.0,
         "Speed over ground; raising it shortens the strips' duration.",
         unit="m/s",
-        minimum=1.0,
-        maximum=200.0,
+        within=(1.0, 200.0),
     )
     flight_direction_deg: float = parameter(
         0.0,
         "Direction of the first strip, counter-clockwise from east; every other strip is flown back.",
         unit="deg",
-        minimum=-360.0,
-        maximum=360.0,
+        within=(-360.0, 360.0),
     )
     max_scan_angle_deg: float = parameter(
         20.0,
         "Largest scan angle; raising it widens the strips and shows more of the façades.",
         unit="deg",
-        minimum=1.0,
-        maximum=35.0,
+        within=(1.0, 35.0),
     )
     overlap: float = parameter(
         0.3,
         "Share of a strip's width that its neighbour covers too; raising it gives more strips.",
-        minimum=0.0,
-        maximum=0.9,
+        within=(0.0, 0.9),
     )
     pattern: str = parameter(
         "zigzag",
@@ -64,26 +58,22 @@ class SimulationConfig(StageConfig):
         0.03,
         "Standard deviation along the beam; raising it roughens all surfaces.",
         unit="m",
-        minimum=0.0,
-        maximum=1.0,
+        within=(0.0, 1.0),
     )
     planimetric_noise: float = parameter(
         0.03,
         "Standard deviation along x and along y; raising it blurs edges.",
         unit="m",
-        minimum=0.0,
-        maximum=2.0,
+        within=(0.0, 2.0),
     )
     beam_divergence_mrad: float = parameter(
         0.4,
         "Full divergence of the beam; raising it gives more pulses with two returns at eaves. 0 = none.",
         unit="mrad",
-        minimum=0.0,
-        maximum=5.0,
+        within=(0.0, 5.0),
     )
     gross_error_share: float = parameter(
         5e-5,
         "Share of pulses that measure a point far below the ground or high in the air.",
-        minimum=0.0,
-        maximum=0.1,
+        within=(0.0, 0.1),
     )

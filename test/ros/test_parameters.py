@@ -13,8 +13,8 @@ from lidar_buildings.ros.parameters import NodeParameters, parameter_overrides
 @dataclass(frozen=True)
 class RoofConfig(StageConfig):
     stage: ClassVar[str] = "roofs"
-    max_distance: float = parameter(0.5, "Raising it takes more.", unit="m", minimum=0.0, maximum=2.0)
-    min_points: int = parameter(3, "Raising it finds fewer.", minimum=1)
+    max_distance: float = parameter(0.5, "Raising it takes more.", unit="m", within=(0.0, 2.0))
+    min_points: int = parameter(3, "Raising it finds fewer.", within=(1, None))
     method: str = parameter("ransac", "How.", choices=("ransac", "growing"))
     is_on: bool = parameter(True, "Whether.", read_only=True)
     input: tuple[str, ...] = parameter((), "Files.")
@@ -23,8 +23,8 @@ class RoofConfig(StageConfig):
 @dataclass(frozen=True)
 class WallConfig(StageConfig):
     stage: ClassVar[str] = "walls"
-    max_distance: float = parameter(0.1, "Raising it takes more.", unit="m", maximum=1.0)
-    noise: float = parameter(0.2, "Raising it smooths.", unit="m", minimum=0.0, advanced=True)
+    max_distance: float = parameter(0.1, "Raising it takes more.", unit="m", within=(0.0, 1.0))
+    noise: float = parameter(0.2, "Raising it smooths.", unit="m", within=(0.0, None), advanced=True)
 
 
 @dataclass(frozen=True)

@@ -23,26 +23,31 @@ class ParameterSpec:
 
     description: str  #: one sentence; says what raising the value does
     unit: str = ""  #: SI symbol, ``"deg"``, ``"spacings"`` (multiples of the measured point spacing) or empty
-    #: Inclusive range, None where open.
-    minimum: float | None = None
-    maximum: float | None = None
+    within: tuple[float, float | None] | None = None  #: inclusive range, None where it is open
     choices: tuple[str, ...] = ()  #: the allowed words of a text or list parameter, empty where any will do
     read_only: bool = False  #: whether the value is fixed once the node has started
     #: Whether it stands among the many that few users turn, under ``<stage>.advanced`` in ROS.
     advanced: bool = False
+
+    @property
+    def is_free(self) -> bool:
+        """Whether any value of its type will do."""
+        return not self.choices and self.within is None
+
+    def holds(self, number: float) -> bool:
+        """Whether a number is finite, and in the range."""
+        low, high = self.within or (-math.inf, None)
+        return math.isfinite(number) and low <= number and (high is None or number <= high)
 
     def allowed(self) -> str:
         """Say in words which values are allowed."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         unit = f" [{self.unit}]" if self.unit else ""
-        if self.minimum is not None and self.maximum is not None:
-            return f"within {self.minimum:g} to {self.maximum:g}{unit}"
-        if self.minimum is not None:
-            return f"at least {self.minimum:g}{unit}"
-        if self.maximum is not None:
-            return f"at most {self.maximum:g}{unit}"
-        return f"a finite number{unit}"
+        if self.within is None:
+            return f"a finite number{unit}"
+        low, high = self.within
+        return f"at least {low:g}{unit}" if high is None else f"within {low:g} to {high:g}{unit}"
 
 
 def parameter(default: Any, description: str, **spec: Any) -> Any:
@@ -98,9 +103,7 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
         return value
     if kind is bool:
         return value
-    below = spec.minimum is not None and value < spec.minimum
-    above = spec.maximum is not None and value > spec.maximum
-    if not math.isfinite(value) or below or above:
+    if not spec.holds(value):
         raise wrong
     return value
 

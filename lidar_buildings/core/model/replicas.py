@@ -26,16 +26,14 @@ class ReplicaConfig(StageConfig):
         0,
         "Number of this node among those of its kind that share the tiles, from 0; each has a name of its "
         "own, such as roof_selector_1.",
-        minimum=0,
-        maximum=MAX_REPLICAS - 1,
+        within=(0, MAX_REPLICAS - 1),
         read_only=True,
         advanced=True,
     )
     replicas: int = parameter(
         1,
         "How many nodes of this kind share the tiles, in one host or several; all must be there.",
-        minimum=1,
-        maximum=MAX_REPLICAS,
+        within=(1, MAX_REPLICAS),
         read_only=True,
         advanced=True,
     )

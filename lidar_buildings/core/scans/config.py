@@ -58,8 +58,7 @@ class ScanConfig(StageConfig):
         0.5,
         "Longest time between two poses that is filled; raising it places more points, and worse.",
         unit="s",
-        minimum=0.0,
-        maximum=60.0,
+        within=(0.0, 60.0),
         read_only=True,
         advanced=True,
     )
@@ -67,8 +66,7 @@ class ScanConfig(StageConfig):
         150.0,
         "Highest speed of the sensor; between poses that are further apart no point is placed.",
         unit="m/s",
-        minimum=0.1,
-        maximum=10_000.0,
+        within=(0.1, 10_000.0),
         read_only=True,
         advanced=True,
     )

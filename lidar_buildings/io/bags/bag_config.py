@@ -27,7 +27,7 @@ class BagConfig(StageConfig):
         0.0,
         "A bag is read from so long after its beginning on.",
         unit="s",
-        minimum=0.0,
+        within=(0.0, None),
         read_only=True,
         advanced=True,
     )
@@ -35,7 +35,7 @@ class BagConfig(StageConfig):
         0.0,
         "So much of a bag is read; 0: to its end.",
         unit="s",
-        minimum=0.0,
+        within=(0.0, None),
         read_only=True,
         advanced=True,
     )

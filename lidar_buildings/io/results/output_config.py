@@ -48,8 +48,7 @@ class OutputConfig(RasterConfig):
         20_000,
         "Buildings above which they are written in blocks, squares of at most as many each, with an index; "
         "raising it gives fewer, larger files and takes more memory.",
-        minimum=1,
-        maximum=100_000_000,
+        within=(1, 100_000_000),
         read_only=True,
         advanced=True,
     )
@@ -58,8 +57,7 @@ class OutputConfig(RasterConfig):
         "Height by which the triangles of the terrain in city models may be off the raster of the ground; "
         "raising it makes files smaller, 0 leaves the terrain out.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
         read_only=True,
         advanced=True,
     )
@@ -68,8 +66,7 @@ class OutputConfig(RasterConfig):
         "Height of the geoid above the ellipsoid of WGS 84, which 3D Tiles stand on: added to elevations "
         "where no grid of PROJ turns them into ellipsoidal heights.",
         unit="m",
-        minimum=-200.0,
-        maximum=200.0,
+        within=(-200.0, 200.0),
         read_only=True,
         advanced=True,
     )

@@ -37,8 +37,7 @@ class TilingConfig(StageConfig):
         "Side of a tile, 0 for one that suits max_tile_points; a larger one needs fewer seams and more "
         "memory.",
         unit="m",
-        minimum=0.0,
-        maximum=10_000.0,
+        within=(0.0, 10_000.0),
         read_only=True,
     )
     buffer: float = parameter(
@@ -47,16 +46,14 @@ class TilingConfig(StageConfig):
         "west a third. A larger one lets larger buildings cross its edge, and the ground filter see more of "
         "the terrain. Half of it where tile_size is 0 and points are dense.",
         unit="m",
-        minimum=0.0,
-        maximum=1_000.0,
+        within=(0.0, 1_000.0),
         read_only=True,
     )
     max_tile_points: int = parameter(
         3_300_000,
         "Most points of a tile with its buffer where tile_size is 0; raising it lets stages see fewer points "
         "twice, and takes about 0.3 GB of memory a million points, for each tile that is worked on.",
-        minimum=1_000,
-        maximum=1_000_000_000,
+        within=(1_000, 1_000_000_000),
         read_only=True,
         advanced=True,
     )
@@ -65,8 +62,7 @@ class TilingConfig(StageConfig):
         "How far the buffer may grow on each side for a building that reaches across it; a larger one keeps "
         "halls whole.",
         unit="m",
-        minimum=0.0,
-        maximum=2_000.0,
+        within=(0.0, 2_000.0),
         read_only=True,
         advanced=True,
     )
@@ -91,8 +87,7 @@ class LiveTilingConfig(TilingConfig):
         "Side of a tile, 0 for one that suits how densely the scanner covers the ground; a larger one is "
         "waited for longer, and costs less, as tiles overlap.",
         unit="m",
-        minimum=0.0,
-        maximum=10_000.0,
+        within=(0.0, 10_000.0),
         read_only=True,
     )
     buffer: float = parameter(
@@ -100,8 +95,7 @@ class LiveTilingConfig(TilingConfig):
         "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
         "west a third.",
         unit="m",
-        minimum=0.0,
-        maximum=1_000.0,
+        within=(0.0, 1_000.0),
         read_only=True,
         advanced=True,
     )
@@ -109,8 +103,7 @@ class LiveTilingConfig(TilingConfig):
         5_000_000,
         "Most points kept of a tile without its buffer, as a sensor that stands still goes on for ever; from "
         "half of it on points near others are left out, and all beyond it.",
-        minimum=1_000,
-        maximum=1_000_000_000,
+        within=(1_000, 1_000_000_000),
         read_only=True,
         advanced=True,
     )
@@ -120,8 +113,7 @@ class LiveTilingConfig(TilingConfig):
         "have come, when as long no more have, or longer where fewer than one in a hundred are new. Raising "
         "it sends later, and less often.",
         unit="s",
-        minimum=0.0,
-        maximum=86_400.0,
+        within=(0.0, 86_400.0),
         read_only=True,
     )
     leave_distance: float = parameter(
@@ -129,8 +121,7 @@ class LiveTilingConfig(TilingConfig):
         "A tile is sent, too, when the sensor is so far from it and its buffer, though single points still "
         "fall into it; 0: only time tells.",
         unit="m",
-        minimum=0.0,
-        maximum=100_000.0,
+        within=(0.0, 100_000.0),
         read_only=True,
         advanced=True,
     )

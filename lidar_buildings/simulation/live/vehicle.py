@@ -60,27 +60,20 @@ class VehicleConfig(StageConfig):
 
     stage: ClassVar[str] = "vehicle"
 
-    beams: int = parameter(32, "Rays above one another.", minimum=2, maximum=256)
+    beams: int = parameter(32, "Rays above one another.", within=(2, 256))
     pulse_rate: float = parameter(
         163_840.0,
         "Rays a second; raising it gives more directions a turn.",
         unit="1/s",
-        minimum=1_000.0,
-        maximum=10_000_000.0,
+        within=(1_000.0, 10_000_000.0),
     )
-    lowest_deg: float = parameter(
-        -25.0, "Elevation of the lowest ray.", unit="deg", minimum=-89.0, maximum=0.0
-    )
-    highest_deg: float = parameter(
-        20.0, "Elevation of the highest ray.", unit="deg", minimum=0.0, maximum=89.0
-    )
-    speed: float = parameter(8.0, "Speed over ground.", unit="m/s", minimum=0.1, maximum=60.0)
+    lowest_deg: float = parameter(-25.0, "Elevation of the lowest ray.", unit="deg", within=(-89.0, 0.0))
+    highest_deg: float = parameter(20.0, "Elevation of the highest ray.", unit="deg", within=(0.0, 89.0))
+    speed: float = parameter(8.0, "Speed over ground.", unit="m/s", within=(0.1, 60.0))
     max_range: float = parameter(
-        100.0, "Nothing comes back from further away.", unit="m", minimum=1.0, maximum=1000.0
+        100.0, "Nothing comes back from further away.", unit="m", within=(1.0, 1000.0)
     )
-    range_noise: float = parameter(
-        0.02, "Standard deviation along the ray.", unit="m", minimum=0.0, maximum=1.0
-    )
+    range_noise: float = parameter(0.02, "Standard deviation along the ray.", unit="m", within=(0.0, 1.0))
 
 
 DEFAULTS = VehicleConfig()

@@ -32,15 +32,14 @@ class BoundaryTracingConfig(StageConfig):
         6.0,
         "Sides of the neighbourhood of each step; raising it smooths the ring and closes narrow gaps.",
         unit="spacings",
-        minimum=2.0,
-        maximum=40.0,
+        within=(2.0, 40.0),
     )
     courtyards: bool = parameter(True, "Whether courtyards are traced as holes.", advanced=True)
     min_courtyard_area: float = parameter(
         9.0,
         "Smallest area of a courtyard; raising it leaves more gaps inside the roof unmarked.",
         unit="m²",
-        minimum=0.0,
+        within=(0.0, None),
     )
 
 

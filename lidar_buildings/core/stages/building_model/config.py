@@ -28,21 +28,18 @@ class BuildingModelConfig(StageConfig):
         "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "
         "it lowers the foot of such models.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
     )
     min_face_area: float = parameter(
         0.5,
         "Smallest roof face; raising it drops dormers and chimneys.",
         unit="m²",
-        minimum=0.0,
-        maximum=1000.0,
+        within=(0.0, 1000.0),
     )
     min_part_step: float = parameter(
         1.0,
         "Roofs that differ by more along their whole border are parts with heights of their own in LoD1.3; "
         "raising it joins parts.",
         unit="m",
-        minimum=0.1,
-        maximum=100.0,
+        within=(0.1, 100.0),
     )

@@ -53,15 +53,13 @@ class EdgeLabellingConfig(StageConfig):
         4.0,
         "Largest radius that the entropy can choose; raising it helps on noisy surfaces and takes longer.",
         unit="spacings",
-        minimum=1.0,
-        maximum=50.0,
+        within=(1.0, 50.0),
         advanced=True,
     )
     n_radii: int = parameter(
         10,
         "Number of radii between these two, closer together at the small end; raising it takes longer.",
-        minimum=1,
-        maximum=50,
+        within=(1, 50),
         advanced=True,
     )
     entropy: str = parameter(
@@ -82,16 +80,14 @@ class EdgeLabellingConfig(StageConfig):
         "A point is on a rim if an empty disc of this radius touches it; raising it bridges larger gaps and "
         "rounds notches off.",
         unit="spacings",
-        minimum=0.5,
-        maximum=20.0,
+        within=(0.5, 20.0),
     )
     band_reach: float = parameter(
         1.5,
         "A rim point is an edge if the band comes this near in plan; raising it closes gaps in edges and "
         "lets holes in roofs be edges.",
         unit="spacings",
-        minimum=0.0,
-        maximum=20.0,
+        within=(0.0, 20.0),
         advanced=True,
     )
 

@@ -19,14 +19,12 @@ class FootprintConfig(StageConfig):
         "Height above ground from which a point stands within a footprint; raising it leaves low buildings "
         "without points.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
     )
     min_gap_area: float = parameter(
         2.0,
         "Area without roof points from which on a footprint's points are completed by what stands there; "
         "raising it leaves more parts of buildings without points, and fewer trees to be taken for such.",
         unit="m²",
-        minimum=0.0,
-        maximum=1_000_000.0,
+        within=(0.0, 1_000_000.0),
     )

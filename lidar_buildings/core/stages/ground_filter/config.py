@@ -42,24 +42,21 @@ class GroundFilterConfig(StageConfig):
         "Side of the cells whose lowest points start the TIN, about that of the largest building: raising it "
         "copes with larger buildings, and may lose steep hills.",
         unit="m",
-        minimum=1.0,
-        maximum=1000.0,
+        within=(1.0, 1000.0),
     )
     iteration_angle: float = parameter(
         9.0,
         "Largest angle at which a point may be seen from the corners of a level facet and join the TIN: "
         "raising it climbs steeper terrain, and low objects.",
         unit="deg",
-        minimum=0.1,
-        maximum=89.0,
+        within=(0.1, 89.0),
     )
     ground_distance: float = parameter(
         0.25,
         "Points within this height of the finished TIN are ground: raising it takes in grass, kerbs and low "
         "walls.",
         unit="m",
-        minimum=0.01,
-        maximum=5.0,
+        within=(0.01, 5.0),
     )
     kept_classes: tuple[str, ...] = parameter(
         tuple(name for name in CLASS_GROUPS if name != "other"),
@@ -72,8 +69,7 @@ class GroundFilterConfig(StageConfig):
         0.6,
         "By how much of a facet's own slope the iteration angle grows: raising it follows rough and steep "
         "terrain better, and climbs objects on it.",
-        minimum=0.0,
-        maximum=2.0,
+        within=(0.0, 2.0),
         advanced=True,
     )
     iteration_distance: float = parameter(
@@ -81,8 +77,7 @@ class GroundFilterConfig(StageConfig):
         "Largest distance above its facet at which a point may join the TIN: raising it climbs steps and low "
         "objects.",
         unit="m",
-        minimum=0.01,
-        maximum=20.0,
+        within=(0.01, 20.0),
         advanced=True,
     )
     landform_distance: float = parameter(
@@ -91,39 +86,34 @@ class GroundFilterConfig(StageConfig):
         "finds higher ones, and more objects to choose between. No landforms are looked for if it is not "
         "above iteration_distance.",
         unit="m",
-        minimum=0.0,
-        maximum=50.0,
+        within=(0.0, 50.0),
         advanced=True,
     )
     max_steep_share: float = parameter(
         0.15,
         "Largest share of steep links between a landform and the terrain around, among objects: raising it "
         "keeps more terraces, and more low buildings and bushes.",
-        minimum=0.0,
-        maximum=1.0,
+        within=(0.0, 1.0),
         advanced=True,
     )
     max_open_steep_share: float = parameter(
         0.7,
         "The same in open terrain, where hardly any object stands.",
-        minimum=0.0,
-        maximum=1.0,
+        within=(0.0, 1.0),
         advanced=True,
     )
     profile_directions: int = parameter(
         4,
         "Number of directions in which bidirectional_slope cuts profiles beside the scan lines: raising it "
         "makes labels surer, and slower.",
-        minimum=1,
-        maximum=16,
+        within=(1, 16),
         advanced=True,
     )
     profile_max_slope: float = parameter(
         0.6,
         "A profile that rises more steeply, rise over run, leaves the ground: raising it climbs steeper "
         "terrain, and low objects.",
-        minimum=0.01,
-        maximum=10.0,
+        within=(0.01, 10.0),
         advanced=True,
     )
     profile_step: float = parameter(
@@ -131,8 +121,7 @@ class GroundFilterConfig(StageConfig):
         "A profile leaves the ground where it rises by more, and is back within so much of the ground it "
         "left: raising it takes in higher kerbs and shrubs.",
         unit="m",
-        minimum=0.01,
-        maximum=5.0,
+        within=(0.01, 5.0),
         advanced=True,
     )
     profile_max_object: float = parameter(
@@ -140,8 +129,7 @@ class GroundFilterConfig(StageConfig):
         "Nothing longer along a profile is an object: raising it copes with larger buildings, and may lose "
         "terraces.",
         unit="m",
-        minimum=1.0,
-        maximum=1000.0,
+        within=(1.0, 1000.0),
         advanced=True,
     )
     opening_radius: float = parameter(
@@ -149,15 +137,13 @@ class GroundFilterConfig(StageConfig):
         "Radius of the largest disc that cuts off whatever rises above it: raising it removes wider objects, "
         "and hilltops.",
         unit="m",
-        minimum=1.0,
-        maximum=200.0,
+        within=(1.0, 200.0),
         advanced=True,
     )
     opening_slope: float = parameter(
         0.15,
         "Steepest rise over the radius of a disc that is terrain, rise over run: raising it keeps steeper "
         "terrain, and lower objects.",
-        minimum=0.0,
-        maximum=5.0,
+        within=(0.0, 5.0),
         advanced=True,
     )

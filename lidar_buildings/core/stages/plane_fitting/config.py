@@ -26,58 +26,51 @@ class PlaneFittingConfig(StageConfig):
         "Largest distance of a point to its plane, about three times the vertical accuracy of the scan; "
         "raising it smooths small steps away.",
         unit="m",
-        minimum=0.01,
-        maximum=2.0,
+        within=(0.01, 2.0),
     )
     max_normal_angle_deg: float = parameter(
         35.0,
         "Largest angle between a plane and the surface around a point of it; raising it lets planes run "
         "through rough surfaces (connected).",
         unit="deg",
-        minimum=5.0,
-        maximum=90.0,
+        within=(5.0, 90.0),
         advanced=True,
     )
     min_plane_area: float = parameter(
         1.5,
         "Smallest plane, as the area that its points stand for; raising it drops dormers and chimneys.",
         unit="m²",
-        minimum=0.0,
-        maximum=1000.0,
+        within=(0.0, 1000.0),
     )
     min_plane_points: int = parameter(
         6,
         "Fewest points of a plane whatever its area; raising it drops small planes of sparse clouds.",
-        minimum=4,
-        maximum=100000,
+        within=(4, 100000),
         advanced=True,
     )
     max_slope_deg: float = parameter(
         80.0,
         "Steepest plane that still counts as roof; raising it lets walls in.",
         unit="deg",
-        minimum=10.0,
-        maximum=90.0,
+        within=(10.0, 90.0),
     )
     largest_plane_area: float = parameter(
         0.0,
         "With ransac: area of the largest plane that is likely; a sample with as many points as it has ends "
         "the search for that plane. Raising it draws more samples, 0 draws all.",
         unit="m²",
-        minimum=0.0,
-        maximum=1_000_000.0,
+        within=(0.0, 1_000_000.0),
         advanced=True,
     )
     outlier_share: float = parameter(
         0.4,
         "Expected share of points that lie on other surfaces: of those near a roof point (connected), or of "
         "all (ransac); raising it draws more samples.",
-        minimum=0.0,
-        maximum=0.95,
+        within=(0.0, 0.95),
         advanced=True,
     )
     random_state: int = parameter(
-        0, "Seed of the random samples; another value draws others.", minimum=0, advanced=True
+        0, "Seed of the random samples; another value draws others.", within=(0, None), advanced=True
     )
 
 

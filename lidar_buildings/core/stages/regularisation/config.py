@@ -25,23 +25,20 @@ class RegularisationConfig(StageConfig):
         40.0,
         "Largest angle between two edges of one wall, with slope_changes; raising it gives fewer walls.",
         unit="deg",
-        minimum=1.0,
-        maximum=90.0,
+        within=(1.0, 90.0),
         advanced=True,
     )
     noise: float = parameter(
         0.3,
         "Scatter of bearing points across their wall; raising it gives fewer, longer walls.",
         unit="spacings",
-        minimum=0.01,
-        maximum=5.0,
+        within=(0.01, 5.0),
     )
     finest_spacing: float = parameter(
         0.25,
         "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
         advanced=True,
     )
     bridge_concavities: bool = parameter(
@@ -52,7 +49,7 @@ class RegularisationConfig(StageConfig):
     wall_cost: float = parameter(
         20.0,
         "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
-        minimum=0.0,
+        within=(0.0, None),
         advanced=True,
     )
     curved_walls: bool = parameter(
@@ -64,23 +61,20 @@ class RegularisationConfig(StageConfig):
         0.1,
         "Largest distance of an arc from the chords it is drawn with; raising it saves vertices.",
         unit="spacings",
-        minimum=0.001,
-        maximum=10.0,
+        within=(0.001, 10.0),
         advanced=True,
     )
     max_directions: int = parameter(
         8,
         "Most pairs of perpendicular directions that are tried; raising it serves crooked blocks.",
-        minimum=0,
-        maximum=32,
+        within=(0, 32),
         advanced=True,
     )
     angle_tolerance_deg: float = parameter(
         10.0,
         "Largest angle between long walls of one direction; raising it joins more of them.",
         unit="deg",
-        minimum=0.0,
-        maximum=45.0,
+        within=(0.0, 45.0),
         advanced=True,
     )
     min_long_wall: float = parameter(
@@ -88,8 +82,7 @@ class RegularisationConfig(StageConfig):
         "Length from which a wall helps to find the directions (10 as published), 0 for 8 spacings; raising "
         "it leaves fewer.",
         unit="m",
-        minimum=0.0,
-        maximum=1000.0,
+        within=(0.0, 1000.0),
         advanced=True,
     )
     adjustment: str = parameter(
@@ -102,15 +95,14 @@ class RegularisationConfig(StageConfig):
     direction_weight: float = parameter(
         100.0,
         "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
-        minimum=0.0,
+        within=(0.0, None),
         advanced=True,
     )
     min_step: float = parameter(
         1.0,
         "Shortest wall and smallest step between parallel ones; raising it removes more detail.",
         unit="spacings",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
         advanced=True,
     )
     correct_bias: bool = parameter(
@@ -121,8 +113,7 @@ class RegularisationConfig(StageConfig):
         "Gap up to which buildings that were split from one block get a common wall; raising it closes wider "
         "gaps, 0 leaves all walls apart.",
         unit="spacings",
-        minimum=0.0,
-        maximum=10.0,
+        within=(0.0, 10.0),
     )
     keep_outlines: bool = parameter(
         False, "Whether all outlines stay as they are: set where footprints are given."

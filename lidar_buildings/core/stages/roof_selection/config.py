@@ -25,24 +25,21 @@ class RoofSelectionConfig(StageConfig):
         2.0,
         "Height above ground from which on points can be roof; raising it drops sheds, cars and hedges.",
         unit="m",
-        minimum=0.1,
-        maximum=50.0,
+        within=(0.1, 50.0),
     )
     max_roughness: float = parameter(
         0.125,
         "Root mean square distance from the plane up to which a level surface is smooth (steep ones may be "
         "rougher); raising it accepts noisier scans and more vegetation.",
         unit="m",
-        minimum=0.005,
-        maximum=2.0,
+        within=(0.005, 2.0),
     )
     max_plane_distance: float = parameter(
         0.25,
         "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
         "edges and takes in what touches them.",
         unit="m",
-        minimum=0.01,
-        maximum=5.0,
+        within=(0.01, 5.0),
         advanced=True,
     )
     max_part_area: float = parameter(
@@ -50,24 +47,21 @@ class RoofSelectionConfig(StageConfig):
         "Largest chimney, dormer or other part on a roof that need not be smooth; raising it keeps more "
         "vegetation over roofs.",
         unit="m^2",
-        minimum=0.0,
-        maximum=1000.0,
+        within=(0.0, 1000.0),
         advanced=True,
     )
     min_building_area: float = parameter(
         12.0,
         "Smallest building in plan; raising it drops sheds and garages (Mancera-Taboada and others: 40).",
         unit="m^2",
-        minimum=0.0,
-        maximum=10000.0,
+        within=(0.0, 10000.0),
     )
     planarity_cell: float = parameter(
         2.0,
         "With lasclassify: side of the cells that are planar or rugged, at least 2.8 point spacings; raising "
         "it finds roofs in sparser data and loses small ones.",
         unit="m",
-        minimum=0.5,
-        maximum=20.0,
+        within=(0.5, 20.0),
         advanced=True,
     )
     max_planar_deviation: float = parameter(
@@ -75,8 +69,7 @@ class RoofSelectionConfig(StageConfig):
         "With lasclassify: standard deviation from a plane up to which a cell is roof; raising it accepts "
         "noisier scans and more vegetation.",
         unit="m",
-        minimum=0.005,
-        maximum=2.0,
+        within=(0.005, 2.0),
         advanced=True,
     )
     min_rugged_deviation: float = parameter(
@@ -84,8 +77,7 @@ class RoofSelectionConfig(StageConfig):
         "With lasclassify: standard deviation from a plane above which a cell is vegetation; raising it "
         "keeps more of the roof beside trees.",
         unit="m",
-        minimum=0.005,
-        maximum=10.0,
+        within=(0.005, 10.0),
         advanced=True,
     )
     min_roof_width: float = parameter(
@@ -93,8 +85,7 @@ class RoofSelectionConfig(StageConfig):
         "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
         "hedges. Not used where it is less than five spacings.",
         unit="m",
-        minimum=0.0,
-        maximum=20.0,
+        within=(0.0, 20.0),
         advanced=True,
     )
     min_building_width: float = parameter(
@@ -102,8 +93,7 @@ class RoofSelectionConfig(StageConfig):
         "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, "
         "hedges and small garages. Not used where it is less than two spacings.",
         unit="m",
-        minimum=0.0,
-        maximum=50.0,
+        within=(0.0, 50.0),
         advanced=True,
     )
     facade_reach: float = parameter(
@@ -111,8 +101,7 @@ class RoofSelectionConfig(StageConfig):
         "How far in plan from a roof's edge, or a large wall, the points below are façade, of the building's "
         "class; raising it takes in what stands beside walls, and 0 tells neither façades nor walls.",
         unit="m",
-        minimum=0.0,
-        maximum=5.0,
+        within=(0.0, 5.0),
         advanced=True,
     )
     roof_returns: str = parameter(
@@ -123,22 +112,20 @@ class RoofSelectionConfig(StageConfig):
         advanced=True,
     )
     low_vegetation_height: float = parameter(
-        0.2, "Height up to which vegetation is low.", unit="m", minimum=0.01, maximum=5.0, advanced=True
+        0.2, "Height up to which vegetation is low.", unit="m", within=(0.01, 5.0), advanced=True
     )
     medium_vegetation_height: float = parameter(
         3.0,
         "Height up to which vegetation is medium, high from there on.",
         unit="m",
-        minimum=0.1,
-        maximum=20.0,
+        within=(0.1, 20.0),
         advanced=True,
     )
     max_vegetation_height: float = parameter(
         150.0,
         "Height from which on what is no roof stays unclassified.",
         unit="m",
-        minimum=5.0,
-        maximum=1000.0,
+        within=(5.0, 1000.0),
         advanced=True,
     )
     road_method: str = parameter(
@@ -152,22 +139,19 @@ class RoofSelectionConfig(StageConfig):
     min_road_intensity: float = parameter(
         40.0,
         "With thresholds and grey_values: darkest intensity of roads; raising it drops the darkest ground.",
-        minimum=0.0,
-        maximum=255.0,
+        within=(0.0, 255.0),
         advanced=True,
     )
     max_road_intensity: float = parameter(
         100.0,
         "With thresholds and grey_values: brightest intensity of roads; raising it takes in more ground.",
-        minimum=0.0,
-        maximum=255.0,
+        within=(0.0, 255.0),
         advanced=True,
     )
     min_road_area: float = parameter(
         100.0,
         "Smallest connected road; raising it drops driveways and dark yards.",
         unit="m^2",
-        minimum=0.0,
-        maximum=100000.0,
+        within=(0.0, 100000.0),
         advanced=True,
     )

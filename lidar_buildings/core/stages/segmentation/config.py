@@ -19,36 +19,33 @@ class SegmentationConfig(StageConfig):
         "Sides of the moving window, in spacings along and across the scan lines; raising it bridges wider "
         "gaps in a roof and joins closer neighbours.",
         unit="spacings",
-        minimum=2.0,
-        maximum=20.0,
+        within=(2.0, 20.0),
     )
     min_line_ratio: float = parameter(
         1.5,
         "Ratio of the spacings along and across scan lines from which windows are laid along them; raising "
         "it lays fewer, 1, as published, all.",
-        minimum=1.0,
-        maximum=40.0,
+        within=(1.0, 40.0),
         advanced=True,
     )
     min_points: int = parameter(
         10,
         "Fewest points of a building; raising it drops more of the small clusters.",
-        minimum=1,
+        within=(1, None),
         advanced=True,
     )
     min_area: float = parameter(
         6.0,
         "Smallest area of a building, measured from its number of points; raising it drops more sheds.",
         unit="m²",
-        minimum=0.0,
+        within=(0.0, None),
     )
     min_neck: float = parameter(
         2.5,
         "Width of a neck of points below which the buildings on its ends are two; raising it cuts wider "
         "ones, 0 cuts none, as published.",
         unit="spacings",
-        minimum=0.0,
-        maximum=4.0,
+        within=(0.0, 4.0),
         advanced=True,
     )
     split_at_steps: bool = parameter(
@@ -58,8 +55,7 @@ class SegmentationConfig(StageConfig):
         1.0,
         "Height of a step from which it parts buildings; raising it leaves more of them in one.",
         unit="m",
-        minimum=0.1,
-        maximum=100.0,
+        within=(0.1, 100.0),
         advanced=True,
     )
 

@@ -25,8 +25,7 @@ class RasterConfig(StageConfig):
         "Side of a cell of the rasters of ground and surface; a larger one gives smaller files and less "
         "detail, 0 gives no rasters.",
         unit="m",
-        minimum=0.0,
-        maximum=100.0,
+        within=(0.0, 100.0),
         read_only=True,
     )
     raster_reach: float = parameter(
@@ -34,8 +33,7 @@ class RasterConfig(StageConfig):
         "Radius of the smallest circle without any point that stays unknown in the rasters; a larger one "
         "closes wider waters and gaps, and wants a buffer three times as wide.",
         unit="m",
-        minimum=0.0,
-        maximum=200.0,
+        within=(0.0, 200.0),
         read_only=True,
         advanced=True,
     )
