@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, fixed, parameter
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.core.scans.config import ScanConfig
@@ -25,40 +25,36 @@ from lidar_buildings.pipeline.config import STAGE_CONFIGS
 class SendingConfig(StageConfig):
     """How many tiles may be in the graph, and how long they are waited for."""
 
-    max_tiles_in_flight: int = parameter(
+    max_tiles_in_flight: int = fixed(
         2,
         "How many tiles may be in the graph; more keep more stages busy and take more memory; "
         "0 sends without waiting for `tile_done`.",
         within=(0, 8),
-        read_only=True,
         advanced=True,
     )
-    tile_timeout: float = parameter(
+    tile_timeout: float = fixed(
         60.0,
         "Time after which a tile that no node has in hand is sent again if no node says anything, doubled at "
         "each attempt; a longer one leaves more time to nodes that send no receipts.",
         unit="s",
         within=(0.1, 86_400.0),
-        read_only=True,
         advanced=True,
     )
-    max_attempts: int = parameter(
+    max_attempts: int = fixed(
         4,
         "After so many attempts a tile is given up; one that was on its way when a node was restarted "
         "has lost none.",
         within=(1, 100),
-        read_only=True,
         advanced=True,
     )
-    wait_for: tuple[str, ...] = parameter(
+    wait_for: tuple[str, ...] = fixed(
         ("points",),
         "Topics that must have a subscriber before a tile is sent, so that no node misses the first one; one "
         "that is named twice must have two.",
-        read_only=True,
         advanced=True,
     )
-    start_paused: bool = parameter(
-        False, "Whether to wait for ~/resume or ~/step before the first tile.", read_only=True, advanced=True
+    start_paused: bool = fixed(
+        False, "Whether to wait for ~/resume or ~/step before the first tile.", advanced=True
     )
 
 
@@ -68,13 +64,10 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
 
     stage: ClassVar[str] = "tile_player"
 
-    input: tuple[str, ...] = parameter(
-        (), "Files, folders and globs of LAS, LAZ and COPC clouds; bags of scans.", read_only=True
-    )
-    placed: str = parameter(
+    input: tuple[str, ...] = fixed((), "Files, folders and globs of LAS, LAZ and COPC clouds; bags of scans.")
+    placed: str = fixed(
         "",
         "Folder for the points of bags, the same for `model_writer`; empty: a temporary one.",
-        read_only=True,
         advanced=True,
     )
     rate: float = parameter(
@@ -82,16 +75,14 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
         "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
         within=(0.0, 1_000_000.0),
     )
-    loop: bool = parameter(
+    loop: bool = fixed(
         False,
         "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
-        read_only=True,
         advanced=True,
     )
-    publish_clock: bool = parameter(
+    publish_clock: bool = fixed(
         False,
         "Whether to publish the stamps as time on `/clock`, for use_sim_time.",
-        read_only=True,
         advanced=True,
     )
 
@@ -103,17 +94,15 @@ class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
     stage: ClassVar[str] = ScanConfig.stage
     is_of_node: ClassVar[bool] = False
 
-    map_crs: str = parameter(
+    map_crs: str = fixed(
         "",
         "Reference system of the map, such as EPSG:28992, if map_position is given.",
-        read_only=True,
         advanced=True,
     )
-    map_position: str = parameter(
+    map_position: str = fixed(
         "",
         "Where the map's origin lies in it: x, y, z [m], with commas between them. Empty: as `map_origin` or "
         "`fix` tells, else nowhere.",
-        read_only=True,
         advanced=True,
     )
 
@@ -142,18 +131,16 @@ class GroundFilterNodeConfig(GroundFilterConfig):
 
     stage: ClassVar[str] = GroundFilterConfig.stage
 
-    publish_dtm: bool = parameter(
+    publish_dtm: bool = fixed(
         False,
         "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.",
-        read_only=True,
         advanced=True,
     )
-    dtm_resolution: float = parameter(
+    dtm_resolution: float = advanced(
         0.5,
         "Side of a cell of `dtm`; a larger one gives smaller messages and less detail.",
         unit="m",
         within=(0.05, 100.0),
-        advanced=True,
     )
 
 
@@ -163,13 +150,12 @@ class FootprintNodeConfig(FootprintConfig):
 
     stage: ClassVar[str] = FootprintConfig.stage
 
-    file: str = parameter(
+    file: str = fixed(
         "",
         "File of polygons to use as outlines instead of tracing; the same for `model_writer`, and with it "
         "`regularisation.keep_outlines`. Empty: outlines are traced.",
-        read_only=True,
     )
-    layer: str = parameter("", "Layer of the file; empty: its only one.", read_only=True, advanced=True)
+    layer: str = fixed("", "Layer of the file; empty: its only one.", advanced=True)
 
 
 @dataclass(frozen=True)
@@ -178,10 +164,9 @@ class FlowControlConfig(StageConfig):
 
     stage: ClassVar[str] = "flow_control"
 
-    publish_tile_done: bool = parameter(
+    publish_tile_done: bool = fixed(
         False,
         "Whether to report a tile as done once its models are published, in a graph that writes no files.",
-        read_only=True,
         advanced=True,
     )
 
@@ -192,13 +177,12 @@ class MapFrameConfig(StageConfig):
 
     stage: ClassVar[str] = "map_frame"
 
-    frame_patience: float = parameter(
+    frame_patience: float = fixed(
         10.0,
         "Time that a tile waits for `map_origin` while nobody publishes it; then the map frame is taken as "
         "it is, with origin 0 and without a reference system. A longer one suits sources that start late.",
         unit="s",
         within=(0.1, 86_400.0),
-        read_only=True,
         advanced=True,
     )
 
@@ -209,45 +193,36 @@ class ModelWriterConfig(MapFrameConfig, OutputConfig, InputConfig):
 
     stage: ClassVar[str] = OutputConfig.stage
 
-    input: tuple[str, ...] = parameter(
+    input: tuple[str, ...] = fixed(
         (),
         "The same files, folders and globs as of `tile_player`. Empty: the survey is live, the map frame is "
         "that of `map_origin`, and tiles stay on disk when files are made of them.",
-        read_only=True,
         advanced=True,
     )
-    placed: str = parameter(
+    placed: str = fixed(
         "",
         "Folder with the clouds that a live source writes of its points (`points_*.laz`), or `tile_player` "
         "of bags, from which the classified ones are made; empty: none are made in a live survey.",
-        read_only=True,
         advanced=True,
     )
-    output: str = parameter("", "Folder for the results.", read_only=True)
-    overwrite: bool = parameter(
-        False, "Whether to begin anew in a folder with earlier results.", read_only=True, advanced=True
-    )
-    until: str = parameter(
-        STAGES[-1], "The last stage that the graph runs.", choices=STAGES, read_only=True, advanced=True
-    )
-    settings: str = parameter(
+    output: str = fixed("", "Folder for the results.")
+    overwrite: bool = fixed(False, "Whether to begin anew in a folder with earlier results.", advanced=True)
+    until: str = fixed(STAGES[-1], "The last stage that the graph runs.", choices=STAGES, advanced=True)
+    settings: str = fixed(
         "",
         "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
-        read_only=True,
         advanced=True,
     )
-    footprints: str = parameter(
+    footprints: str = fixed(
         "",
         "File of the footprints that `building_tracer` was given, empty if none.",
-        read_only=True,
         advanced=True,
     )
-    footprints_layer: str = parameter("", "Layer of it; empty: its only one.", read_only=True, advanced=True)
-    footprint_id: str = parameter(
+    footprints_layer: str = fixed("", "Layer of it; empty: its only one.", advanced=True)
+    footprint_id: str = fixed(
         "",
         "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
         "the features' numbers.",
-        read_only=True,
         advanced=True,
     )
 
@@ -258,13 +233,12 @@ class RecorderConfig(StageConfig):
 
     stage: ClassVar[str] = "recorder"
 
-    topics: tuple[str, ...] = parameter(
+    topics: tuple[str, ...] = fixed(
         RECORDED,
         "Topics to record; as they are called here, or any other topic by its own name.",
-        read_only=True,
         advanced=True,
     )
-    output: str = parameter("", "Folder for the bag, which must not be there.", read_only=True, advanced=True)
+    output: str = fixed("", "Folder for the bag, which must not be there.", advanced=True)
 
 
 #: What a node's configs have beside those of its stage: parameters that only nodes know.

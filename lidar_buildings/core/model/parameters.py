@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
+from functools import partial
 from typing import Any, ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
@@ -55,6 +56,10 @@ def parameter(default: Any, description: str, **spec: Any) -> Any:
     Declare a config field with its default, whose type is the parameter's, and what `ParameterSpec` holds.
     """
     return field(default=default, metadata={"spec": ParameterSpec(description, **spec)})
+
+
+#: Those that few users turn, and those whose value is fixed once the node has started.
+advanced, fixed = partial(parameter, advanced=True), partial(parameter, read_only=True)
 
 
 def spec_of(config_field: Field[Any]) -> ParameterSpec:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.ids import STEP, tile_of
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 
 #: More are not foreseen.
 MAX_REPLICAS = 64
@@ -22,19 +22,17 @@ class ReplicaConfig(StageConfig):
     stage: ClassVar[str] = "replicas"
     is_of_node: ClassVar[bool] = True
 
-    replica: int = parameter(
+    replica: int = fixed(
         0,
         "Number of this node among those of its kind that share the tiles, from 0; each has a name of its "
         "own, such as roof_selector_1.",
         within=(0, MAX_REPLICAS - 1),
-        read_only=True,
         advanced=True,
     )
-    replicas: int = parameter(
+    replicas: int = fixed(
         1,
         "How many nodes of this kind share the tiles, in one host or several; all must be there.",
         within=(1, MAX_REPLICAS),
-        read_only=True,
         advanced=True,
     )
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.point_times import UNITS
 from lidar_buildings.core.scans.trajectory import Pose
 
@@ -23,51 +23,44 @@ class ScanConfig(StageConfig):
     #: In a node that places bags beside what else it does.
     is_of_node: ClassVar[bool] = True
 
-    georeferenced: bool = parameter(
+    georeferenced: bool = fixed(
         False,
         "Whether scans are taken as they are, their coordinates being the map's; no pose is looked for then.",
-        read_only=True,
     )
-    map_frame: str = parameter(
+    map_frame: str = fixed(
         "map",
         "Frame in which scans are placed; if nobody tells of it, the last one on the way up from the scan's.",
-        read_only=True,
         advanced=True,
     )
-    mounting: str = parameter(
+    mounting: str = fixed(
         "",
         "Where the scanner is fixed in the frame that poses are of: x, y, z [m], roll, pitch, yaw [deg], "
         "with commas between them (lever arm and boresight); empty if /tf_static tells, or it is that frame.",
-        read_only=True,
     )
-    antenna: str = parameter(
+    antenna: str = fixed(
         "",
         "Where the antenna of satellite positions (fix) is in the frame that poses are of: x, y, z [m], with "
         "commas between them; empty: at its origin.",
-        read_only=True,
         advanced=True,
     )
-    time_unit: str = parameter(
+    time_unit: str = fixed(
         "auto",
         "Unit of the points' own times; auto finds it out.",
         choices=("auto", *UNITS),
-        read_only=True,
         advanced=True,
     )
-    max_pose_gap: float = parameter(
+    max_pose_gap: float = fixed(
         0.5,
         "Longest time between two poses that is filled; raising it places more points, and worse.",
         unit="s",
         within=(0.0, 60.0),
-        read_only=True,
         advanced=True,
     )
-    max_speed: float = parameter(
+    max_speed: float = fixed(
         150.0,
         "Highest speed of the sensor; between poses that are further apart no point is placed.",
         unit="m/s",
         within=(0.1, 10_000.0),
-        read_only=True,
         advanced=True,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 
 
 @dataclass(frozen=True)
@@ -14,28 +14,23 @@ class BagConfig(StageConfig):
 
     stage: ClassVar[str] = "tile_player"
 
-    topic: str = parameter(
-        "", "Topic of the scans of a bag; empty: its only one of clouds.", read_only=True, advanced=True
-    )
-    odometry: str = parameter(
+    topic: str = fixed("", "Topic of the scans of a bag; empty: its only one of clouds.", advanced=True)
+    odometry: str = fixed(
         "",
         "Topic of the poses of a bag; empty: its only one of odometry, else `/tf`.",
-        read_only=True,
         advanced=True,
     )
-    start: float = parameter(
+    start: float = fixed(
         0.0,
         "A bag is read from so long after its beginning on.",
         unit="s",
         within=(0.0, None),
-        read_only=True,
         advanced=True,
     )
-    duration: float = parameter(
+    duration: float = fixed(
         0.0,
         "So much of a bag is read; 0: to its end.",
         unit="s",
         within=(0.0, None),
-        read_only=True,
         advanced=True,
     )

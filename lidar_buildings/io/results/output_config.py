@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameters import parameter
+from lidar_buildings.core.model.parameters import fixed
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 
 #: The format of what has a place on the earth.
@@ -37,45 +37,40 @@ class OutputConfig(RasterConfig):
 
     stage: ClassVar[str] = RasterConfig.stage
 
-    formats: tuple[str, ...] = parameter(
+    formats: tuple[str, ...] = fixed(
         _DEFAULT_FORMATS,
         "Formats of the files that tell of buildings, and the page to look at; fewer take less time "
         "and room.",
         choices=FORMATS,
-        read_only=True,
     )
-    max_buildings_per_file: int = parameter(
+    max_buildings_per_file: int = fixed(
         20_000,
         "Buildings above which they are written in blocks, squares of at most as many each, with an index; "
         "raising it gives fewer, larger files and takes more memory.",
         within=(1, 100_000_000),
-        read_only=True,
         advanced=True,
     )
-    terrain_tolerance: float = parameter(
+    terrain_tolerance: float = fixed(
         0.2,
         "Height by which the triangles of the terrain in city models may be off the raster of the ground; "
         "raising it makes files smaller, 0 leaves the terrain out.",
         unit="m",
         within=(0.0, 100.0),
-        read_only=True,
         advanced=True,
     )
-    geoid_height: float = parameter(
+    geoid_height: float = fixed(
         0.0,
         "Height of the geoid above the ellipsoid of WGS 84, which 3D Tiles stand on: added to elevations "
         "where no grid of PROJ turns them into ellipsoidal heights.",
         unit="m",
         within=(-200.0, 200.0),
-        read_only=True,
         advanced=True,
     )
 
-    copc: bool = parameter(
+    copc: bool = fixed(
         False,
         "Whether each classified cloud is written a second time, as COPC: in the order of an octree, for "
         "viewers that show any part at any detail.",
-        read_only=True,
         advanced=True,
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.config import ScanConfig
 
 #: The smallest side of a tile that may be asked for [m].
@@ -17,11 +17,10 @@ _SMALLEST = 10.0
 class InputConfig(StageConfig):
     """What inputs may leave unsaid."""
 
-    crs: str = parameter(
+    crs: str = fixed(
         "",
         "Reference system of inputs that name none, such as EPSG:28992, the same for `tile_player` and "
         "`model_writer`; inputs that name another one are refused.",
-        read_only=True,
         advanced=True,
     )
 
@@ -32,38 +31,34 @@ class TilingConfig(StageConfig):
 
     stage: ClassVar[str] = "tile_player"
 
-    tile_size: float = parameter(
+    tile_size: float = fixed(
         0.0,
         "Side of a tile, 0 for one that suits max_tile_points; a larger one needs fewer seams and more "
         "memory.",
         unit="m",
         within=(0.0, 10_000.0),
-        read_only=True,
     )
-    buffer: float = parameter(
+    buffer: float = fixed(
         75.0,
         "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
         "west a third. A larger one lets larger buildings cross its edge, and the ground filter see more of "
         "the terrain. Half of it where tile_size is 0 and points are dense.",
         unit="m",
         within=(0.0, 1_000.0),
-        read_only=True,
     )
-    max_tile_points: int = parameter(
+    max_tile_points: int = fixed(
         3_300_000,
         "Most points of a tile with its buffer where tile_size is 0; raising it lets stages see fewer points "
         "twice, and takes about 0.3 GB of memory a million points, for each tile that is worked on.",
         within=(1_000, 1_000_000_000),
-        read_only=True,
         advanced=True,
     )
-    max_buffer: float = parameter(
+    max_buffer: float = fixed(
         200.0,
         "How far the buffer may grow on each side for a building that reaches across it; a larger one keeps "
         "halls whole.",
         unit="m",
         within=(0.0, 2_000.0),
-        read_only=True,
         advanced=True,
     )
 
@@ -82,52 +77,46 @@ class LiveTilingConfig(TilingConfig):
 
     stage: ClassVar[str] = ScanConfig.stage
 
-    tile_size: float = parameter(
+    tile_size: float = fixed(
         0.0,
         "Side of a tile, 0 for one that suits how densely the scanner covers the ground; a larger one is "
         "waited for longer, and costs less, as tiles overlap.",
         unit="m",
         within=(0.0, 10_000.0),
-        read_only=True,
     )
-    buffer: float = parameter(
+    buffer: float = fixed(
         35.0,
         "Width of the strip of neighbours east of a tile; those north and south are two thirds as wide, that "
         "west a third.",
         unit="m",
         within=(0.0, 1_000.0),
-        read_only=True,
         advanced=True,
     )
-    max_tile_points: int = parameter(
+    max_tile_points: int = fixed(
         5_000_000,
         "Most points kept of a tile without its buffer, as a sensor that stands still goes on for ever; from "
         "half of it on points near others are left out, and all beyond it.",
         within=(1_000, 1_000_000_000),
-        read_only=True,
         advanced=True,
     )
-    leave_after: float = parameter(
+    leave_after: float = fixed(
         0.5,
         "A tile is sent when so long no point has fallen into it or its buffer; again, with the points that "
         "have come, when as long no more have, or longer where fewer than one in a hundred are new. Raising "
         "it sends later, and less often.",
         unit="s",
         within=(0.0, 86_400.0),
-        read_only=True,
     )
-    leave_distance: float = parameter(
+    leave_distance: float = fixed(
         0.0,
         "A tile is sent, too, when the sensor is so far from it and its buffer, though single points still "
         "fall into it; 0: only time tells.",
         unit="m",
         within=(0.0, 100_000.0),
-        read_only=True,
         advanced=True,
     )
-    spool: str = parameter(
+    spool: str = fixed(
         "",
         "Folder in which points wait for their turn; with one a feed goes on where it was cut off. Empty: a "
         "temporary one.",
-        read_only=True,
     )

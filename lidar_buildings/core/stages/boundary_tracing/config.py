@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -14,19 +14,17 @@ class BoundaryTracingConfig(StageConfig):
 
     stage: ClassVar[str] = "boundary_tracing"
 
-    source: str = parameter(
+    source: str = advanced(
         "points",
         "Which points of a building are traced: all, or those labelled as edges, as Santos and others "
         "suggest.",
         choices=("points", "edge_points"),
-        advanced=True,
     )
-    neighbourhood: str = parameter(
+    neighbourhood: str = advanced(
         "automatic",
         "Shape of the neighbourhood: a rectangle where scan lines tell how it should be turned, else a disc; "
         "or, as published, always a rectangle, with the scan's own spacings however they differ.",
         choices=("automatic", "rectangle"),
-        advanced=True,
     )
     window: float = parameter(
         6.0,
@@ -34,7 +32,7 @@ class BoundaryTracingConfig(StageConfig):
         unit="spacings",
         within=(2.0, 40.0),
     )
-    courtyards: bool = parameter(True, "Whether courtyards are traced as holes.", advanced=True)
+    courtyards: bool = advanced(True, "Whether courtyards are traced as holes.")
     min_courtyard_area: float = parameter(
         9.0,
         "Smallest area of a courtyard; raising it leaves more gaps inside the roof unmarked.",

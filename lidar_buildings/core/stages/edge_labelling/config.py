@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 #: Feature set → how many numbers a point has in it.
 N_FEATURES = {"eigenvalues": 3, "linearity_planarity": 2, "linearity": 1}
@@ -29,45 +29,39 @@ class EdgeLabellingConfig(StageConfig):
         "What k-means clusters the points by; eigenvalues find more edges, of which fewer are right.",
         choices=tuple(N_FEATURES),
     )
-    distance: str = parameter(
+    distance: str = advanced(
         "euclidean",
         "Distance of k-means: Manhattan takes medians for centres, Mahalanobis weighs by the features' "
         "covariance.",
         choices=("euclidean", "manhattan", "mahalanobis"),
-        advanced=True,
     )
-    scope: str = parameter(
+    scope: str = advanced(
         "roof",
         "Which points share their clusters: those of a roof, all of a tile, or of all tiles (the "
         "centres then are given).",
         choices=("roof", "tile", "given"),
-        advanced=True,
     )
-    centres: str = parameter(
+    centres: str = advanced(
         "",
         "Two centres for scope given, that of surfaces first: numbers parted by blanks, two times as many as "
         "there are features, eigenvalues in units of R²; empty takes typical ones.",
-        advanced=True,
     )
-    max_radius: float = parameter(
+    max_radius: float = advanced(
         4.0,
         "Largest radius that the entropy can choose; raising it helps on noisy surfaces and takes longer.",
         unit="spacings",
         within=(1.0, 50.0),
-        advanced=True,
     )
-    n_radii: int = parameter(
+    n_radii: int = advanced(
         10,
         "Number of radii between these two, closer together at the small end; raising it takes longer.",
         within=(1, 50),
-        advanced=True,
     )
-    entropy: str = parameter(
+    entropy: str = advanced(
         "dimensionality",
         "What is least at the radius chosen: the entropy of line, plane and volume (Demantké and others, "
         "2011), or that of the eigenvalues (Weinmann and others, 2015), which favours lines.",
         choices=("dimensionality", "eigenentropy"),
-        advanced=True,
     )
     thinning: str = parameter(
         "outline",
@@ -82,13 +76,12 @@ class EdgeLabellingConfig(StageConfig):
         unit="spacings",
         within=(0.5, 20.0),
     )
-    band_reach: float = parameter(
+    band_reach: float = advanced(
         1.5,
         "A rim point is an edge if the band comes this near in plan; raising it closes gaps in edges and "
         "lets holes in roofs be edges.",
         unit="spacings",
         within=(0.0, 20.0),
-        advanced=True,
     )
 
     def __post_init__(self) -> None:

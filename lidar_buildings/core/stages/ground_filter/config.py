@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.classes import CLASS_GROUPS
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 #: Side of the cells of which only the lowest point may enter the terrain [m]; from `bench.ground.isprs`.
 CANDIDATE_SPACING = 1.0
@@ -65,85 +65,74 @@ class GroundFilterConfig(StageConfig):
         "wires and bridges have no part in the terrain.",
         choices=tuple(CLASS_GROUPS),
     )
-    slope_gain: float = parameter(
+    slope_gain: float = advanced(
         0.6,
         "By how much of a facet's own slope the iteration angle grows: raising it follows rough and steep "
         "terrain better, and climbs objects on it.",
         within=(0.0, 2.0),
-        advanced=True,
     )
-    iteration_distance: float = parameter(
+    iteration_distance: float = advanced(
         0.8,
         "Largest distance above its facet at which a point may join the TIN: raising it climbs steps and low "
         "objects.",
         unit="m",
         within=(0.01, 20.0),
-        advanced=True,
     )
-    landform_distance: float = parameter(
+    landform_distance: float = advanced(
         3.5,
         "Largest distance above its facet at which a point of a bank, mound or terrace may join: raising it "
         "finds higher ones, and more objects to choose between. No landforms are looked for if it is not "
         "above iteration_distance.",
         unit="m",
         within=(0.0, 50.0),
-        advanced=True,
     )
-    max_steep_share: float = parameter(
+    max_steep_share: float = advanced(
         0.15,
         "Largest share of steep links between a landform and the terrain around, among objects: raising it "
         "keeps more terraces, and more low buildings and bushes.",
         within=(0.0, 1.0),
-        advanced=True,
     )
-    max_open_steep_share: float = parameter(
+    max_open_steep_share: float = advanced(
         0.7,
         "The same in open terrain, where hardly any object stands.",
         within=(0.0, 1.0),
-        advanced=True,
     )
-    profile_directions: int = parameter(
+    profile_directions: int = advanced(
         4,
         "Number of directions in which bidirectional_slope cuts profiles beside the scan lines: raising it "
         "makes labels surer, and slower.",
         within=(1, 16),
-        advanced=True,
     )
-    profile_max_slope: float = parameter(
+    profile_max_slope: float = advanced(
         0.6,
         "A profile that rises more steeply, rise over run, leaves the ground: raising it climbs steeper "
         "terrain, and low objects.",
         within=(0.01, 10.0),
-        advanced=True,
     )
-    profile_step: float = parameter(
+    profile_step: float = advanced(
         0.35,
         "A profile leaves the ground where it rises by more, and is back within so much of the ground it "
         "left: raising it takes in higher kerbs and shrubs.",
         unit="m",
         within=(0.01, 5.0),
-        advanced=True,
     )
-    profile_max_object: float = parameter(
+    profile_max_object: float = advanced(
         80.0,
         "Nothing longer along a profile is an object: raising it copes with larger buildings, and may lose "
         "terraces.",
         unit="m",
         within=(1.0, 1000.0),
-        advanced=True,
     )
-    opening_radius: float = parameter(
+    opening_radius: float = advanced(
         18.0,
         "Radius of the largest disc that cuts off whatever rises above it: raising it removes wider objects, "
         "and hilltops.",
         unit="m",
         within=(1.0, 200.0),
-        advanced=True,
     )
-    opening_slope: float = parameter(
+    opening_slope: float = advanced(
         0.15,
         "Steepest rise over the radius of a disc that is terrain, rise over run: raising it keeps steeper "
         "terrain, and lower objects.",
         within=(0.0, 5.0),
-        advanced=True,
     )

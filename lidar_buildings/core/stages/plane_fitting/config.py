@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -14,12 +14,11 @@ class PlaneFittingConfig(StageConfig):
 
     stage: ClassVar[str] = "plane_fitting"
 
-    method: str = parameter(
+    method: str = advanced(
         "connected",
         "How planes are found: connected, each a piece of surface, as many as pay; or ransac, one after "
         "the other out of all points, as published.",
         choices=("connected", "ransac"),
-        advanced=True,
     )
     max_plane_distance: float = parameter(
         0.18,
@@ -28,13 +27,12 @@ class PlaneFittingConfig(StageConfig):
         unit="m",
         within=(0.01, 2.0),
     )
-    max_normal_angle_deg: float = parameter(
+    max_normal_angle_deg: float = advanced(
         35.0,
         "Largest angle between a plane and the surface around a point of it; raising it lets planes run "
         "through rough surfaces (connected).",
         unit="deg",
         within=(5.0, 90.0),
-        advanced=True,
     )
     min_plane_area: float = parameter(
         1.5,
@@ -42,11 +40,10 @@ class PlaneFittingConfig(StageConfig):
         unit="m²",
         within=(0.0, 1000.0),
     )
-    min_plane_points: int = parameter(
+    min_plane_points: int = advanced(
         6,
         "Fewest points of a plane whatever its area; raising it drops small planes of sparse clouds.",
         within=(4, 100000),
-        advanced=True,
     )
     max_slope_deg: float = parameter(
         80.0,
@@ -54,23 +51,21 @@ class PlaneFittingConfig(StageConfig):
         unit="deg",
         within=(10.0, 90.0),
     )
-    largest_plane_area: float = parameter(
+    largest_plane_area: float = advanced(
         0.0,
         "With ransac: area of the largest plane that is likely; a sample with as many points as it has ends "
         "the search for that plane. Raising it draws more samples, 0 draws all.",
         unit="m²",
         within=(0.0, 1_000_000.0),
-        advanced=True,
     )
-    outlier_share: float = parameter(
+    outlier_share: float = advanced(
         0.4,
         "Expected share of points that lie on other surfaces: of those near a roof point (connected), or of "
         "all (ransac); raising it draws more samples.",
         within=(0.0, 0.95),
-        advanced=True,
     )
-    random_state: int = parameter(
-        0, "Seed of the random samples; another value draws others.", within=(0, None), advanced=True
+    random_state: int = advanced(
+        0, "Seed of the random samples; another value draws others.", within=(0, None)
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -14,19 +14,17 @@ class RegularisationConfig(StageConfig):
 
     stage: ClassVar[str] = "regularisation"
 
-    division: str = parameter(
+    division: str = advanced(
         "optimal",
         "How a ring is divided into walls: the best division of all; or, as published by Sampath & Shan "
         "(2007), where an edge turns from the one before.",
         choices=("optimal", "slope_changes"),
-        advanced=True,
     )
-    max_turn_deg: float = parameter(
+    max_turn_deg: float = advanced(
         40.0,
         "Largest angle between two edges of one wall, with slope_changes; raising it gives fewer walls.",
         unit="deg",
         within=(1.0, 90.0),
-        advanced=True,
     )
     noise: float = parameter(
         0.3,
@@ -34,76 +32,65 @@ class RegularisationConfig(StageConfig):
         unit="spacings",
         within=(0.01, 5.0),
     )
-    finest_spacing: float = parameter(
+    finest_spacing: float = advanced(
         0.25,
         "Spacing that points are worth at best, by their planimetric accuracy; raising it removes detail.",
         unit="m",
         within=(0.0, 100.0),
-        advanced=True,
     )
-    bridge_concavities: bool = parameter(
+    bridge_concavities: bool = advanced(
         True,
         "Whether concavities that are gaps between points are bridged before walls are sought.",
-        advanced=True,
     )
-    wall_cost: float = parameter(
+    wall_cost: float = advanced(
         20.0,
         "What a wall must save in squared offsets over noise²; raising it gives fewer walls.",
         within=(0.0, None),
-        advanced=True,
     )
-    curved_walls: bool = parameter(
+    curved_walls: bool = advanced(
         True,
         "Whether arcs are sought; without them curved walls are drawn with straight ones.",
-        advanced=True,
     )
-    chord_error: float = parameter(
+    chord_error: float = advanced(
         0.1,
         "Largest distance of an arc from the chords it is drawn with; raising it saves vertices.",
         unit="spacings",
         within=(0.001, 10.0),
-        advanced=True,
     )
-    max_directions: int = parameter(
+    max_directions: int = advanced(
         8,
         "Most pairs of perpendicular directions that are tried; raising it serves crooked blocks.",
         within=(0, 32),
-        advanced=True,
     )
-    angle_tolerance_deg: float = parameter(
+    angle_tolerance_deg: float = advanced(
         10.0,
         "Largest angle between long walls of one direction; raising it joins more of them.",
         unit="deg",
         within=(0.0, 45.0),
-        advanced=True,
     )
-    min_long_wall: float = parameter(
+    min_long_wall: float = advanced(
         0.0,
         "Length from which a wall helps to find the directions (10 as published), 0 for 8 spacings; raising "
         "it leaves fewer.",
         unit="m",
         within=(0.0, 1000.0),
-        advanced=True,
     )
-    adjustment: str = parameter(
+    adjustment: str = advanced(
         "robust",
         "How directions are found: long walls that do not fit have none; or, as published, all long walls "
         "take part, and both directions are estimated once more with all walls.",
         choices=("robust", "joint"),
-        advanced=True,
     )
-    direction_weight: float = parameter(
+    direction_weight: float = advanced(
         100.0,
         "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
         within=(0.0, None),
-        advanced=True,
     )
-    min_step: float = parameter(
+    min_step: float = advanced(
         1.0,
         "Shortest wall and smallest step between parallel ones; raising it removes more detail.",
         unit="spacings",
         within=(0.0, 100.0),
-        advanced=True,
     )
     correct_bias: bool = parameter(
         False, "Whether walls are moved out to the edge that points lie inside of, or go through the points."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -34,21 +34,19 @@ class RoofSelectionConfig(StageConfig):
         unit="m",
         within=(0.005, 2.0),
     )
-    max_plane_distance: float = parameter(
+    max_plane_distance: float = advanced(
         0.25,
         "Distance from the plane of a nearby roof up to which a point belongs to it; raising it completes "
         "edges and takes in what touches them.",
         unit="m",
         within=(0.01, 5.0),
-        advanced=True,
     )
-    max_part_area: float = parameter(
+    max_part_area: float = advanced(
         12.0,
         "Largest chimney, dormer or other part on a roof that need not be smooth; raising it keeps more "
         "vegetation over roofs.",
         unit="m^2",
         within=(0.0, 1000.0),
-        advanced=True,
     )
     min_building_area: float = parameter(
         12.0,
@@ -56,102 +54,89 @@ class RoofSelectionConfig(StageConfig):
         unit="m^2",
         within=(0.0, 10000.0),
     )
-    planarity_cell: float = parameter(
+    planarity_cell: float = advanced(
         2.0,
         "With lasclassify: side of the cells that are planar or rugged, at least 2.8 point spacings; raising "
         "it finds roofs in sparser data and loses small ones.",
         unit="m",
         within=(0.5, 20.0),
-        advanced=True,
     )
-    max_planar_deviation: float = parameter(
+    max_planar_deviation: float = advanced(
         0.1,
         "With lasclassify: standard deviation from a plane up to which a cell is roof; raising it accepts "
         "noisier scans and more vegetation.",
         unit="m",
         within=(0.005, 2.0),
-        advanced=True,
     )
-    min_rugged_deviation: float = parameter(
+    min_rugged_deviation: float = advanced(
         0.4,
         "With lasclassify: standard deviation from a plane above which a cell is vegetation; raising it "
         "keeps more of the roof beside trees.",
         unit="m",
         within=(0.005, 10.0),
-        advanced=True,
     )
-    min_roof_width: float = parameter(
+    min_roof_width: float = advanced(
         2.5,
         "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
         "hedges. Not used where it is less than five spacings.",
         unit="m",
         within=(0.0, 20.0),
-        advanced=True,
     )
-    min_building_width: float = parameter(
+    min_building_width: float = advanced(
         3.0,
         "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, "
         "hedges and small garages. Not used where it is less than two spacings.",
         unit="m",
         within=(0.0, 50.0),
-        advanced=True,
     )
-    facade_reach: float = parameter(
+    facade_reach: float = advanced(
         0.2,
         "How far in plan from a roof's edge, or a large wall, the points below are façade, of the building's "
         "class; raising it takes in what stands beside walls, and 0 tells neither façades nor walls.",
         unit="m",
         within=(0.0, 5.0),
-        advanced=True,
     )
-    roof_returns: str = parameter(
+    roof_returns: str = advanced(
         "single",
         "With single_returns: the returns that can be roof; the paper's single ones lose roof edges, where "
         "pulses are split. Where there are no return numbers, all count.",
         choices=("single", "last", "all"),
-        advanced=True,
     )
-    low_vegetation_height: float = parameter(
-        0.2, "Height up to which vegetation is low.", unit="m", within=(0.01, 5.0), advanced=True
+    low_vegetation_height: float = advanced(
+        0.2, "Height up to which vegetation is low.", unit="m", within=(0.01, 5.0)
     )
-    medium_vegetation_height: float = parameter(
+    medium_vegetation_height: float = advanced(
         3.0,
         "Height up to which vegetation is medium, high from there on.",
         unit="m",
         within=(0.1, 20.0),
-        advanced=True,
     )
-    max_vegetation_height: float = parameter(
+    max_vegetation_height: float = advanced(
         150.0,
         "Height from which on what is no roof stays unclassified.",
         unit="m",
         within=(5.0, 1000.0),
-        advanced=True,
     )
-    road_method: str = parameter(
+    road_method: str = advanced(
         "automatic",
         "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
         "by the intensities given, of areas or, as published, of each point as it was recorded; or not at "
         "all.",
         choices=("automatic", "thresholds", "grey_values", "none"),
-        advanced=True,
     )
-    min_road_intensity: float = parameter(
+    min_road_intensity: float = advanced(
         40.0,
         "With thresholds and grey_values: darkest intensity of roads; raising it drops the darkest ground.",
         within=(0.0, 255.0),
-        advanced=True,
     )
-    max_road_intensity: float = parameter(
+    max_road_intensity: float = advanced(
         100.0,
         "With thresholds and grey_values: brightest intensity of roads; raising it takes in more ground.",
         within=(0.0, 255.0),
-        advanced=True,
     )
-    min_road_area: float = parameter(
+    min_road_area: float = advanced(
         100.0,
         "Smallest connected road; raising it drops driveways and dark yards.",
         unit="m^2",
         within=(0.0, 100000.0),
-        advanced=True,
     )

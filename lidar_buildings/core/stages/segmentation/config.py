@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -21,18 +21,16 @@ class SegmentationConfig(StageConfig):
         unit="spacings",
         within=(2.0, 20.0),
     )
-    min_line_ratio: float = parameter(
+    min_line_ratio: float = advanced(
         1.5,
         "Ratio of the spacings along and across scan lines from which windows are laid along them; raising "
         "it lays fewer, 1, as published, all.",
         within=(1.0, 40.0),
-        advanced=True,
     )
-    min_points: int = parameter(
+    min_points: int = advanced(
         10,
         "Fewest points of a building; raising it drops more of the small clusters.",
         within=(1, None),
-        advanced=True,
     )
     min_area: float = parameter(
         6.0,
@@ -40,23 +38,21 @@ class SegmentationConfig(StageConfig):
         unit="m²",
         within=(0.0, None),
     )
-    min_neck: float = parameter(
+    min_neck: float = advanced(
         2.5,
         "Width of a neck of points below which the buildings on its ends are two; raising it cuts wider "
         "ones, 0 cuts none, as published.",
         unit="spacings",
         within=(0.0, 4.0),
-        advanced=True,
     )
     split_at_steps: bool = parameter(
         False, "Whether buildings that touch at different heights are split at their step edges."
     )
-    min_step_height: float = parameter(
+    min_step_height: float = advanced(
         1.0,
         "Height of a step from which it parts buildings; raising it leaves more of them in one.",
         unit="m",
         within=(0.1, 100.0),
-        advanced=True,
     )
 
 

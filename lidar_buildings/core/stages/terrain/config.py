@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.core.model.parameters import StageConfig, parameter
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 
 
 @dataclass(frozen=True)
@@ -20,29 +20,26 @@ class RasterConfig(StageConfig):
 
     stage: ClassVar[str] = "model_writer"
 
-    raster_resolution: float = parameter(
+    raster_resolution: float = fixed(
         0.5,
         "Side of a cell of the rasters of ground and surface; a larger one gives smaller files and less "
         "detail, 0 gives no rasters.",
         unit="m",
         within=(0.0, 100.0),
-        read_only=True,
     )
-    raster_reach: float = parameter(
+    raster_reach: float = fixed(
         20.0,
         "Radius of the smallest circle without any point that stays unknown in the rasters; a larger one "
         "closes wider waters and gaps, and wants a buffer three times as wide.",
         unit="m",
         within=(0.0, 200.0),
-        read_only=True,
         advanced=True,
     )
-    dtm_interpolation: str = parameter(
+    dtm_interpolation: str = fixed(
         "linear",
         "How the ground is closed under buildings and in gaps: in the triangles of the points around, by "
         "natural neighbours (wants the extra `terrain`), inverse distances, or a thin-plate spline.",
         choices=("linear", "natural_neighbour", "idw", "spline"),
-        read_only=True,
         advanced=True,
     )
 
