@@ -114,7 +114,7 @@ def test_wrong_use_gives_one_line_and_status_2(command, arguments, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--scene", "vilage"], "'vilage': must be one of"),
+        (["--scene", "vilage"], "'vilage': must be one of village, single_house, "),
         (["--seed", "-1"], "seed = -1"),
         (["--density", "0"], "density = 0"),
         (["--density", "nan"], "density = nan"),

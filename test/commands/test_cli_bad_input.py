@@ -163,11 +163,6 @@ PARAMS = {
         "model_writer: {ros__parameters: {outpt: x}}",
         "no parameter model_writer.outpt (did you mean output?)",
     ),
-    "two values": (
-        "edge_labeller: {ros__parameters: {rim_radius: 1.5}}\n"
-        "building_tracer: {ros__parameters: {edge_labelling: {rim_radius: 1.4}}}",
-        "edge_labelling.rim_radius is both 1.5 and 1.4",
-    ),
 }
 
 

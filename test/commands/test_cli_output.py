@@ -106,6 +106,7 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
     assert len(spoken.err) == 1
     assert spoken.err[0].startswith(f"lidar-buildings: {out}")
     assert "No space left on device" in spoken.err[0]
+    assert ("give the same command again" in spoken.err[0]) == (name != "identity")  # nothing is done then
     final = [path for path in files_in(out) if not path.startswith(".partial/")]
     assert not set(final) & set(FULL[name])
     same = [path for path in final if path not in (TILES3D, "report.html")]  # it tells seconds

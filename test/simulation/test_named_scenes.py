@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SCENES, make_scene
 
 
@@ -66,13 +65,3 @@ def test_the_same_seed_gives_the_same_scene_and_another_seed_another():
     ]
     assert np.array_equal(corners[0], corners[1])
     assert not np.array_equal(corners[0], corners[2])
-
-
-def test_an_unknown_scene_is_refused_with_the_names_there_are():
-    with pytest.raises(ParameterError, match="scene = 'town': must be one of village, single_house"):
-        make_scene("town")
-
-
-def test_a_negative_seed_is_refused():
-    with pytest.raises(ParameterError, match="seed = -1"):
-        make_scene("village", -1)

@@ -108,14 +108,6 @@ def test_a_format_newer_than_its_version_is_written_in_a_version_that_has_it(tmp
     assert str(after.header.version) == "1.2"
 
 
-@pytest.mark.parametrize("n_points", [0, 1])
-def test_no_point_and_one_point_are_written(tmp_path, n_points):
-    before = cloud_files.random_cloud(n_points)
-    after, _, _ = classified(cloud_files.saved(before, tmp_path / "a.las"))
-    assert len(after) == n_points
-    assert set(NEW) <= set(after.point_format.dimension_names)
-
-
 @pytest.mark.parametrize("point_format", [1, 6])
 def test_points_that_the_file_withholds_keep_their_class(tmp_path, point_format):
     before = cloud_files.random_cloud(100, point_format=point_format)

@@ -6,12 +6,10 @@ import numpy as np
 import pyproj
 import pytest
 from support import model_survey
-from support.cjio_process import cjio
 
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
@@ -208,25 +206,3 @@ def test_the_same_building_gives_the_same_line():
 def test_a_line_that_is_no_feature_is_refused(line):
     with pytest.raises(InputError, match="CityJSONFeature"):
         parse_feature(line)
-
-
-def sequence(frame=DUTCH):
-    """A header and four buildings, one of them without solid."""
-    models = [house(name) for name in ("courtyard", "gable", "round_tower")]
-    models.append(build_model(np.zeros((0, 3)), scenes.flat().buildings[0].outline))
-    lines = [
-        line_of(m, number, frame, anchor=(30.0 * number, 0.0)) for number, m in enumerate(models, start=1)
-    ]
-    return [header_line(frame), *lines]
-
-
-def test_cjio_reads_the_sequence_and_finds_every_building(tmp_path):
-    merged = tmp_path / "model.city.json"
-    result = cjio("stdin", "save", str(merged), lines=sequence())
-    assert result.returncode == 0, result.stdout + result.stderr
-    model = json.loads(merged.read_text())
-    assert len(model["CityObjects"]) == 4
-    assert sum(bool(one["geometry"]) for one in model["CityObjects"].values()) == 3
-    assert model["metadata"]["referenceSystem"].endswith("/28992")
-    roofs = [one["geometry"][0]["semantics"] for one in model["CityObjects"].values() if one["geometry"]]
-    assert all(ROOF_SURFACE in [surface["type"] for surface in roof["surfaces"]] for roof in roofs)

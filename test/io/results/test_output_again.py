@@ -8,7 +8,6 @@ from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.clouds.input_file import InputFile
-from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.tiling.tiling import TileSource
 
@@ -112,38 +111,3 @@ def test_an_input_that_changed_is_not_mixed_with_old_results(tmp_path, survey):
     output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
     cloud_files.saved(cloud_files.random_cloud(30), tmp_path / "0.las")
     assert "has changed" in output.finalise().problems[0]
-
-
-@pytest.mark.parametrize("part", ["npz", "laz", "results", "jsonl", "run"])
-def test_a_full_disk_gives_one_line_and_the_run_can_be_taken_up_again(tmp_path, survey, monkeypatch, part):
-    source, tiles = survey
-    run(tmp_path / "whole", source, tiles)
-    with monkeypatch.context() as full:
-        names = {"laz": ".0.part.laz", "run": ".run.part.json"}
-        cloud_files.fill_the_disk(full, names.get(part, f"part.{part}"), 100)
-        with pytest.raises(OutputError) as caught:
-            run(tmp_path / "out", source, tiles)
-    line = str(caught.value)
-    assert "\n" not in line
-    assert "No space left on device" in line
-    assert "give the same command again" in line
-    left = [p.name for p in (tmp_path / "out").rglob("*") if ".part." in p.name]
-    assert left == []
-    assert not (tmp_path / "out" / "run.json").exists()
-    run(tmp_path / "out", source, tiles)
-    assert bytes_of(tmp_path / "out") == bytes_of(tmp_path / "whole")
-
-
-def test_a_full_disk_in_the_geopackage_keeps_the_tiles(tmp_path, survey, monkeypatch):
-    source, tiles = survey
-    with monkeypatch.context() as full:
-
-        def fail(path, *_):
-            raise OutputError(f"{path}: cannot be written: disk full: check the free space")
-
-        full.setattr(building_files, "write_buildings", fail)
-        with pytest.raises(OutputError, match="disk full"):
-            run(tmp_path / "out", source, tiles)
-    assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps().keys() == {
-        t.stamp for t in tiles
-    }

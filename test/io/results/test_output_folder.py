@@ -214,22 +214,6 @@ def test_formats_that_are_not_wanted_are_not_made(tmp_path, survey):
     assert summary.buildings == {"no_solid": len(tiles)}
 
 
-@pytest.mark.parametrize(
-    ("until", "files"),
-    [
-        ("ground_filter", ["classified", "run.json"]),
-        ("edge_labelling", ["classified", "run.json"]),
-        ("boundary_tracing", ["buildings.gpkg", "classified", "run.json"]),
-        ("plane_fitting", ["buildings.gpkg", "classified", "run.json"]),
-        ("building_model", FILES),
-    ],
-)
-def test_a_shorter_run_makes_fewer_files(tmp_path, survey, until, files):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles, until=until)
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == files
-
-
 def test_a_shorter_run_measures_outlines_without_models(tmp_path, survey):
     source, tiles = survey
     output = OutputFolder(tmp_path / "out", source.inputs, source.frame, until="regularisation")
@@ -241,12 +225,3 @@ def test_a_shorter_run_measures_outlines_without_models(tmp_path, survey):
     _, columns, _ = read_polygons(tmp_path / "out" / "buildings.gpkg", "outlines")
     assert columns["area"] == pytest.approx([8.0 * 6.0 - 2.0])
     assert columns["readable_id"][0].startswith("building-85")
-
-
-def test_zero_points_give_an_empty_but_complete_output(tmp_path):
-    cloud_files.saved(cloud_files.random_cloud(0), tmp_path / "none.laz")
-    with TileSource(tmp_path / "none.laz") as source:
-        summary = run(tmp_path / "out", source, list(source))
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == FILES[:-1], "3D Tiles have no place"
-    assert summary.n_points == 0
-    assert len(laspy.read(tmp_path / "out" / "classified" / "none.laz")) == 0

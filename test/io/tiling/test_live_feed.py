@@ -226,13 +226,3 @@ def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
     assert run.feed.counts()[f"left out: {TOO_FAST}"] == 500
     with run:
         assert core(run.flush()) == 1000
-
-
-def test_reset_forgets_points_and_tiles():
-    with Running() as run:
-        run.feed.add_scan(scan(T0, points(), frame="map"))
-        run.flush()
-        run.feed.reset()
-        run.feed.add_scan(scan(T0, points(400), frame="map"))
-        assert core(run.flush()) == 900
-        assert run.feed.tile_count == 1

@@ -137,24 +137,6 @@ def test_a_single_file_that_fails_half_way_is_an_error(tmp_path, monkeypatch):
         list(source)
 
 
-def test_a_full_disk_gives_one_line(tmp_path, monkeypatch):
-    paths = two_neighbours(tmp_path)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    with TileSource(paths) as source:
-        monkeypatch.setattr(
-            "builtins.open",
-            lambda name, mode="r", *a, **k: full() if "a" in mode else PLAIN_OPEN(name, mode, *a, **k),
-        )
-        with pytest.raises(OutputError, match=r"No space left on device\): free some space"):
-            list(source)
-
-
-PLAIN_OPEN = open
-
-
 def test_a_missing_temporary_folder_gives_one_line(tmp_path):
     with pytest.raises(OutputError, match="nowhere"):
         TileSource(two_neighbours(tmp_path), temporary=tmp_path / "nowhere")
