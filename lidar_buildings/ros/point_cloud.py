@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
-from lidar_buildings.core.scans.cloud_layout import DATATYPES, XYZ, columns_of, taken_points
+from lidar_buildings.core.scans.cloud_layout import XYZ, columns_of, members_of_fields, taken_points
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.ros.stamps import header_of, to_stamp
 
-_CODES = {dtype: code for code, dtype in DATATYPES.items()}
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 
@@ -45,7 +44,7 @@ def cloud_message(stamp: int, rows: NDArray[Any], *, is_dense: bool = True) -> P
         header=header_of(stamp),
         height=height,
         width=width,
-        fields=_fields_of(rows.dtype),
+        fields=[PointField(**one) for one in members_of_fields(rows.dtype)],
         is_bigendian=False,
         point_step=rows.dtype.itemsize,
         row_step=rows.dtype.itemsize * width,
@@ -90,13 +89,6 @@ def fill(message: PointCloud2, rows: NDArray[Any]) -> None:
     copied = array.array("B")
     copied.frombytes(memoryview(content))
     message.data = copied
-
-
-def _fields_of(layout: np.dtype[Any]) -> list[PointField]:
-    return [
-        PointField(name=name, offset=offset, datatype=_CODES[dtype], count=1)
-        for name, (dtype, offset) in ((n, layout.fields[n][:2]) for n in layout.names)
-    ]
 
 
 def _cast(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +15,7 @@ DATATYPES: dict[int, np.dtype[Any]] = {
     number: np.dtype(name)
     for number, name in enumerate(("i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8"), start=1)
 }
+_CODES = {dtype: number for number, dtype in DATATYPES.items()}
 XYZ = ("x", "y", "z")
 
 
@@ -37,6 +38,13 @@ class Cloud(Protocol):
     point_step: int
     row_step: int
     data: Any
+
+
+def members_of_fields(rows: np.dtype[Any]) -> Iterator[dict[str, Any]]:
+    """Yield the members of a PointField for each member of a dtype."""
+    for name in rows.names or ():
+        dtype, offset = rows.fields[name][:2]  # type: ignore[index]
+        yield {"name": name, "offset": offset, "datatype": _CODES[dtype], "count": 1}
 
 
 def columns_of(cloud: Cloud, wanted: Collection[str]) -> dict[str, NDArray[Any]]:

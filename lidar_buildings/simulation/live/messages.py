@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyproj
 
-from lidar_buildings.core.scans.cloud_layout import DATATYPES
+from lidar_buildings.core.scans.cloud_layout import members_of_fields
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.simulation.live.moving_survey import (
@@ -37,7 +37,6 @@ TYPES = {
 }
 #: Time between two messages of a clock and of a satellite receiver [ns].
 _CLOCK_STEP, _FIX_STEP = SECOND // 100, SECOND // 5
-_CODES = {dtype: code for code, dtype in DATATYPES.items()}
 #: sensor_msgs/NavSatStatus: fixed with ground stations, GPS; NavSatFix: the covariance is not known.
 _GROUND_BASED, _GPS, _UNKNOWN = 2, 1, 0
 
@@ -165,19 +164,12 @@ class LiveMessages:
             header=self._header(scan.stamp, SENSOR),
             height=height,
             width=width,
-            fields=[self._field(*one) for one in _layout(scan.rows.dtype)],
+            fields=[
+                self._make("sensor_msgs/msg/PointField", **one) for one in members_of_fields(scan.rows.dtype)
+            ],
             is_bigendian=False,
             point_step=step,
             row_step=step * width,
             data=scan.rows.reshape(-1).view(np.uint8),
             is_dense=True,
         )
-
-    def _field(self, name: str, offset: int, datatype: int) -> Any:
-        return self._make("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=datatype, count=1)
-
-
-def _layout(dtype: np.dtype[Any]) -> list[tuple[str, int, int]]:
-    """Return name, offset and number of the type of each field."""
-    members: Any = dtype.fields
-    return [(name, members[name][1], _CODES[members[name][0]]) for name in dtype.names or ()]
