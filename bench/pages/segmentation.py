@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from bench.pages.drawing import plt, save
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
@@ -75,22 +76,8 @@ def draw_lines(turned: plt.Axes, square: plt.Axes) -> None:
     # The same points and a window of the same area, but square: scan lines are chained one by one.
     half = KEEP_ALL.window * spacing / 2
     near = (np.abs(points[:, None, :2] - points[None, :, :2]) <= half).all(axis=2)
-    draw(square, points, components(near), "square window of the same area; pieces")
+    draw(square, points, connected_components(near)[1] + 1, "square window of the same area; pieces")
     draw_window(square, middle, ScanPattern.isotropic(spacing), KEEP_ALL.window)
-
-
-def components(linked: np.ndarray) -> np.ndarray:
-    """Number connected rows of a matrix from 1."""
-    label = np.zeros(len(linked), dtype=np.uint32)
-    while not label.all():
-        reached = np.zeros(len(linked), dtype=bool)
-        reached[np.argmin(label > 0)] = True
-        front = reached
-        while front.any():
-            front = linked[front].any(axis=0) & ~reached
-            reached |= front
-        label[reached] = label.max() + 1
-    return label
 
 
 def draw_steps(split: plt.Axes, steep: plt.Axes) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from bench.common.clouds import read_tile
 from bench.common.tables import percent, table
 from bench.papers.presets import config_of
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
@@ -56,7 +56,7 @@ def report(data: Path, folder: Path | None) -> None:
     total = sum(COUNTS.values())
     rows = [
         [
-            one.name.lower().replace("_", " "),
+            CLASS_NAMES[one],
             f"{n:,}",
             percent(n / total),
             *(_share(t, one) for t in tiles.values()),

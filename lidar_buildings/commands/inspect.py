@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.progress import counted
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
@@ -33,7 +33,6 @@ _MEASURES = {
     "bounds": "pulses by the area of the bounds",
     "files": "mean of the files",
 }
-_NAMES = {one.value: one.name.lower().replace("_", " ") for one in PointClass}
 
 
 def inspect_command(options: argparse.Namespace) -> int:
@@ -126,7 +125,7 @@ def cloud_lines(found: CloudSummary) -> list[str]:
         if found.density
         else "none: the points span no area",
         "returns": _counts(found.returns, {0: "not known"}, "of "),
-        "classes": _counts(found.classes, _NAMES, ""),
+        "classes": _counts(found.classes, CLASS_NAMES, ""),
         "withheld": f"{found.n_withheld:,}" if found.n_withheld else "",
         "times": " to ".join(found.times) or ("" if found.n_files > 1 else "none"),
         "strips": f"{found.n_strips:,}" if found.n_strips else "",

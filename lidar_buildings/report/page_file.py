@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
@@ -131,7 +131,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "overview": _relief_facts(contents.overview),
         "origin": list(contents.result.frame.origin),
         "units": contents.result.frame.units.tolist(),
-        "class_names": {one.value: one.name.lower().replace("_", " ") for one in PointClass},
+        "class_names": CLASS_NAMES,
     }
 
 

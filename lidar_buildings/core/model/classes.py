@@ -37,6 +37,9 @@ class Facade(IntEnum):
     BARE = 2  #: of a wall over which no roof was seen
 
 
+#: Class → what it is called in texts.
+CLASS_NAMES = {int(one): one.name.lower().replace("_", " ") for one in PointClass}
+
 #: Classes that a source's points keep, by what a parameter calls them; others (0 to 6, 8) are decided anew.
 CLASS_GROUPS: dict[str, tuple[int, ...]] = {
     "noise": (PointClass.LOW_NOISE, PointClass.HIGH_NOISE),

@@ -113,11 +113,7 @@ def _head(building: ReportedBuilding, spacing: float) -> list[str]:
         f"LoD{known['lod']}" if known.get("lod") else "no solid",
         f"validity {known['validity']}" if known.get("validity") not in (None, "", "[]") else "",
         f"{known['n_points']:,.0f} points {spacing:.2f} m apart" if known.get("n_points") else "",
-        *(
-            f"{name} {known[name]:g}"
-            for name in ("rmse", "coverage", "outline_sigma")
-            if known.get(name) is not None
-        ),
+        *(f"{name} {known[name]:g}" for name in _QUALITY if known.get(name) is not None),
     ]
     return [*lines, ", ".join(filter(None, words))]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.las import open_cloud, xyz_of
 from lidar_buildings.report.shown_points import Box
@@ -46,8 +46,8 @@ class Site:
     def per_class(self) -> str:
         """Say how many points there are of each class."""
         codes, counts = np.unique(self.classification, return_counts=True)
-        named = sorted(zip(counts.tolist(), codes.tolist(), strict=True), reverse=True)
-        return ", ".join(f"{n:,} {_name(int(code))}" for n, code in named) or "none"
+        named = sorted(zip(counts.tolist(), codes.astype(int).tolist(), strict=True), reverse=True)
+        return ", ".join(f"{n:,} {CLASS_NAMES.get(code, f'class {code}')}" for n, code in named) or "none"
 
 
 def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
@@ -76,8 +76,3 @@ def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
     table = np.concatenate(parts)
     height = table[:, 4] * frame.vertical_unit
     return Site(table[:, :3], table[:, 3], height, *table[:, 5:].T)
-
-
-def _name(code: int) -> str:
-    known = {one.value: one.name.lower().replace("_", " ") for one in PointClass}
-    return known.get(code, f"class {code}")
