@@ -81,9 +81,7 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
         advanced=True,
     )
     publish_clock: bool = fixed(
-        False,
-        "Whether to publish the stamps as time on `/clock`, for use_sim_time.",
-        advanced=True,
+        False, "Whether to publish the stamps as time on `/clock`, for use_sim_time.", advanced=True
     )
 
 
@@ -95,9 +93,7 @@ class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
     is_of_node: ClassVar[bool] = False
 
     map_crs: str = fixed(
-        "",
-        "Reference system of the map, such as EPSG:28992, if map_position is given.",
-        advanced=True,
+        "", "Reference system of the map, such as EPSG:28992, if map_position is given.", advanced=True
     )
     map_position: str = fixed(
         "",
@@ -132,9 +128,7 @@ class GroundFilterNodeConfig(GroundFilterConfig):
     stage: ClassVar[str] = GroundFilterConfig.stage
 
     publish_dtm: bool = fixed(
-        False,
-        "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.",
-        advanced=True,
+        False, "Whether to publish each tile's terrain on `dtm`, to look at or to plan with.", advanced=True
     )
     dtm_resolution: float = advanced(
         0.5,
@@ -214,9 +208,7 @@ class ModelWriterConfig(MapFrameConfig, OutputConfig, InputConfig):
         advanced=True,
     )
     footprints: str = fixed(
-        "",
-        "File of the footprints that `building_tracer` was given, empty if none.",
-        advanced=True,
+        "", "File of the footprints that `building_tracer` was given, empty if none.", advanced=True
     )
     footprints_layer: str = fixed("", "Layer of it; empty: its only one.", advanced=True)
     footprint_id: str = fixed(

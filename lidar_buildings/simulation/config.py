@@ -27,10 +27,7 @@ class SimulationConfig(StageConfig):
         within=(100.0, 5000.0),
     )
     ground_speed: float = parameter(
-        50.0,
-        "Speed over ground; raising it shortens the strips' duration.",
-        unit="m/s",
-        within=(1.0, 200.0),
+        50.0, "Speed over ground; raising it shortens the strips' duration.", unit="m/s", within=(1.0, 200.0)
     )
     flight_direction_deg: float = parameter(
         0.0,
@@ -61,10 +58,7 @@ class SimulationConfig(StageConfig):
         within=(0.0, 1.0),
     )
     planimetric_noise: float = parameter(
-        0.03,
-        "Standard deviation along x and along y; raising it blurs edges.",
-        unit="m",
-        within=(0.0, 2.0),
+        0.03, "Standard deviation along x and along y; raising it blurs edges.", unit="m", within=(0.0, 2.0)
     )
     beam_divergence_mrad: float = parameter(
         0.4,

@@ -44,10 +44,7 @@ class ScanConfig(StageConfig):
         advanced=True,
     )
     time_unit: str = fixed(
-        "auto",
-        "Unit of the points' own times; auto finds it out.",
-        choices=("auto", *UNITS),
-        advanced=True,
+        "auto", "Unit of the points' own times; auto finds it out.", choices=("auto", *UNITS), advanced=True
     )
     max_pose_gap: float = fixed(
         0.5,

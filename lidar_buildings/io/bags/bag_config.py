@@ -16,21 +16,11 @@ class BagConfig(StageConfig):
 
     topic: str = fixed("", "Topic of the scans of a bag; empty: its only one of clouds.", advanced=True)
     odometry: str = fixed(
-        "",
-        "Topic of the poses of a bag; empty: its only one of odometry, else `/tf`.",
-        advanced=True,
+        "", "Topic of the poses of a bag; empty: its only one of odometry, else `/tf`.", advanced=True
     )
     start: float = fixed(
-        0.0,
-        "A bag is read from so long after its beginning on.",
-        unit="s",
-        within=(0.0, None),
-        advanced=True,
+        0.0, "A bag is read from so long after its beginning on.", unit="s", within=(0.0, None), advanced=True
     )
     duration: float = fixed(
-        0.0,
-        "So much of a bag is read; 0: to its end.",
-        unit="s",
-        within=(0.0, None),
-        advanced=True,
+        0.0, "So much of a bag is read; 0: to its end.", unit="s", within=(0.0, None), advanced=True
     )
