@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.scenes.kit import functions_of, scan_rows
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.planes import PART_GAP, planes_of_colours
 from lidar_buildings.simulation import roof_shapes, special_roofs
@@ -49,12 +49,7 @@ def _labelled_roof(path: Path) -> KnownRoof:
 
 def shapes() -> dict[str, Building]:
     """Return every roof shape of the simulation with its defaults, by name."""
-    found = {}
-    for module in (roof_shapes, special_roofs):
-        for name, shape in inspect.getmembers(module, inspect.isfunction):
-            if shape.__module__ == module.__name__ and not name.startswith("_"):
-                found[name] = shape()
-    return found
+    return {name: shape() for name, shape in functions_of(roof_shapes, special_roofs).items()}
 
 
 def virtual_roof(name: str, building: Building, density: float, noise: float, seed: int) -> KnownRoof:
@@ -63,10 +58,7 @@ def virtual_roof(name: str, building: Building, density: float, noise: float, se
     placed = building.placed(30.0, 30.0, rotation_deg=17.0 + 40.0 * seed, elevation=5.0)
     number_of, normals = planes_of_faces(placed)
     low, high = placed.exterior.min(axis=0), placed.exterior.max(axis=0)
-    step = 1.0 / np.sqrt(density)
-    n_columns, n_rows = np.ceil((high - low) / step).astype(int)
-    cell = np.stack(np.meshgrid(np.arange(n_columns), np.arange(n_rows)), axis=-1).reshape(-1, 2)
-    xy = low + (cell + random.random(cell.shape)) * step
+    xy = scan_rows(low, high, density, random)
     planes, z = placed.roof_at(xy)
     inside = planes > 0
     z = z + random.normal(0.0, noise, len(z))

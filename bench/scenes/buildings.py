@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.scenes.kit import scan_rows
 from lidar_buildings.simulation import roof_shapes
 from lidar_buildings.simulation.building import Building
 
@@ -48,140 +51,24 @@ class Scene:
         return self.points[self.is_roof & (self.building == number)]
 
 
-def flat(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.flat()], density, noise, rotation_deg, seed)
-
-
-def shed(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.shed()], density, noise, rotation_deg, seed)
-
-
-def gable(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.gable()], density, noise, rotation_deg, seed)
-
-
-def hip(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.hip()], density, noise, rotation_deg, seed)
-
-
-def l_shape(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.l_shape()], density, noise, rotation_deg, seed)
-
-
-def t_shape(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.t_shape()], density, noise, rotation_deg, seed)
-
-
-def touching_houses(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """Two gable houses of one row; the eastern one is 2.5 m higher."""
-    west = roof_shapes.gable(length=9, width=10, eave=5).placed(-4.5, 0)
-    east = roof_shapes.gable(length=9, width=10, eave=7.5).placed(4.5, 0)
-    return _sampled([west, east], density, noise, rotation_deg, seed)
-
-
-def step_roof(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.step()], density, noise, rotation_deg, seed)
-
-
-def dormer(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.dormer()], density, noise, rotation_deg, seed)
-
-
-def courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.courtyard()], density, noise, rotation_deg, seed)
-
-
-def round_tower(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    return _sampled([roof_shapes.round_tower()], density, noise, rotation_deg, seed)
-
-
-def house_on_slope(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """A hip house on ground that rises by 25 % towards the north-east."""
-    return _sampled([roof_shapes.hip()], density, noise, rotation_deg, seed, slope=(0.2, 0.15))
-
-
-def tree_over_eave(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """A gable house whose south-eastern corner stands under a tree as high as its ridge."""
-    house = _sampled([roof_shapes.gable()], density, noise, rotation_deg, seed)
-    corner = house.buildings[0].exterior[np.argmax(house.buildings[0].exterior @ (1.0, -1.0))]
-    return _with_crown(house, (*corner, GROUND + 6.0), (3.0, 3.0, 2.5), density, seed)
-
-
-def sparse(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """A large gable house at a sixteenth of the density: 0.5 pts/m² by default."""
-    return _sampled([roof_shapes.gable(length=24, width=14)], density / 16, noise, rotation_deg, seed)
-
-
-def single_point(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    scene = flat(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
-    return scene.select(np.flatnonzero(scene.is_roof)[:1])
-
-
-def collinear(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """Roof points exactly on one line, twenty of them or as many as the density gives 14 m of scan line."""
-    scene = flat(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
-    chosen = scene.select(np.flatnonzero(scene.is_roof)[: max(20, int(14 * density**0.5))])
-    step = (np.arange(len(chosen.points)) - len(chosen.points) / 2) / density**0.5
-    direction = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg)), 0.0])
-    return replace(chosen, points=np.array([*CENTRE, GROUND + 6.0]) + step[:, None] * direction)
-
-
-def duplicates(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """A gable house, every point there twice."""
-    scene = gable(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
-    return scene.select(np.repeat(np.arange(len(scene.points)), 2))
-
-
-def with_nan(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Scene:
-    """A gable house, one coordinate of every hundredth point not a number."""
-    scene = gable(density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
-    points = scene.points.copy()
-    rows = np.arange(0, len(points), 100)
-    points[rows, np.arange(len(rows)) % 3] = np.nan
-    return replace(scene, points=points)
-
-
-#: Name → function, every scene above.
-GALLERY: dict[str, Callable[..., Scene]] = {
-    scene.__name__: scene
-    for scene in (
-        flat,
-        shed,
-        gable,
-        hip,
-        l_shape,
-        t_shape,
-        touching_houses,
-        step_roof,
-        dormer,
-        courtyard,
-        round_tower,
-        house_on_slope,
-        tree_over_eave,
-        sparse,
-        single_point,
-        collinear,
-        duplicates,
-        with_nan,
-    )
-}
-
-
-def _sampled(
+def sampled(
     shapes: Sequence[Building],
-    density: float,
-    noise: float,
-    rotation_deg: float,
-    seed: int,
+    *,
+    density: float = 8.0,
+    noise: float = 0.03,
+    rotation_deg: float = 0.0,
+    seed: int = 0,
     slope: tuple[float, float] = (0.0, 0.0),
 ) -> Scene:
-    """Put the shapes into the scene's middle and sample roofs and ground."""
+    """Put shapes into the scene's middle and sample roofs and ground; it may rise along x and y."""
     random = np.random.default_rng(seed)
     buildings = tuple(
         replace(shape.placed(0, 0, rotation_deg).placed(*CENTRE, elevation=GROUND), number=number)
         for number, shape in enumerate(shapes, start=1)
     )
-    xy = _scan_rows(buildings, density, random)
+    corners = np.concatenate([building.exterior for building in buildings])
+    low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
+    xy = scan_rows(low, high, density, random)
     z = GROUND + (xy - CENTRE) @ slope
     roof_plane = np.zeros(len(xy), dtype=np.uint16)
     number = np.zeros(len(xy), dtype=np.uint32)
@@ -191,18 +78,6 @@ def _sampled(
         z[rows], roof_plane[rows], number[rows] = roof[rows], plane_id[rows], building.number
     points = np.column_stack([xy, z + random.normal(0, noise, len(xy))])
     return Scene(points, number == 0, number > 0, buildings, roof_plane, number)
-
-
-def _scan_rows(
-    buildings: tuple[Building, ...], density: float, random: np.random.Generator
-) -> NDArray[np.float64]:
-    """Positions in rows along x around the buildings, one somewhere in every square of 1/density."""
-    corners = np.concatenate([building.exterior for building in buildings])
-    low, high = corners.min(axis=0) - MARGIN, corners.max(axis=0) + MARGIN
-    spacing = 1 / np.sqrt(density)
-    columns, rows = np.ceil((high - low) / spacing).astype(int)
-    cell = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    return low + (cell + random.random(cell.shape)) * spacing
 
 
 def _with_crown(
@@ -223,3 +98,88 @@ def _with_crown(
         roof_plane=np.append(scene.roof_plane, nothing),
         building=np.append(scene.building, nothing.astype(np.uint32)),
     )
+
+
+flat = partial(sampled, [roof_shapes.flat()])
+shed = partial(sampled, [roof_shapes.shed()])
+gable = partial(sampled, [roof_shapes.gable()])
+hip = partial(sampled, [roof_shapes.hip()])
+l_shape = partial(sampled, [roof_shapes.l_shape()])
+t_shape = partial(sampled, [roof_shapes.t_shape()])
+step_roof = partial(sampled, [roof_shapes.step()])
+dormer = partial(sampled, [roof_shapes.dormer()])
+courtyard = partial(sampled, [roof_shapes.courtyard()])
+round_tower = partial(sampled, [roof_shapes.round_tower()])
+#: A hip house on ground that rises by 25 % towards the north-east.
+house_on_slope = partial(sampled, [roof_shapes.hip()], slope=(0.2, 0.15))
+
+
+def touching_houses(**sampling: Any) -> Scene:
+    """Two gable houses of one row; the eastern one is 2.5 m higher."""
+    west = roof_shapes.gable(length=9, width=10, eave=5).placed(-4.5, 0)
+    east = roof_shapes.gable(length=9, width=10, eave=7.5).placed(4.5, 0)
+    return sampled([west, east], **sampling)
+
+
+def tree_over_eave(*, density: float = 8.0, seed: int = 0, **sampling: Any) -> Scene:
+    """A gable house whose south-eastern corner stands under a tree as high as its ridge."""
+    house = gable(density=density, seed=seed, **sampling)
+    corner = house.buildings[0].exterior[np.argmax(house.buildings[0].exterior @ (1.0, -1.0))]
+    return _with_crown(house, (*corner, GROUND + 6.0), (3.0, 3.0, 2.5), density, seed)
+
+
+def sparse(*, density: float = 8.0, **sampling: Any) -> Scene:
+    """A large gable house at a sixteenth of the density: 0.5 pts/m² by default."""
+    return sampled([roof_shapes.gable(length=24, width=14)], density=density / 16, **sampling)
+
+
+def single_point(**sampling: Any) -> Scene:
+    scene = flat(**sampling)
+    return scene.select(np.flatnonzero(scene.is_roof)[:1])
+
+
+def collinear(*, density: float = 8.0, rotation_deg: float = 0.0, **sampling: Any) -> Scene:
+    """Roof points exactly on one line, twenty of them or as many as the density gives 14 m of scan line."""
+    scene = flat(density=density, rotation_deg=rotation_deg, **sampling)
+    chosen = scene.select(np.flatnonzero(scene.is_roof)[: max(20, int(14 * density**0.5))])
+    step = (np.arange(len(chosen.points)) - len(chosen.points) / 2) / density**0.5
+    direction = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg)), 0.0])
+    return replace(chosen, points=np.array([*CENTRE, GROUND + 6.0]) + step[:, None] * direction)
+
+
+def duplicates(**sampling: Any) -> Scene:
+    """A gable house, every point there twice."""
+    scene = gable(**sampling)
+    return scene.select(np.repeat(np.arange(len(scene.points)), 2))
+
+
+def with_nan(**sampling: Any) -> Scene:
+    """A gable house, one coordinate of every hundredth point not a number."""
+    scene = gable(**sampling)
+    points = scene.points.copy()
+    rows = np.arange(0, len(points), 100)
+    points[rows, np.arange(len(rows)) % 3] = np.nan
+    return replace(scene, points=points)
+
+
+#: Name → function, every scene above.
+GALLERY: dict[str, Callable[..., Scene]] = {
+    "flat": flat,
+    "shed": shed,
+    "gable": gable,
+    "hip": hip,
+    "l_shape": l_shape,
+    "t_shape": t_shape,
+    "touching_houses": touching_houses,
+    "step_roof": step_roof,
+    "dormer": dormer,
+    "courtyard": courtyard,
+    "round_tower": round_tower,
+    "house_on_slope": house_on_slope,
+    "tree_over_eave": tree_over_eave,
+    "sparse": sparse,
+    "single_point": single_point,
+    "collinear": collinear,
+    "duplicates": duplicates,
+    "with_nan": with_nan,
+}

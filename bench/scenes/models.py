@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from bench.scenes.kit import scan_rows
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
@@ -94,10 +95,7 @@ def scene_of(
     random = np.random.default_rng(seed)
     building = shape.placed(0, 0, rotation_deg).placed(*centre, elevation=GROUND)
     low, high = building.exterior.min(axis=0), building.exterior.max(axis=0)
-    spacing = 1 / np.sqrt(density)
-    columns, rows = np.ceil((high - low) / spacing).astype(int)
-    cell = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    xy = low + (cell + random.random(cell.shape)) * spacing
+    xy = scan_rows(low, high, density, random)
     plane_id, z = building.roof_at(xy)
     on = plane_id > 0
     points = np.column_stack([xy, z + random.normal(0, noise, len(xy))])[on]
@@ -158,12 +156,12 @@ def roof_words(name: str) -> tuple[str, ...]:
     return ROOF_WORDS.get(name, ("complex",) if name in _COMPLEX else (name,))
 
 
-def model_scene(name: str, *, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def model_scene(name: str, **sampling) -> ModelScene:
     """Return the scene of one of `SHAPES`."""
-    return scene_of(name, SHAPES[name](), density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
+    return scene_of(name, SHAPES[name](), **sampling)
 
 
-def small_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def small_plane(**sampling) -> ModelScene:
     """
     A flat roof with a lift housing of 0.7 × 0.6 m, on which a point or two lie for each of eight per m².
     """
@@ -171,14 +169,7 @@ def small_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelSc
     box = shapely.box(1.0, 1.0, 1.7, 1.6)
     (roof,) = house.faces
     faces = face_over(roof.polygon - box, roof.plane), face_over(box, (0.0, 0.0, roof.plane[2] + 1.5))
-    return scene_of(
-        "small_plane",
-        building_of("small_plane", faces),
-        density=density,
-        noise=noise,
-        rotation_deg=rotation_deg,
-        seed=seed,
-    )
+    return scene_of("small_plane", building_of("small_plane", faces), **sampling)
 
 
 def half_missing(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
@@ -188,21 +179,21 @@ def half_missing(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelS
     return replace(scene.select((scene.points[:, :2] - CENTRE) @ east < 0), name="half_missing")
 
 
-def one_face_missing(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def one_face_missing(**sampling) -> ModelScene:
     """A gable house of which one of the two faces has no point."""
-    scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
+    scene = model_scene("gable", **sampling)
     return replace(scene.select(scene.plane_id == 1), name="one_face_missing")
 
 
-def no_ground(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def no_ground(**sampling) -> ModelScene:
     """A hip house of which no ground is known."""
-    scene = model_scene("hip", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
+    scene = model_scene("hip", **sampling)
     return replace(scene, name="no_ground", ground_elevation=None)
 
 
-def ground_above_eaves(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def ground_above_eaves(**sampling) -> ModelScene:
     """A gable house dug into a slope: the ground given lies between eave and ridge."""
-    scene = model_scene("gable", density=density, noise=noise, rotation_deg=rotation_deg, seed=seed)
+    scene = model_scene("gable", **sampling)
     low, high = scene.building.roof_elevation_range
     return replace(scene, name="ground_above_eaves", ground_elevation=(low + high) / 2)
 
@@ -226,12 +217,9 @@ def tree_grown_in(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Model
     )
 
 
-def upright_plane(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def upright_plane(**sampling) -> ModelScene:
     """A gambrel roof whose lower faces rise at 86°, 0.25 m wide in plan."""
-    shape = special.gambrel(lower_pitch_deg=86.0, break_width=0.25)
-    return scene_of(
-        "upright_plane", shape, density=density, noise=noise, rotation_deg=rotation_deg, seed=seed
-    )
+    return scene_of("upright_plane", special.gambrel(lower_pitch_deg=86.0, break_width=0.25), **sampling)
 
 
 def coincident_planes(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
@@ -252,12 +240,10 @@ def touching_courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> 
     return replace(scene.select(free), name="touching_courtyard", outline=outline)
 
 
-def narrow_parapet(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
+def narrow_parapet(*, density=8.0, **sampling) -> ModelScene:
     """A flat roof behind a parapet that is two points wide."""
     shape = special.parapet(rim=2 / float(np.sqrt(density)), rim_height=0.9)
-    return scene_of(
-        "narrow_parapet", shape, density=density, noise=noise, rotation_deg=rotation_deg, seed=seed
-    )
+    return scene_of("narrow_parapet", shape, density=density, **sampling)
 
 
 #: Name → function, all input that is hard or bad.

@@ -10,57 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from bench.scenes.terrain_built import (
-    bridge_over_cut,
-    city_block,
-    dense_street,
-    garage_ramp,
-    hall_in_hillside,
-    houses_on_hillside,
-    large_hall,
-    low_walls_and_hedges,
-    motorway_embankment,
-    overpass_with_ramps,
-    sparse_suburb,
-)
-from bench.scenes.terrain_open import (
-    dyke_and_mound,
-    lake_gap,
-    low_outliers,
-    mountain_ridge,
-    quarry,
-    river_bank,
-    steep_forest,
-    strip_edges,
-    terraced_vineyard,
-)
+from bench.scenes import terrain_built, terrain_open
+from bench.scenes.kit import functions_of
 from bench.scenes.terrain_site import TerrainScene
 
 __all__ = ["TERRAIN_SCENES", "TerrainScene"]
 
 #: Name → function, every scene there is.
-TERRAIN_SCENES: dict[str, Callable[..., TerrainScene]] = {
-    scene.__name__: scene
-    for scene in (
-        large_hall,
-        hall_in_hillside,
-        city_block,
-        bridge_over_cut,
-        overpass_with_ramps,
-        motorway_embankment,
-        low_walls_and_hedges,
-        garage_ramp,
-        houses_on_hillside,
-        sparse_suburb,
-        dense_street,
-        quarry,
-        river_bank,
-        steep_forest,
-        terraced_vineyard,
-        lake_gap,
-        strip_edges,
-        low_outliers,
-        dyke_and_mound,
-        mountain_ridge,
-    )
-}
+TERRAIN_SCENES: dict[str, Callable[..., TerrainScene]] = functions_of(terrain_built, terrain_open)

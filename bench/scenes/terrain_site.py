@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.scenes.kit import scan_rows
+
 #: Elevation of level ground [m].
 GROUND = 50.0
 #: Share of the pulses at a roof's edge that hit the wall instead, and how far the edge reaches inwards [m].
@@ -52,10 +54,7 @@ class TerrainSite:
     ):
         self.random = np.random.default_rng(seed)
         self.size = np.array([width, depth])
-        spacing = 1 / np.sqrt(density)
-        columns, rows = np.ceil(self.size / spacing).astype(int)
-        cell = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-        xy = (cell + self.random.random(cell.shape)) * spacing
+        xy = scan_rows(np.zeros(2), self.size, density, self.random)
         self.x, self.y = xy[(xy < self.size).all(axis=1)].T
         self.terrain = GROUND + (0 * self.x if elevation is None else elevation(self.x, self.y))
         self.z = self.terrain.copy()
