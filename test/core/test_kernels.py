@@ -1,5 +1,6 @@
 """How loops are compiled."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -117,6 +118,7 @@ def _counted_allocations():
 def test_arrays_live_as_long_as_they_are_used():
     values, other = np.arange(4.0), np.arange(4.0) + 10.0
     as_numba_does = njit(taken_apart.py_func)
+    gc.collect()  # what earlier tests have left must not be freed in between
     before = rtsys.get_allocation_stats()
     references = sys.getrefcount(values), sys.getrefcount(other)
     for n in range(9):
