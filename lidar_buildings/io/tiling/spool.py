@@ -60,8 +60,8 @@ Pieces = dict[Cell, list[Piece]]
 
 #: Records read back at a time (10 MB).
 BLOCK = 262_144
-#: A folder to which files are still added is deleted so often at most; wide margin.
-_ATTEMPTS = 100
+#: A folder is deleted again where a file was just being added: once a thread; wide margin.
+_ATTEMPTS = 10
 #: Cell numbers up to this sort fastest (radix sort).
 _SHORT = 65_536
 
@@ -163,10 +163,15 @@ class Spool:
         return part
 
     def remove(self) -> None:
-        """Delete everything, also what another thread adds meanwhile; once the folder is gone it cannot."""
+        """Delete everything, also what another thread adds meanwhile, which by another name it cannot."""
+        folder = self.folder.with_name(f"{self.folder.name}.removed")
+        try:
+            self.folder.rename(folder)
+        except OSError:
+            folder = self.folder
         for _ in range(_ATTEMPTS):
-            shutil.rmtree(self.folder, ignore_errors=True)
-            if not self.folder.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            if not folder.exists():
                 break
 
     def _pieces(self, cell: Cell) -> list[Piece]:
