@@ -25,9 +25,13 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
     """
     rings = piece_rings(pieces)
     by_piece = labelled_graph(rings)
-    # Edges that keep clear of each other cross nowhere and leave no slits.
-    if by_piece is not None and _is_clear(by_piece) and _are_simple(by_piece, rings):
-        return by_piece.joined(numbers)
+    if by_piece is not None and len(by_piece.ends):
+        graph = by_piece.joined(numbers)
+        # Edges that keep clear of each other cross nowhere and leave no slits.
+        if _is_clear(by_piece) and _are_simple(by_piece, rings):
+            return graph
+        if shapely.is_valid(_polygons(rings)).all() and (_is_clear(graph) or not _has_slit(graph)):
+            return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
 
@@ -49,6 +53,22 @@ def _polygons(rings: GridRings) -> NDArray[np.object_]:
     ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
     shells = shapely.linearrings(rings.corners.astype(np.float64), indices=ring)
     return np.asarray(shapely.polygons(shells, indices=np.cumsum(rings.is_exterior) - 1))
+
+
+def _has_slit(graph: PlanGraph) -> bool:
+    """Whether an end of an outer edge lies next to another one that it does not belong to, or two cross."""
+    edges = graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]].astype(np.float64)
+    if not len(edges):
+        return True
+    lines = shapely.linestrings(edges)
+    ends = np.unique(edges.reshape(-1, 2), axis=0)
+    points = shapely.points(ends)
+    near = shapely.STRtree(lines).query(points, predicate="dwithin", distance=LEAST_DISTANCE)
+    apart = (edges[near[1]] != ends[near[0], None, :]).any(axis=2).all(axis=1)
+    if apart.any():
+        return True
+    crossing = shapely.STRtree(lines).query(lines, predicate="crosses")
+    return bool(crossing.size)
 
 
 def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float, grid: float) -> PlanGraph:
