@@ -18,6 +18,7 @@ from lidar_buildings.io.bags.bag_summary import with_frames
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.reference_systems import check_metres
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.map_place import MapPlace
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
@@ -25,9 +26,6 @@ from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 
 #: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
 _BATCH = 100
-#: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
-#: that is a thousand times as much and more.
-_N_CLOUD, _STEEP = 100, 100.0
 
 
 @dataclass
@@ -80,7 +78,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         finally:
             file.close()
         _check_any(bag_path, file.n_points, placer)
-        _check_metres(bag_path, file)
+        check_metres(bag_path, file.n_points, file.size)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
     unreadable = (f"one of the scans that cannot be read: {placer.unreadable}",) if placer.unreadable else ()
     warnings = (*place.warnings, *unreadable)
@@ -115,16 +113,6 @@ def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
         raise InputError(
             f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at their "
             f"times ({WHY_NO_POSE}){said}"
-        )
-
-
-def _check_metres(bag_path: Path, file: PlacedLaz) -> None:
-    """Refuse longitude and latitude for x and y: points that rise where they hardly lie apart in plan."""
-    east, north, rise = file.size
-    if file.n_points >= _N_CLOUD and max(east, north) < 1.0 and rise > _STEEP * max(east, north):
-        raise InputError(
-            f"{bag_path}: its points lie within {east:.3f} of x and {north:.3f} of y, and {rise:.1f} of z: "
-            "bring degrees into a reference system in metres first"
         )
 
 

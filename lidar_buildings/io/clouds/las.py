@@ -30,7 +30,7 @@ from lidar_buildings.io.clouds.agreement import (
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.copc_nodes import runs_touching
 from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
-from lidar_buildings.io.clouds.las_crs import SourceCrs, source_crs
+from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.files.captured_stderr import captured_panics
@@ -72,7 +72,8 @@ def open_cloud(path: str | Path) -> Cloud:
             warn_once(f"{path}: holds no points: export it again unless that is meant")
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
-        return replace(cloud, crs=_metric(path, crs, mins, maxs), mins=mins, maxs=maxs)
+        crs = metric_crs(path, crs, cloud.point_count, mins, maxs)
+        return replace(cloud, crs=crs, mins=mins, maxs=maxs)
 
 
 def open_inputs(inputs: Inputs) -> tuple[list[Cloud], list[str]]:
@@ -203,16 +204,3 @@ def _extremes(
         if not far.all():
             found.append((xyz[~far].min(axis=0), xyz[~far].max(axis=0)))
     return np.min([low for low, _ in found], axis=0), np.max([high for _, high in found], axis=0)
-
-
-def _metric(path: Path, crs: SourceCrs, mins: NDArray[np.float64], maxs: NDArray[np.float64]) -> SourceCrs:
-    """Refuse longitude and latitude; doubt a record that says so of coordinates that cannot be."""
-    if crs.is_projected:
-        return crs
-    if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:
-        warn_once(f"{path}: says {crs.name}, but its coordinates are no degrees: taken as unknown, in metres")
-        return SourceCrs()
-    raise InputError(
-        f"{path}: its coordinates are not projected ({crs.name.split(',')[0]}): "
-        "bring it to a projected system in metres or feet first"
-    )

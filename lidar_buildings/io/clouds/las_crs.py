@@ -6,15 +6,20 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyproj
+from numpy.typing import NDArray
 from pyproj.exceptions import CRSError
 
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.las_records import RawRecord
 from lidar_buildings.io.files.reference_systems import (
     FOOT,
     US_SURVEY_FOOT,
+    check_metres,
     horizontal_part,
     is_same_unit,
     name_of,
@@ -79,6 +84,22 @@ def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) ->
                 warn_once(f"{label}: {found.doubt}")
             return found
     return SourceCrs()
+
+
+def metric_crs(
+    path: Path, crs: SourceCrs, n_points: int, mins: NDArray[np.float64], maxs: NDArray[np.float64]
+) -> SourceCrs:
+    """Refuse longitude and latitude; doubt a record that says so of coordinates that cannot be."""
+    if crs.is_projected:
+        check_metres(path, n_points, maxs - mins)
+        return crs
+    if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:
+        warn_once(f"{path}: says {crs.name}, but its coordinates are no degrees: taken as unknown, in metres")
+        return SourceCrs()
+    raise InputError(
+        f"{path}: its coordinates are not projected ({crs.name.split(',')[0]}): "
+        "bring it to a projected system in metres or feet first"
+    )
 
 
 def vertical_crs(records: Sequence[RawRecord]) -> Any:

@@ -11,7 +11,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
-from lidar_buildings.io.clouds.las_crs import source_crs
+from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.locations import state_of
 from lidar_buildings.io.files.read_errors import reported
@@ -28,6 +28,8 @@ def read_extent(path: Path) -> CloudExtent:
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path))
         bounds = np.array(_BOUNDS.unpack_from(raw.block, _BOUNDS_AT)).reshape(3, 2)
         maxs, mins = bounds.T if raw.point_count else np.full((2, 3), np.nan)
+        if raw.point_count:
+            crs = metric_crs(path, crs, raw.point_count, mins, maxs)
         width = (maxs - mins)[:2] * crs.horizontal_unit
         if raw.point_count and not ((width >= 0.0) & (width <= MAX_EXTENT)).all():
             raise InputError(

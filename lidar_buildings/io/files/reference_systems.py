@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from lidar_buildings.core.model.errors import InputError
 FOOT, US_SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
 #: Two units this close are the same: a US survey foot is 6e-7 m longer than a foot.
 _SAME_UNIT = 1e-7
+#: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
+#: that is a thousand times as much and more.
+_N_CLOUD, _STEEP = 100, 100.0
 _EPSG = re.compile(r"EPSG:(\d+)")
 
 
@@ -90,6 +94,16 @@ def is_in_degrees(crs: str) -> bool:
         return bool(crs) and bool(horizontal_part(crs).is_geographic)
     except CRSError:
         return False
+
+
+def check_metres(label: object, n_points: int, size: Iterable[float]) -> None:
+    """Refuse longitude and latitude for x and y: points that rise where they hardly lie apart in plan."""
+    east, north, rise = size
+    if n_points >= _N_CLOUD and max(east, north) < 1.0 and rise > _STEEP * max(east, north):
+        raise InputError(
+            f"{label}: its points lie within {east:.3f} of x and {north:.3f} of y, and {rise:.1f} of z: "
+            "bring degrees into a reference system in metres first"
+        )
 
 
 def reprojected(geometries: NDArray[Any], source: str, target: str, label: str) -> NDArray[Any]:

@@ -11,6 +11,7 @@ from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.io.clouds import las
 from lidar_buildings.io.clouds.find_inputs import find_inputs
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs, read_tile, xyz_of
+from lidar_buildings.io.clouds.las_extent import read_extent
 
 VERSIONS_OF_FORMATS = [
     (version, point_format)
@@ -340,8 +341,11 @@ def test_longitude_and_latitude_are_refused(tmp_path):
     cloud = cloud_files.random_cloud(corner=(84000.0, 447000.0, 0.0), size=(0.01, 0.01, 10.0))
     cloud.header.offsets = np.zeros(3)
     cloud.xyz = np.random.default_rng(0).uniform([4.3, 52.0, 0], [4.31, 52.01, 20], (500, 3))
+    bare = cloud_files.saved(cloud, tmp_path / "bare.laz")
     path = cloud_files.saved(cloud_files.with_geo_keys(cloud, {1024: 2, 2048: 4326}), tmp_path / "deg.laz")
-    assert "not projected (EPSG:4326)" in the_line(open_cloud, path)
+    for reader in (open_cloud, read_extent):
+        assert "0.010 of y, and 20.0 of z: bring degrees into" in the_line(reader, bare)
+        assert "not projected (EPSG:4326)" in the_line(reader, path)
 
 
 def test_a_system_in_degrees_that_cannot_be_is_doubted(tmp_path, caplog):
