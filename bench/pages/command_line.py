@@ -46,7 +46,8 @@ def _spelling(action: argparse.Action) -> str:
     if not action.option_strings:
         return f"{name}..." if action.nargs == "+" else str(name)
     spelling = ", ".join(action.option_strings)
-    return spelling if action.nargs == 0 else f"{spelling} {name}"
+    names = " ".join(name) if isinstance(name, tuple) else name
+    return spelling if action.nargs == 0 else f"{spelling} {names}"
 
 
 def _sentence(text: str) -> str:

@@ -143,7 +143,8 @@ def _bounds(given: list[float] | None) -> tuple[float, ...] | None:
         return None
     west, south, east, north = given
     if not (west < east and south < north):
-        raise ParameterError(f"--bounds {west:g} {south:g} {east:g} {north:g}: must be WEST SOUTH EAST NORTH")
+        said = " ".join(f"{edge:.12g}" for edge in given)
+        raise ParameterError(f"--bounds {said}: must be WEST SOUTH EAST NORTH")
     return west, south, east, north
 
 

@@ -43,7 +43,8 @@ def test_a_run_of_bounds_at_a_url_makes_the_files_of_one_here(store, tmp_path, c
 def test_bounds_without_points_and_wrong_ones_are_refused(store, tmp_path, command):
     run = ["run", store / "house.copc.laz", "--output", tmp_path / "out", "--no-ros", "--bounds"]
     assert "no input has points in -9 -9 -8 -8" in command.refused(*run, -9, -9, -8, -8)
-    assert "must be WEST SOUTH EAST NORTH" in command.refused(*run, 5, 0, 3, 1)
+    assert "in 1 5930000.25 2 5930001: check" in command.refused(*run, 1, 5930000.25, 2, 5930001)
+    assert "--bounds 5 5930000.25 3 1: must be WEST SOUTH" in command.refused(*run, 5, 5930000.25, 3, 1)
 
 
 def test_plan_and_inspect_read_urls_and_plan_counts_bounds(store, command):

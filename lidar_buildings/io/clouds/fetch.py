@@ -47,7 +47,7 @@ def fetched(inputs: Sequence[str], folder: Path, bounds: Sequence[float] | None)
     found = {path: str(file) for path, file in zip(paths, sources, strict=True) if path}
     if not found:
         raise InputError(
-            f"no input has points in {' '.join(f'{edge:g}' for edge in bounds or ())}: check the bounds"
+            f"no input has points in {' '.join(f'{edge:.12g}' for edge in bounds or ())}: check the bounds"
         )
     return found
 
