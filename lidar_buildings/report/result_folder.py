@@ -137,8 +137,10 @@ def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
     layers = {str(name) for name, _ in pyogrio.list_layers(path)}
     traced = read_layer(path, "traced") if "traced" in layers else None
     rings: dict[str, Any] = {}
+    numbers: dict[str, int] = {}
     if traced is not None:
         rings = dict(zip(traced.columns[READABLE_ID], _in_map(traced.geometries, frame), strict=True))
+        numbers = dict(zip(rings, traced.columns["building_id"].tolist(), strict=True))
     outlines = read_layer(path, "outlines")
     columns = {name: values.tolist() for name, values in outlines.columns.items()}
     names = [str(name) for name in columns.pop(READABLE_ID)]
@@ -147,7 +149,7 @@ def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
         known = {key: _or_none(values[row]) for key, values in columns.items()}
         yield ReportedBuilding(name, known, shape, rings.pop(name, None))
     for name, ring in rings.items():  # of a run that ended before outlines were regularised
-        yield ReportedBuilding(str(name), {}, None, ring)
+        yield ReportedBuilding(str(name), {"building_id": numbers[name]}, None, ring)
 
 
 def _in_map(geometries: NDArray[Any], frame: MapFrame) -> NDArray[Any]:

@@ -56,11 +56,19 @@ def problems(run: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def early_end(run: Mapping[str, Any]) -> str:
+    """Say that a run was told to end before the last stage; empty if it was not."""
+    if run.get("until") in (None, STAGES[-1]):
+        return ""
+    return f"The run ended with {run['until']}, as it was told: there is nothing of later stages."
+
+
 def notes(result: Result) -> list[str]:
     """Return what a page lacks, and why."""
     run, lines = result.run, []
-    if run.get("until") not in (None, STAGES[-1]):
-        lines.append(f"The run ended with {run['until']}, as it was told: there is nothing of later stages.")
+    ended = early_end(run)
+    if ended:
+        lines.append(ended)
     elif not result.buildings:
         lines.append("No building was found.")
     if result.buildings and not result.has(GPKG):

@@ -1,6 +1,9 @@
 """What is said of a building leads to what is wrong with it, and to the parameter that would change it."""
 
 import json
+import shutil
+import sqlite3
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from support.result_folders import with_points, written_models
 from lidar_buildings.cli import main
 from lidar_buildings.report.explain.finding import Limits
 from lidar_buildings.report.explain.outline_findings import outline_findings, walls_of
-from lidar_buildings.report.result_folder import ReportedBuilding
+from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, read_result
 
 SPACING = 0.5
 LIMITS = Limits({}, SPACING)
@@ -58,6 +61,28 @@ def test_planes_are_told_with_points_slope_and_direction(capsys, result):
     (south, north) = sorted(line for line in text.splitlines() if line.strip().startswith("plane "))[:2]
     assert "slope 37°, looks to 180°" in south
     assert "slope 37°, looks to 0°" in north
+
+
+def test_a_run_told_to_end_early_rejected_nothing_and_lacks_no_planes(capsys, result, tmp_path):
+    folder = tmp_path / "early"
+    shutil.copytree(result, folder)
+    run = json.loads((folder / "run.json").read_text())
+    for until, name in (("roof_selection", source(15.0, 3.5)), ("regularisation", 5)):
+        (folder / "run.json").write_text(json.dumps({**run, "until": until}))
+        text = explained(capsys, folder, name)
+        assert f"The run ended with {until}, as it was told" in text
+        assert "High but no roof" not in text
+        assert "in no plane" not in text
+
+
+def test_a_building_without_an_outline_yet_has_the_number_of_its_points(result, tmp_path):
+    folder = tmp_path / "traced"
+    shutil.copytree(result, folder)
+    known = {one.name: one.building_id for one in read_result(folder).buildings if one.traced is not None}
+    with closing(sqlite3.connect(folder / GPKG)) as layers, layers:
+        layers.execute("DELETE FROM outlines")
+    assert {one.name: one.building_id for one in read_result(folder).buildings} == known
+    assert 5 in known.values()
 
 
 def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, result):

@@ -10,6 +10,7 @@ import shapely
 
 from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import outline_findings
@@ -19,6 +20,7 @@ from lidar_buildings.report.explain.site import read_site
 from lidar_buildings.report.models import model_arrays
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 from lidar_buildings.report.shown_points import Box
+from lidar_buildings.report.summary_words import early_end
 
 #: A place as X,Y in the source's coordinates.
 _PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
@@ -74,7 +76,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
                     f"{len(roof.points):,} of its roof, which was not seen whole: one height, no planes."
                 )
             ]
-        elif len(roof.points):
+        elif len(roof.points) and not _ended_before(result, "plane_fitting"):
             model = model_arrays(result.lines({building.name}), [building.name], _MANY)
             sections["Roof"] = list(roof_findings(roof, model, spacing, frame, limits))
             if result.has(GPKG):
@@ -82,7 +84,8 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
         sections["Not of it"] = list(rejected_beside(site, building.building_id, building.shape, limits)) or [
             Finding("Nothing high within the outline or round it was rejected.")
         ]
-    return _text(_head(building, spacing), sections, limits)
+    head = [*_head(building, spacing), *filter(None, [early_end(result.run)])]
+    return _text(head, sections, limits)
 
 
 def explain_place(result: Result, place: tuple[float, float]) -> str:
@@ -92,8 +95,11 @@ def explain_place(result: Result, place: tuple[float, float]) -> str:
     spacing = measure_spacing(site.points) if len(site.points) else _SPACING
     limits = Limits(result.run, spacing)
     findings = list(rejected_at(site, spacing, limits))
+    if _ended_before(result, "boundary_tracing"):
+        del findings[1:]  # nothing was rejected
     source = ", ".join(f"{one:.1f}" for one in result.frame.to_source(np.array([[x, y, 0.0]]))[0, :2])
     head = [f"No building stands at {source}; what lies within {_RADIUS:g} m:"]
+    head += filter(None, [early_end(result.run)])
     near = [one for one in result.buildings if one.shape is not None]
     if near:
         distances = shapely.distance(np.array([one.shape for one in near]), shapely.Point(x, y))
@@ -101,6 +107,10 @@ def explain_place(result: Result, place: tuple[float, float]) -> str:
             f"The nearest building, {near[int(distances.argmin())].name}, is {distances.min():.1f} m away."
         )
     return _text(head, {"Points": findings}, limits)
+
+
+def _ended_before(result: Result, stage: str) -> bool:
+    return result.run.get("until") in STAGES[: STAGES.index(stage)]
 
 
 def _head(building: ReportedBuilding, spacing: float) -> list[str]:
