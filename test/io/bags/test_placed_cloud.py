@@ -63,6 +63,9 @@ def test_of_a_bag_a_part_may_be_taken(tmp_path):
         tmp_path, write_drive(tmp_path / "tf", poses="tf").path, ScanConfig(), BagConfig(start=0.5)
     )
     assert len(las.points) > 1000
+    assert not count.warnings
+    _, count = placed(tmp_path, drive.path, choice=BagConfig(start=100.0))
+    assert "no scan lies in the part" in " ".join(count.warnings)
 
 
 def test_scans_without_any_pose_are_refused_unless_they_are_in_the_map(tmp_path):
