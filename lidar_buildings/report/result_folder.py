@@ -139,13 +139,14 @@ def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
     rings: dict[str, Any] = {}
     numbers: dict[str, int] = {}
     if traced is not None:
-        rings = dict(zip(traced.columns[READABLE_ID], _in_map(traced.geometries, frame), strict=True))
-        numbers = dict(zip(rings, traced.columns["building_id"].tolist(), strict=True))
+        names = traced.columns[READABLE_ID]
+        rings = dict(zip(names, _in_map(traced.geometries, frame), strict=True))
+        numbers = dict(zip(names, traced.columns["building_id"].tolist(), strict=True))
     outlines = read_layer(path, "outlines")
     columns = {name: values.tolist() for name, values in outlines.columns.items()}
-    names = [str(name) for name in columns.pop(READABLE_ID)]
+    own_names = [str(name) for name in columns.pop(READABLE_ID)]
     shapes = _in_map(outlines.geometries, frame)
-    for row, (name, shape) in enumerate(zip(names, shapes, strict=True)):
+    for row, (name, shape) in enumerate(zip(own_names, shapes, strict=True)):
         known = {key: _or_none(values[row]) for key, values in columns.items()}
         yield ReportedBuilding(name, known, shape, rings.pop(name, None))
     for name, ring in rings.items():  # of a run that ended before outlines were regularised
