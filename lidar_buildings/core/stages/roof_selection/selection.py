@@ -177,11 +177,12 @@ def select_roofs(
     if not is_chosen.all():
         columns, chosen, each = columns.select(is_chosen), rows[is_chosen], place
     del is_chosen, place  # memory
-    own = (height[chosen].astype(float), is_last[chosen], is_only[chosen])
+    own = (height[chosen].astype(float, copy=False), is_last[chosen], is_only[chosen])
     roof, wall = _roofs(columns, *own, lambda: points.take(np.flatnonzero(is_low), axis=0), spacing, config)
     is_roof[rows] = roof[each]
     if config.method in COMPLETIONS:
-        is_roof |= COMPLETIONS[config.method](points, height.astype(float), is_open, is_roof, spacing, config)
+        as_float = height.astype(float, copy=False)
+        is_roof |= COMPLETIONS[config.method](points, as_float, is_open, is_roof, spacing, config)
     of_chosen = _open_classes(columns, own[0], is_roof[chosen], wall, own[1], spacing, config)
     classes[rows], facade[rows] = (values[each] for values in of_chosen)
     if config.road_method == "grey_values":
@@ -226,9 +227,7 @@ def _prepared(
         height = height_above_minimum(points)
     else:
         given = np.asarray(height_above_ground)
-        height = checked_column(
-            "height_above_ground", given, n, given.dtype if given.dtype.kind == "f" else float
-        )
+        height = checked_column("height_above_ground", given, n, np.result_type(given, np.float32))
         if not np.isfinite(height).all():
             row = int(np.argmin(np.isfinite(height)))
             raise ValueError(f"height_above_ground[{row}] = {height[row]}: must be finite")
