@@ -175,7 +175,7 @@ def _result(
     """Put the rings together, measure them, and say what is out of the ordinary."""
     exterior = rings[0].drawn.vertices + centre
     walled = [ring.drawn.vertices + centre for ring in rings[1:]]
-    holes, kept = _fitting_holes(exterior, walled, traced.holes)
+    holes, kept, filled = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
     problem = _problem(outline, traced)
     if problem:
@@ -183,41 +183,47 @@ def _result(
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
+    drawn = [number for number in range(len(rings)) if number not in filled]
     walls = tuple(
         wall
-        for number, ring in enumerate(rings)
+        for place, number in enumerate(drawn)
         if number not in kept
-        for wall in outline_walls(number, ring.walled, centre)
+        for wall in outline_walls(place, rings[number].walled, centre)
     )
-    status, notes = BuildingStatus.OK, _notes(rings, kept)
+    status, notes = BuildingStatus.OK, _notes(rings, kept, filled)
     return RegularisedOutline(outline, sigma, max_offset, directions, status, notes, walls)
 
 
-def _notes(rings: list[_Fitted], kept: list[int]) -> str:
+def _notes(rings: list[_Fitted], kept: list[int], filled: list[int]) -> str:
     """Say what is out of the ordinary about an outline that could be regularised."""
     notes = {
         "walls drawn through traced points because straight ones would cross": sum(
             ring.drawn.n_traced for ring in rings
         ),
         "courtyards left as traced because straight walls would meet other rings": len(kept),
+        "courtyards left out because the outer walls meet them": len(filled),
     }
     return "; ".join(f"{note}: {number}" for note, number in notes.items() if number)
 
 
 def _fitting_holes(
     exterior: NDArray[np.float64], walled: list[NDArray[np.float64]], traced: tuple[NDArray[np.float64], ...]
-) -> tuple[tuple[NDArray[np.float64], ...], list[int]]:
-    """Return the courtyards, and the numbers of those left as traced: whose walls meet another ring."""
+) -> tuple[tuple[NDArray[np.float64], ...], list[int], list[int]]:
+    """
+    Return the courtyards; the numbers of those left as traced, whose walls meet another ring, and left out.
+    """
     holes: list[NDArray[np.float64]] = []
-    kept = []
+    kept, filled = [], []
     for number, (straight, ring) in enumerate(zip(walled, traced, strict=True), start=1):
-        fits = (
-            min(len(straight), len(exterior)) >= 3 and shapely.Polygon(exterior, [*holes, straight]).is_valid
-        )
-        holes.append(straight if fits else ring)
-        if not fits:
+        forms = (one for one in (straight, ring) if min(len(one), len(exterior)) >= 3)
+        chosen = next((one for one in forms if shapely.Polygon(exterior, [*holes, one]).is_valid), None)
+        if chosen is None:
+            filled.append(number)
+            continue
+        holes.append(chosen)
+        if chosen is ring:
             kept.append(number)
-    return tuple(holes), kept
+    return tuple(holes), kept, filled
 
 
 def _problem(outline: Outline, traced: Outline) -> str:

@@ -365,3 +365,27 @@ def test_mirrored_rings_give_mirrored_outlines():
     mirrored = regularise_outline(Outline(ring * (-1.0, 1.0)).oriented()).outline
     assert overlap(polygon(mirrored), shapely.Polygon(expected)) > 0.99
     assert len(mirrored.exterior) == len(expected)
+
+
+def test_a_courtyard_that_the_outer_walls_meet_is_left_out_and_said():
+    # a bulge that walls cut off reaches round a courtyard
+    side = np.arange(0.0, 20.0)
+    ring = np.concatenate(
+        [
+            np.column_stack([side, 0.0 * side]),
+            np.column_stack([0.0 * side + 20.0, side]),
+            np.column_stack([20.0 - side, 0.0 * side + 20.0]),
+            np.column_stack([0.0 * side, 20.0 - side]),
+        ]
+    )
+    inside = np.array([[5.0, 5.0], [5.0, 9.0], [9.0, 9.0], [9.0, 5.0]])
+    beyond = np.array([[13.0, 17.0], [13.0, 20.4], [16.0, 20.4], [16.0, 17.0]])
+    bulge = np.concatenate([ring[:44], [[16.5, 20.6], [14.5, 20.6], [12.5, 20.6]], ring[48:]])
+    traced = Outline(bulge, (inside, beyond))
+    assert traced.polygon.is_valid
+    found = regularise_outline(traced)
+    assert found.outline.polygon.is_valid
+    assert found.status is BuildingStatus.OK
+    assert "left out because the outer walls meet them: 1" in found.reason
+    [hole] = found.outline.holes
+    assert shapely.Polygon(hole).intersects(shapely.Point(7.0, 7.0))
