@@ -73,7 +73,7 @@ ROOF_POINTS = Topic(
     "CLOUD",
     "the points of class 6 that are no façade, and of these what may hang together with the tile's own; "
     "where walls were seen over which no roof was, also all façades there (`facade` 1 and 2) and the ground "
-    "about them",
+    "about them; where pulses are more than 0.5 m apart, also the ground about roofs",
 )
 EDGE_POINTS = Topic(
     "edge_points",

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.ids import anchor_row, building_id, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.point_array import extent_of
@@ -18,6 +19,7 @@ from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.open_ground import GROUND_REACH
 from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace, trace_boundary
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints.assignment import assign_footprints
@@ -52,6 +54,7 @@ def trace_buildings(
     segmentation: SegmentationConfig,
     boundary_tracing: BoundaryTracingConfig,
     pool: Sharing | None = None,
+    ground: NDArray[np.float64] | None = None,
 ) -> TracedTile:
     """
     Segment a tile's roof points into buildings and trace those that belong to the tile.
@@ -66,6 +69,8 @@ def trace_buildings(
     segmentation : SegmentationConfig
     boundary_tracing : BoundaryTracingConfig
     pool : Sharing, optional
+    ground : ndarray of shape (n_ground, 3), optional
+        Ground about the roofs [m].
     """
     found = segment_buildings(
         tile.points,
@@ -87,10 +92,13 @@ def trace_buildings(
         if int(found.block_id[rows[0]]) in blocks
     ]
     number_of, jobs, spacing = np.zeros(len(tile), dtype=np.uint32), [], tile.point_spacing
+    ground = None if ground is None else ground[np.argsort(ground[:, 0], kind="stable"), :2]
     for number, rows in owned:
         number_of[rows] = number
         cloud = tile.points.take(rows_to_trace(rows, tile.edge, boundary_tracing), axis=0)
-        jobs.append(_TracingJob(number, cloud, boundary_tracing, found.patterns[number], spacing))
+        pattern = found.patterns[number]
+        near = None if ground is None else _about(ground, cloud, GROUND_REACH * pattern.spacing)
+        jobs.append(_TracingJob(number, cloud, boundary_tracing, pattern, spacing, near))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
     places = (extent_of(tile.points.take(rows, axis=0)[:, :2]) for _, rows in owned)
@@ -100,6 +108,15 @@ def trace_buildings(
         NONE,
     )
     return TracedTile(tile.with_columns(building_id=number_of), tuple(outlines), clipped)
+
+
+def _about(ground: NDArray[np.float64], points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Return the ground, which comes by rising x, within the extent of some points and a reach about it."""
+    low, high = extent_of(points[:, :2])
+    rows = slice(*np.searchsorted(ground[:, 0], (low[0] - reach, high[0] + reach)))
+    return ground[rows][
+        np.abs(ground[rows, 1] - 0.5 * (low[1] + high[1])) <= 0.5 * (high[1] - low[1]) + reach
+    ]
 
 
 def trace_or_close(
@@ -119,17 +136,21 @@ def trace_or_close(
     boundary_tracing : BoundaryTracingConfig
     pool : Sharing, optional
     """
-    if not tile.has_bare_walls:
+    is_roof = tile.is_roof
+    if is_roof.all():
         return trace_buildings(tile, segmentation, boundary_tracing, pool)
+    ground = tile.points[tile.classification != PointClass.BUILDING]
+    if not tile.has_bare_walls:
+        return trace_buildings(tile.select(is_roof), segmentation, boundary_tracing, pool, ground)
     walled, clipped = walled_buildings(tile, segmentation.min_area)
-    number, outlines, is_alone, is_core = np.zeros(len(tile), dtype=np.uint32), [], tile.is_roof, tile.is_core
+    number, outlines, is_alone, is_core = np.zeros(len(tile), dtype=np.uint32), [], is_roof, tile.is_core
     for rows, outline in walled:
         is_alone[rows] = False
         anchor = rows[anchor_row(tile.points[rows])]
         if is_core[anchor]:
             number[rows] = building_id(tile.points[anchor])
             outlines.append(BuildingOutline(int(number[anchor]), outline.as_carried()))
-    alone = trace_buildings(tile.select(is_alone), segmentation, boundary_tracing, pool)
+    alone = trace_buildings(tile.select(is_alone), segmentation, boundary_tracing, pool, ground)
     number[is_alone] = alone.tile.building_id
     chosen = tile.is_roof | (number > 0)
     outlines = sorted([*alone.outlines, *outlines], key=lambda one: one.building_id)
@@ -196,12 +217,19 @@ class _TracingJob(NamedTuple):
     config: BoundaryTracingConfig
     pattern: ScanPattern
     point_spacing: float | None
+    ground: NDArray[np.float64] | None
 
 
 def _traced(job: _TracingJob) -> Outline:
     """Trace one building; whatever goes wrong, a ring comes back."""
     try:
-        traced = trace_boundary(job.points, job.config, pattern=job.pattern, point_spacing=job.point_spacing)
+        traced = trace_boundary(
+            job.points,
+            job.config,
+            pattern=job.pattern,
+            point_spacing=job.point_spacing,
+            ground=job.ground,
+        )
         return traced.outline.as_carried()
     except Exception:
         _log.exception("building %d: tracing failed, a square marks its anchor", job.building_id)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, PointClass, is_of_groups
 from lidar_buildings.core.model.outline import Outline
@@ -20,6 +21,7 @@ from lidar_buildings.core.stages.boundary_tracing.closed_walls import (
     WALL_CELL,
     close_walls,
 )
+from lidar_buildings.core.stages.boundary_tracing.open_ground import GROUND_REACH
 from lidar_buildings.core.surfaces.surface_patches import connected_parts, own_roofs
 
 #: Walls and roofs nearer to each other in plan hang together [m].
@@ -28,6 +30,8 @@ WALL_GAP = 1.0
 _MIN_BARE_SHARE = 0.1
 #: How far eaves reach beyond walls [m].
 _EAVES = 1.0
+#: Spacing from which a tile is sparse: windows of the tracing are wider than the smallest courtyard [m].
+SPARSE = 0.5
 #: How far below the top of a wall points tell its height [m].
 _TOP = 0.5
 
@@ -51,8 +55,9 @@ def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     """
     Tell which points go on from the roof selection.
 
-    They are the roofs that the tile's core may be part of, see `own_roofs`; and where walls were seen over
-    which no roof was, all that hangs together with them and the ground about it, a point a cell.
+    They are the roofs that the tile's core may be part of, see `own_roofs`; where walls were seen over which
+    no roof was, all that hangs together with them and the ground about it; and in a tile so sparse that roofs
+    are traced across courtyards and lanes, the ground about them. Of ground it is a point a cell.
 
     Parameters
     ----------
@@ -60,7 +65,10 @@ def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
         With the final classes, and what is façade.
     """
     goes_on, groups = own_roofs(tile), _bare_groups(tile)
-    ground = _Ground(tile) if groups else None
+    is_sparse = tile.point_spacing is not None and tile.point_spacing > SPARSE
+    ground = _Ground(tile) if groups or (is_sparse and goes_on.any()) else None
+    if is_sparse and ground is not None:
+        goes_on[ground.near(tile.points[goes_on], GROUND_REACH * tile.point_spacing)] = True
     for rows in groups:
         goes_on[rows] = True
         goes_on[ground.about(tile.points[rows])] = True
@@ -149,6 +157,17 @@ class _Ground:
         first, last = np.searchsorted(self._points[:, 1], (middle[1] - reach, middle[1] + reach))
         near = np.abs(self._points[first:last, 0] - middle[0]) <= reach
         return self._rows[first:last][near]
+
+    def near(self, points: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
+        """Return the ground within reach of some points, and some farther off [m]."""
+        low = points[:, :2].min(axis=0) - 2.0 * reach
+        shape = ((points[:, :2].max(axis=0) - low) / reach).astype(np.int64) + 3
+        is_near = np.zeros(shape, dtype=bool)
+        is_near[tuple(((points[:, :2] - low) / reach).astype(np.int64).T)] = True
+        is_near = ndimage.binary_dilation(is_near, np.ones((3, 3), dtype=bool))
+        at = np.floor((self._points - low) / reach).astype(np.int64)
+        known = ((at >= 0) & (at < shape)).all(axis=1)
+        return self._rows[known][is_near[tuple(at[known].T)]]
 
 
 def _middles(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:

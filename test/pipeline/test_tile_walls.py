@@ -88,6 +88,43 @@ def test_without_bare_walls_roofs_alone_go_on():
     assert len(traced(below).outlines) == 1
 
 
+def sparse_yard(spacing):
+    """A block round a court of 8 m, seen from above, and ground all about it."""
+    x, y = np.meshgrid(np.arange(-40.0, 80.0, spacing), np.arange(-40.0, 80.0, spacing))
+    xy = np.column_stack([x.ravel(), y.ravel()]) + np.random.default_rng(3).uniform(-0.1, 0.1, (x.size, 2))
+    block = shapely.box(0.0, 0.0, 24.0, 28.0) - shapely.box(8.0, 8.0, 16.0, 20.0)
+    is_roof = shapely.contains_xy(block, *xy.T)
+    return PointTile(
+        points=np.column_stack([xy, np.where(is_roof, 8.0, 0.0)]),
+        classification=np.where(is_roof, PointClass.BUILDING, PointClass.GROUND).astype(np.uint8),
+        height_above_ground=np.where(is_roof, 8.0, 0.0),
+        point_spacing=spacing,
+    )
+
+
+def test_ground_about_sparse_roofs_goes_on_and_opens_courts():
+    tile = sparse_yard(1.8)
+    part = roof_points(tile)
+    assert np.count_nonzero(part.is_roof) == np.count_nonzero(tile.is_roof)
+    assert not part.is_roof.all()
+    assert len(part) < 0.7 * len(tile), "ground far from roofs stays behind"
+    found = traced(tile)
+    [outline] = found.outlines
+    assert len(outline.outline.holes) == 1
+    assert found.tile.is_roof.all()
+    assert (found.tile.building_id > 0).all()
+    [blind] = trace_or_close(
+        label_roof_edges(tile.select(tile.is_roof), CONFIG.edge_labelling).tile,
+        CONFIG.segmentation,
+        CONFIG.boundary_tracing,
+    ).outlines
+    assert not blind.outline.holes
+
+
+def test_no_ground_about_dense_roofs_goes_on():
+    assert roof_points(sparse_yard(0.45)).is_roof.all()
+
+
 @pytest.mark.parametrize(("core", "is_own"), [((-20.0, 8.0), True), ((8.0, 60.0), False)])
 def test_a_building_belongs_to_the_tile_with_its_anchor(core, is_own):
     tile = street_scene()

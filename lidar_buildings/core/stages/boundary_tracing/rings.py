@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules, narrow_share
@@ -16,6 +18,7 @@ from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     with_more_room,
 )
 from lidar_buildings.core.stages.boundary_tracing.empty_discs import EmptyDiscs, nearest_free
+from lidar_buildings.core.stages.boundary_tracing.open_ground import OpenGround
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import holds, misplaced
 from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
@@ -33,7 +36,8 @@ _MAX_STARTS = 4
 _MAX_DISCS, _MAX_FAILURES = 2000, 20
 #: Points in one cell that a walk can still look through, where cells had to be enlarged.
 _MAX_CROWD = 2000
-_NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
+#: Among the reasons of a ring that was not walked.
+NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
 _SHARED_RIM = "an empty place shares its rim with the outer ring: it is taken for roof"
 
 
@@ -47,6 +51,8 @@ class RingTracer:
         Distinct positions, not all on a line.
     max_reach : float
         How many times the neighbourhood may be enlarged where a walk fails.
+    ground : OpenGround, optional
+        Its places are among the positions; no ring goes round them but a courtyard's.
 
     Attributes
     ----------
@@ -54,7 +60,7 @@ class RingTracer:
         What was out of the ordinary.
     """
 
-    def __init__(self, grid: PointGrid, max_reach: float) -> None:
+    def __init__(self, grid: PointGrid, max_reach: float, ground: OpenGround | None = None) -> None:
         """Begin without rings."""
         self._grid = grid
         self._max_reach = max(1.0, max_reach)
@@ -63,6 +69,10 @@ class RingTracer:
         self._exterior = np.zeros(0, dtype=np.int64)
         self._holes: list[NDArray[np.int64]] = []
         self.reasons: list[str] = []
+        self._is_own = np.ones(len(grid.x), dtype=bool)
+        self._middles = np.zeros((0, 2)) if ground is None else ground.middles
+        if ground is not None:
+            self._fence(ground)
 
     def outline(self) -> Outline:
         """Return what was traced so far; the rings start at their westernmost vertex."""
@@ -73,7 +83,8 @@ class RingTracer:
         """
         Trace the ring round all points from the one farthest from their middle, or take it from triangles.
         """
-        x, y = self._grid.x, self._grid.y
+        own = np.flatnonzero(self._is_own)
+        x, y = self._grid.x[own], self._grid.y[own]
         dx, dy = x - x.mean(), y - y.mean()
         start = int(np.argmax(dx * dx + dy * dy))
         heading = float(dx[start]), float(dy[start])
@@ -84,10 +95,10 @@ class RingTracer:
         ring = None
         if self._grid.cell == 1.0 or np.diff(self._grid.first).max() <= _MAX_CROWD:
             ring = self._walk(
-                start, heading, _MAX_WALKS, len(x), lambda rows: misplaced(self._grid, rows, False)
+                int(own[start]), heading, _MAX_WALKS, len(x), lambda rows: self._wrong(rows, False)
             )
         if ring is None:
-            self._note(_NO_WALK)
+            self._note(NO_WALK)
             ring = self._ring_by_triangles()
         self._exterior = ring
 
@@ -97,33 +108,64 @@ class RingTracer:
 
         Where no walk round all points was found there are none: their gaps are wider than the windows.
         """
-        if _NO_WALK in self.reasons:
+        if NO_WALK in self.reasons:
             return
         grid = self._grid
         unit = 1.0 / np.sqrt(abs(grid.ux * grid.vy - grid.uy * grid.vx))
         discs = EmptyDiscs(grid, self._exterior, rules.radius)
+        exterior = shapely.Polygon(self._positions(self._exterior))
+        for place in self._middles[shapely.contains_xy(exterior, self._middles)].tolist():
+            if not any(holds(grid, hole, *place) for hole in self._holes):
+                self._add_courtyard(place, rules, discs, 0.0)
         n_failures = 0
         for _ in range(_MAX_DISCS):
             centre = discs.next_centre()
             if centre is None or n_failures >= _MAX_FAILURES:
                 break
-            before = int(self._edges.size[0])
-            hole = self._rim(centre)
-            if hole is None:
+            if not self._add_courtyard(centre, rules, discs, rules.min_band / unit):
                 n_failures += 1
-                self._note(_SHARED_RIM)
                 discs.give_up()
-                continue
-            discs.close(hole)
-            narrow = narrow_share(grid, hole, self._exterior, rules.min_band / unit)
-            refusal = rules.refusal(self._positions(hole), narrow)
-            if refusal is None:
-                self._holes.append(hole)
-            else:
-                self._note(refusal)
-                self._give_up(hole, before)
 
-    def _rim(self, centre: tuple[float, float]) -> NDArray[np.int64] | None:
+    def _add_courtyard(
+        self, centre: Sequence[float], rules: CourtyardRules, discs: EmptyDiscs, min_band: float
+    ) -> bool:
+        """
+        Add the courtyard round a place, if it is one and roofs less wide than the band are not all round it.
+
+        False if there is no rim round the place.
+        """
+        before = int(self._edges.size[0])
+        hole = self._rim(centre)
+        if hole is None:
+            self._note(_SHARED_RIM)
+            return False
+        discs.close(hole)
+        narrow = narrow_share(self._grid, hole, self._exterior, min_band)
+        refusal = rules.refusal(self._positions(hole), narrow)
+        if refusal is None:
+            self._holes.append(hole)
+        else:
+            self._note(refusal)
+            self._give_up(hole, before)
+        return True
+
+    def _fence(self, ground: OpenGround) -> None:
+        """Enter the fences between places of open ground, which no walk takes for its points."""
+        away, place = cKDTree(ground.places).query(np.column_stack((self._grid.x, self._grid.y)))
+        rows = np.flatnonzero(away == 0.0)
+        self._is_own[rows] = False
+        row_of = np.empty(len(ground.places), dtype=np.int64)
+        row_of[place[rows]] = rows
+        self._follower[row_of] = row_of[ground.other_end]
+        self._enter(rows[self._follower[rows] != rows])
+
+    def _enter(self, rows: NDArray[np.int64]) -> None:
+        """Enter the edges that begin at some points."""
+        for row in rows.tolist():
+            while not add_edge(self._grid, self._edges, row, self._follower[row]):
+                self._edges = with_more_room(self._edges)
+
+    def _rim(self, centre: Sequence[float]) -> NDArray[np.int64] | None:
         """Walk round an empty place from one of the points nearest to it that no other ring has taken."""
         max_steps = _MAX_RIM_STEPS * len(self._exterior)
         for start in nearest_free(self._grid, self._follower, *centre, _MAX_STARTS).tolist():
@@ -178,11 +220,16 @@ class RingTracer:
                 break
         return None
 
-    def _inside_hole(self, rows: NDArray[np.int64], centre: tuple[float, float]) -> NDArray[np.int64] | None:
+    def _inside_hole(self, rows: NDArray[np.int64], centre: Sequence[float]) -> NDArray[np.int64] | None:
         """Return the points that lie inside a courtyard's rim; None if it is no rim round the centre."""
         if not holds(self._grid, rows, *centre):
             return None
-        return misplaced(self._grid, rows, True)
+        return self._wrong(rows, True)
+
+    def _wrong(self, ring: NDArray[np.int64], inside: bool) -> NDArray[np.int64]:
+        """Return the building's points inside a ring, or those outside."""
+        rows = misplaced(self._grid, ring, inside)
+        return rows[self._is_own[rows]]
 
     def _ring_by_triangles(self) -> NDArray[np.int64]:
         """Return a ring that is simple and holds all points, whatever they are; its edges are entered."""
@@ -194,9 +241,7 @@ class RingTracer:
             if not len(misplaced(grid, ring, False)):
                 break
         self._follower[ring] = np.roll(ring, -1)
-        for row in ring.tolist():
-            while not add_edge(grid, self._edges, row, self._follower[row]):
-                self._edges = with_more_room(self._edges)
+        self._enter(ring)
         return ring
 
     def _give_up(self, ring: NDArray[np.int64], size: int) -> None:

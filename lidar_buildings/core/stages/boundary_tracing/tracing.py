@@ -16,8 +16,9 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
+from lidar_buildings.core.stages.boundary_tracing.open_ground import enclosed_ground
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
-from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
+from lidar_buildings.core.stages.boundary_tracing.rings import NO_WALK, RingTracer
 
 #: Fewest distinct positions that a walk makes sense for.
 _MIN_POSITIONS = 4
@@ -51,6 +52,7 @@ def trace_boundary(
     *,
     pattern: ScanPattern | None = None,
     point_spacing: float | None = None,
+    ground: NDArray[np.float64] | None = None,
 ) -> TracedBoundary:
     """
     Trace the ring round one building's points, and the rims of its courtyards.
@@ -59,7 +61,9 @@ def trace_boundary(
     of the current one and never crosses its own way (Sampath & Shan, 2007). Where it ends in a dead end or
     leaves points outside, the neighbourhood is widened there and the walk begins anew; where that does not
     help, the ring comes from a triangulation. Courtyards are empty discs inside the ring that are wide
-    enough and have roof all round; their rims are walked in the same way.
+    enough and have roof all round; their rims are walked in the same way. Where the rings enclose ground that
+    was seen, they are walked once more, and no step crosses it: what is open within is a courtyard, however
+    narrow.
 
     Parameters
     ----------
@@ -73,6 +77,8 @@ def trace_boundary(
         nothing tells how a square should be turned, unless `config.neighbourhood` wants one.
     point_spacing : float, optional
         The spacing of the building's points [m]; that of the pattern, or measured, if not given.
+    ground : ndarray of shape (n_ground, 2 or more), optional
+        Ground about the building [m].
 
     Returns
     -------
@@ -105,12 +111,13 @@ def trace_boundary(
         min_band=_MIN_COURTYARD_BAND * spacing,
     )
     rules = yards if config.courtyards else None
-    outline, reasons = _traced(grid, config, rules)
+    seen = np.zeros((0, 2)) if ground is None else ground[:, :2]
+    outline, reasons = _traced(grid, known, seen, config, rules)
     if not is_rectangle:
         across_gaps = _across_gaps(known, grid, outline)
         if across_gaps != known:
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
-            smoother, why = _traced(grid, config, rules)
+            smoother, why = _traced(grid, across_gaps, seen, config, rules)
             if len(smoother.holes) == len(outline.holes):
                 outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
@@ -127,10 +134,27 @@ def rows_to_trace(
 
 
 def _traced(
-    grid: PointGrid, config: BoundaryTracingConfig, rules: CourtyardRules | None
+    grid: PointGrid,
+    pattern: ScanPattern,
+    ground: NDArray[np.float64],
+    config: BoundaryTracingConfig,
+    rules: CourtyardRules | None,
 ) -> tuple[Outline, list[str]]:
     """Return the rings, and what was out of the ordinary."""
-    tracer = RingTracer(grid, _MAX_WINDOW / config.window)
+    outline, reasons = _rings(RingTracer(grid, _MAX_WINDOW / config.window), rules)
+    if not len(ground):
+        return outline, reasons
+    points = np.column_stack((grid.x, grid.y))
+    found = enclosed_ground(ground, points, outline.polygon, pattern.spacing, config.min_courtyard_area)
+    if found is None:
+        return outline, reasons
+    both = np.concatenate((points, found.places))
+    fenced = build_point_grid(both, pattern, config.window, is_rectangle=not grid.is_disc)
+    beside, why = _rings(RingTracer(fenced, _MAX_WINDOW / config.window, found), rules)
+    return (outline, reasons) if NO_WALK in why else (beside, why)
+
+
+def _rings(tracer: RingTracer, rules: CourtyardRules | None) -> tuple[Outline, list[str]]:
     tracer.trace_exterior()
     if rules is not None:
         tracer.trace_courtyards(rules)

@@ -1,0 +1,80 @@
+"""Ground that was seen keeps rings from going round it."""
+
+import numpy as np
+import pytest
+import shapely
+from support.traced_rings import assert_sound, polygon
+
+from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+
+SPACING = 1.5
+YARD = shapely.box(0.0, 0.0, 24.0, 28.0) - shapely.box(8.0, 8.0, 15.0, 20.0)
+WINGS = shapely.box(0.0, 0.0, 30.0, 24.0) - shapely.box(13.0, 8.0, 16.2, 24.0)
+HOUSE = shapely.box(39.0, 0.0, 50.0, 12.0)
+
+
+def seen(shape, angle=0.0, seed=0):
+    """Roof points of a shape, and the ground about it."""
+    rng = np.random.default_rng(seed)
+    west, south, east, north = shape.buffer(15.0).bounds
+    x, y = np.meshgrid(np.arange(west, east, SPACING), np.arange(south, north, SPACING))
+    xy = np.column_stack([x.ravel(), y.ravel()]) + rng.uniform(-0.2, 0.2, (x.size, 2))
+    is_roof = shapely.contains_xy(shape, *xy.T)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    xyz = np.column_stack([xy @ turn.T, np.where(is_roof, 8.0, 0.0)])
+    truth = shapely.transform(shape, lambda at: at @ turn.T)
+    return xyz[is_roof], xyz[~is_roof], truth
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5])
+@pytest.mark.parametrize(("shape", "n_holes"), [(YARD, 1), (WINGS, 0)])
+def test_what_is_narrower_than_the_window_is_open_where_ground_was_seen(shape, n_holes, angle):
+    points, ground, truth = seen(shape, angle)
+    blind = trace_boundary(points, point_spacing=SPACING)
+    traced = trace_boundary(points, point_spacing=SPACING, ground=ground)
+    assert_sound(traced, points)
+    assert not blind.outline.holes
+    assert len(traced.outline.holes) == n_holes
+    open_place = truth.convex_hull - truth
+    shares = [polygon(one.outline).intersection(open_place).area / open_place.area for one in (blind, traced)]
+    assert shares[0] > 0.7
+    assert shares[1] < 0.35
+
+
+def test_order_and_repetition_do_not_matter():
+    points, ground, _ = seen(YARD)
+    traced = trace_boundary(points, point_spacing=SPACING, ground=ground)
+    rng = np.random.default_rng(1)
+    again = trace_boundary(
+        rng.permutation(points),
+        point_spacing=SPACING,
+        ground=rng.permutation(np.vstack([ground, ground[:40]])),
+    )
+    assert again.outline.same_as(traced.outline)
+
+
+def test_ground_under_eaves_and_away_from_the_building_changes_nothing():
+    points, ground, _ = seen(shapely.box(0.0, 0.0, 20.0, 14.0))
+    below = points[::3] + np.array([0.4, 0.3, -8.0])
+    traced = trace_boundary(points, point_spacing=SPACING)
+    for some in (ground, below, np.vstack([ground, below]), np.zeros((0, 3))):
+        assert trace_boundary(points, point_spacing=SPACING, ground=some).outline.same_as(traced.outline)
+
+
+def test_less_than_a_courtyard_stays_closed():
+    points, ground, _ = seen(YARD)
+    wide = BoundaryTracingConfig(min_courtyard_area=200.0)
+    traced = trace_boundary(points, wide, point_spacing=SPACING, ground=ground)
+    assert traced.outline.same_as(trace_boundary(points, wide, point_spacing=SPACING).outline)
+
+
+def test_a_building_that_hangs_together_across_ground_keeps_one_ring_round_all_its_points():
+    points, ground, _ = seen(WINGS | HOUSE)
+    points = np.vstack([points, [[34.5, 6.0, 8.0]]])
+    lane = WINGS.convex_hull - WINGS
+    traced = trace_boundary(points, point_spacing=SPACING, ground=ground)
+    assert_sound(traced, points)
+    assert polygon(traced.outline).intersection(lane).area < 0.35 * lane.area
+    blind = trace_boundary(points, point_spacing=SPACING)
+    assert polygon(blind.outline).intersection(lane).area > 0.7 * lane.area
