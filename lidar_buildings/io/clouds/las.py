@@ -182,7 +182,7 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     slack = _BOUNDS_TOLERANCE / cloud.units
     reach = 2.0**31 * np.abs(cloud.header.scales) + slack  # coordinates are steps in 32 bits
     can_be = np.abs(np.array([mins, maxs]) - cloud.header.offsets) <= reach
-    can_be &= (maxs - mins) * cloud.units <= MAX_EXTENT
+    can_be[:, :2] &= ((maxs - mins) * cloud.units)[:2] <= MAX_EXTENT
     if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
     warn_once(f"{cloud.path}: the bounds in its header do not fit its points: measured anew")

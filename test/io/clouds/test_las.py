@@ -323,6 +323,16 @@ def test_of_a_cloud_with_stray_points_the_bounds_are_those_of_the_others(tmp_pat
     assert "km from most" in caplog.records[-1].getMessage()
 
 
+def test_a_point_that_is_far_up_does_not_make_the_bounds_wrong(tmp_path, caplog):
+    cloud = cloud_files.random_cloud()
+    z = np.asarray(cloud.z).copy()
+    z[3] = 100_000.0
+    cloud.z = z
+    opened = open_cloud(cloud_files.saved(cloud, tmp_path / "high.laz"))
+    assert opened.maxs[2] == pytest.approx(100_000.0)
+    assert not caplog.records
+
+
 def test_feet_become_metres_and_go_back(tmp_path):
     cloud = cloud_files.with_wkt(
         cloud_files.random_cloud(point_format=6, corner=(983000.0, 199000.0, 30.0)), "EPSG:2263"
