@@ -7,7 +7,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import (
     N_VOTERS,
-    find_voted_roofs,
+    find_voted_surface,
     plane_votes,
 )
 
@@ -27,41 +27,73 @@ def crown():
     return np.random.default_rng(1).uniform(0.0, 8.0, (40, 3))
 
 
-def roof_share(points, is_last=None, is_only=None, ground=None):
-    """Return the share of points that are roof."""
+def is_roof(points, is_last=None, is_only=None, ground=None):
+    """Return which points start roofs, row by row."""
     columns = by_column(points, SPACING)
     every, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3)) if ground is None else ground
     is_last, is_only = ((every if one is None else one)[columns.rows] for one in (is_last, is_only))
     candidates = Candidates(columns, is_last, is_only, lambda: ground, 2.25 * SPACING, 2.0 * SPACING)
-    return find_voted_roofs(candidates, RoofSelectionConfig()).mean()
+    surface = find_voted_surface(candidates, RoofSelectionConfig())
+    np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0)
+    found = np.zeros(len(points), dtype=bool)
+    found[columns.rows] = surface.is_surface
+    return found
+
+
+def roof_share(points, **known):
+    """Return the share of points that start roofs."""
+    return is_roof(points, **known).mean()
 
 
 def test_neighbours_on_both_faces_of_a_gable_of_forty_points_vote():
     points = gable_of_a_few_points()
     assert len(points) == 40
     # Where faces are two points wide, half of twelve neighbours or so lie on the other one.
-    assert (plane_votes(points, 0.125) >= 6).mean() > 0.7
+    assert (plane_votes(points, 0.125)[0] >= 6).mean() > 0.7
 
 
 def test_a_crown_has_few_votes():
-    assert (plane_votes(crown(), 0.125) >= 7).mean() < 0.1
+    assert (plane_votes(crown(), 0.125)[0] >= 7).mean() < 0.1
 
 
 def test_no_more_points_than_voters_have_no_plane():
-    assert not plane_votes(np.zeros((N_VOTERS, 3)), 0.125).any()
+    assert not plane_votes(np.zeros((N_VOTERS, 3)), 0.125)[0].any()
 
 
 def test_a_gable_of_forty_points_is_roof_up_to_the_ridge_whether_returns_are_known_or_not():
     points = gable_of_a_few_points()
     assert roof_share(points) > 0.9
     some = np.arange(len(points)) % 8 > 0
-    assert roof_share(points, some, some) > 0.9
+    # What is no last return has no plane of its own: roofs grow to it.
+    assert is_roof(points, is_last=some, is_only=some)[some].mean() > 0.9
 
 
 def test_a_crown_is_no_roof_whether_returns_are_known_or_not():
     assert roof_share(crown()) == 0.0
     every_other = np.arange(len(crown())) % 2 == 0
-    assert roof_share(crown(), every_other, every_other) == 0.0
+    assert roof_share(crown(), is_last=every_other, is_only=every_other) == 0.0
+
+
+def test_the_normal_is_that_of_the_plane_that_neighbours_lie_on():
+    x, y = (one.ravel() for one in np.meshgrid(np.arange(6.0), np.arange(6.0)))
+    votes, normals = plane_votes(np.column_stack([x, y, 0.5 * x]), 0.01)
+    assert (votes == N_VOTERS).all()
+    np.testing.assert_allclose(
+        normals * np.sign(normals[:, 2:]), [np.array([-0.5, 0.0, 1.0]) / 1.25**0.5] * 36
+    )
+
+
+def test_shrubs_on_open_ground_are_no_roof_whatever_house_is_the_nearest():
+    house = gable_of_a_few_points()
+    shrubs = house[:3] + np.array([25.0, 0.0, -5.0])
+    x, y = (
+        one.ravel() for one in np.meshgrid(np.arange(-9.0, 30.0, SPACING), np.arange(-5.0, 18.0, SPACING))
+    )
+    beside = (abs(x) > 4.5) | (abs(y - 6.0) > 6.5)
+    ground = np.column_stack([x, y, np.zeros(x.size)])[beside]
+    found = is_roof(np.vstack([house, shrubs]), ground=ground)
+    assert found[: len(house)].mean() > 0.8
+    assert not found[len(house) :].any()
 
 
 def test_a_deck_of_few_points_is_no_roof():

@@ -13,6 +13,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
+from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import RoofSurface
 
 #: Neighbours that vote: two rings around a point on an even surface.
 N_VOTERS = 12
@@ -21,52 +22,71 @@ MIN_SINE = 0.4
 #: Largest distance from a plane, in the cells in which areas are counted, two spacings: neighbours in foliage
 #: differ in height as they lie apart, and so as few come near a plane by chance at any density.
 DISTANCE_CELLS = 1.0 / 32.0
-#: Mean votes, of twelve, around a point of a roof; and where returns are not known, so that nothing but
-#: planes tells of foliage. Houses have 7 in the mean, crowns 1 to 3.
-MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 5.0
+#: Points in plan, of all that came back, that say whether one of them is roof: three rings around it.
+N_AROUND = 24
+#: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, more than crowns,
+#: which have 1 to 3 and let ground be seen; so what is narrow or stands alone has to be flatter.
+GROUND_VOTES = 3.0
+#: Mean votes around a point of a roof; and where returns are not known, so that nothing but planes tells of
+#: foliage.
+MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 4.75
+#: Fewest votes of a plane along which a roof goes on.
+MIN_PLANE_VOTES = 4
 
 
-def find_voted_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[np.bool_]:
+def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
     """
-    Tell which points are roof, and no deck, by the planes that points around lie on, where points are few.
+    Find the planes of roofs, and of no deck, that points around lie on, where points are few.
 
-    One point's votes say little where faces hold few points; a crown has few votes as a whole. Everything
-    raised is asked, whichever the return: what others of its pulse came after has no votes, and foliage has
-    many of those. `max_roughness` is the largest distance from the plane, if that is not narrower still.
+    One point's votes say little where faces hold few points; a crown has few votes as a whole. All that came
+    back around it is asked: what others of its pulse came after has no votes, and foliage has many of those;
+    it lets ground be seen, too. `max_roughness` is the largest distance from the plane, if that is not
+    narrower still.
     """
-    points, n = candidates.points, len(candidates.points)
-    votes = np.zeros(n, dtype=np.int64)
+    points, n, ground = candidates.points, len(candidates.points), candidates.ground()
+    votes, normals = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
     distance = min(config.max_roughness, DISTANCE_CELLS * candidates.cell)
-    votes[candidates.is_last] = plane_votes(points[candidates.is_last], distance)
+    votes[candidates.is_last], normals[candidates.is_last] = plane_votes(points[candidates.is_last], distance)
     least = MIN_VOTES_UNKNOWN if candidates.is_only.all() else MIN_VOTES
-    rows = np.flatnonzero(_mean_around(points[:, :2], votes) >= least)
+    rows = np.flatnonzero(_mean_around(points, votes, ground) >= least)
     label, n_parts = candidates.parts(rows, candidates.radius)
-    part, roof = label[rows], np.zeros(n, dtype=bool)
-    decks = is_deck(points[rows], part, n_parts, candidates.ground(), candidates.cell)
-    roof[rows[~decks[part]]] = True
-    return roof
+    part, (is_surface, nothing) = label[rows], np.zeros((2, n), dtype=bool)
+    decks = is_deck(points[rows], part, n_parts, ground, candidates.cell)
+    is_surface[rows] = ~decks[part] & (votes[rows] >= MIN_PLANE_VOTES)
+    return RoofSurface(is_surface, nothing, nothing, normals[is_surface])
 
 
-def plane_votes(points: NDArray[np.float64], max_distance: float) -> NDArray[np.int64]:
-    """Return how many of each point's nearest neighbours lie on one plane through it: 0 to `N_VOTERS`."""
-    votes = np.zeros(len(points), dtype=np.int64)
-    if len(points) <= N_VOTERS:
-        return votes
-    near = cKDTree(points).query(points, N_VOTERS + 1)[1]
-    least = math.cos(math.radians(MAX_SLOPE_DEG))
-    for_row_blocks(lambda a, b: _vote(points, near, max_distance, least, votes, a, b), len(points))
-    return votes
+def plane_votes(
+    points: NDArray[np.float64], max_distance: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Return how many of each point's nearest neighbours lie on one plane through it: 0 to `N_VOTERS`.
+
+    And the plane's unit normal, zero where there is none, shape (n_points, 3).
+    """
+    votes, normals = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 3))
+    if len(points) > N_VOTERS:
+        near, least = cKDTree(points).query(points, N_VOTERS + 1)[1], math.cos(math.radians(MAX_SLOPE_DEG))
+        for_row_blocks(
+            lambda *run: _vote(points, near, max_distance, least, votes, normals, *run), len(points)
+        )
+    return votes, normals
 
 
-def _mean_around(plan: NDArray[np.float64], votes: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the mean votes of each point and its nearest neighbours in plan."""
-    if len(plan) <= N_VOTERS:
-        return votes.astype(np.float64)
-    return np.asarray(votes[cKDTree(plan).query(plan, N_VOTERS + 1)[1]].mean(axis=1))
+def _mean_around(
+    points: NDArray[np.float64], votes: NDArray[np.int64], ground: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the mean votes of each point and its nearest neighbours in plan, ground among them."""
+    # In an order of their own: of neighbours as far away the first ones count.
+    plan = np.vstack([points, ground[np.lexsort(ground.T)]])[:, :2]
+    value = np.append(votes, np.full(len(ground), GROUND_VOTES))
+    if len(plan) <= N_AROUND:
+        return value[: len(points)]
+    return np.asarray(value[cKDTree(plan).query(plan[: len(points)], N_AROUND + 1)[1]].mean(axis=1))
 
 
 @kernel
-def _vote(points, near, max_distance, min_upward, votes, begin, end):  # type: ignore[no-untyped-def]
+def _vote(points, near, max_distance, min_upward, votes, normals, begin, end):  # type: ignore[no-untyped-def]
     away = np.empty((near.shape[1], 3))
     for i in range(begin, end):
         for k in range(near.shape[1]):
@@ -84,4 +104,6 @@ def _vote(points, near, max_distance, min_upward, votes, begin, end):  # type: i
                 for k in range(len(away)):
                     off = x * away[k, 0] + y * away[k, 1] + z * away[k, 2]
                     found += abs(off) <= max_distance * length
-                votes[i] = max(votes[i], found)
+                if found > votes[i]:
+                    votes[i] = found
+                    normals[i, 0], normals[i, 1], normals[i, 2] = x / length, y / length, z / length

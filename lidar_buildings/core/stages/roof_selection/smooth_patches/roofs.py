@@ -10,7 +10,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import find_voted_roofs
+from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import find_voted_surface
 from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
 from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
@@ -45,20 +45,15 @@ def find_roofs(
     whole, and what is too small.
     """
     columns, radius = candidates.columns, candidates.radius
-    if 2.0 * radius > FACE_WIDTH:
-        roof = find_voted_roofs(candidates, config)
-        is_steep = is_wall = np.zeros(len(columns.points), dtype=bool)
-    else:
-        surface = find_roof_surface(candidates, config)
-        is_steep, is_wall = surface.is_steep, surface.is_wall
-        roof = ~is_steep & near_tangent_plane(
-            columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
-        )
+    surface = (find_voted_surface if 2.0 * radius > FACE_WIDTH else find_roof_surface)(candidates, config)
+    roof = ~surface.is_steep & near_tangent_plane(
+        columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
+    )
     roof = _levels(candidates, roof, config, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~is_steep
-    return _without_narrow(candidates, roof, config), is_wall
+    roof |= stands & ~surface.is_steep
+    return _without_narrow(candidates, roof, config), surface.is_wall
 
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
