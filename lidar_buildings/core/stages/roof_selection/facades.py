@@ -10,6 +10,8 @@ from lidar_buildings.core.stages.roof_selection.surroundings import near_in_plan
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
 REACH_SPACINGS = 0.7
+#: The same of pulses that go on below: farther out foliage splits them [m].
+MAX_SPLIT_REACH = 0.5
 #: How far in plan to look for the top of the wall [m].
 TOP_REACH = 1.0
 #: How far in plan to look for roof around a light well or a dormer's cheek [m], and the sectors of eight that
@@ -42,7 +44,8 @@ def find_facades(
     is_roof : ndarray of bool, shape (n_points,)
         Which points are roof, or wall as large as a building's; the answer for them is False.
     is_last : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there; what has roof all around counts only then, else it is foliage.
+        Whether the pulse ended there; what has roof all around, or lies farther from roof points than half a
+        metre, counts only then, else it is foliage.
     highest : ndarray of shape (n_columns,)
         Top of these within `TOP_REACH` of columns that hold others [m].
     reach : float
@@ -53,12 +56,13 @@ def find_facades(
     if reach <= 0.0 or not is_roof.any():
         return np.zeros(len(height), dtype=bool)
     column, z = columns.column, columns.points[:, 2]
-    reach = max(reach, REACH_SPACINGS * spacing)
+    far = max(reach, REACH_SPACINGS * spacing)
     can_be = ~is_roof & (height >= max(MIN_HEIGHT, spacing))
     hangs = can_be & (z <= highest[column])
-    both = columns.select(is_roof | hangs)
-    hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], reach)
+    for own, limit in ((is_last, far), (~is_last, max(reach, min(far, MAX_SPLIT_REACH)))):
+        both = columns.select(is_roof | (hangs & own))
+        hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], limit)
     is_inside = can_be & is_last & ~hangs
-    well = surroundings(columns, is_roof, max(WELL_REACH, reach), is_inside)
+    well = surroundings(columns, is_roof, max(WELL_REACH, far), is_inside)
     is_inside &= (well.n_sectors >= MIN_SECTORS)[column] & (z <= well.highest[column])
     return hangs | is_inside

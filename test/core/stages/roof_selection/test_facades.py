@@ -15,7 +15,7 @@ def roof(x_from, x_to, z=8.0):
     return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
 
 
-def facades(roofs, others, *, is_last=True, reach=0.2, order=None):
+def facades(roofs, others, *, is_last=True, reach=0.2, spacing=SPACING, order=None):
     points = np.vstack([roofs, others])
     order = np.arange(len(points)) if order is None else order
     is_roof = np.arange(len(points)) < len(roofs)
@@ -25,7 +25,7 @@ def facades(roofs, others, *, is_last=True, reach=0.2, order=None):
     last = np.full(len(points), is_last)
     back = np.empty(len(points), dtype=bool)
     back[order[columns.rows]] = find_facades(
-        columns, columns.points[:, 2], own, last, highest, reach, SPACING
+        columns, columns.points[:, 2], own, last, highest, reach, spacing
     )
     assert not back[: len(roofs)].any()
     return back[len(roofs) :]
@@ -45,6 +45,14 @@ def test_a_wall_under_the_edge_is_facade_from_its_foot_to_the_eave():
 
 def test_what_stands_away_from_the_roof_in_plan_is_none():
     assert not facades(roof(0.0, 10.0), column(10.6)).any()
+
+
+@pytest.mark.parametrize(("is_last", "farthest"), [(True, 1.1), (False, 0.5)])
+def test_where_points_lie_far_apart_only_what_ends_its_pulse_is_facade_far_from_the_edge(is_last, farthest):
+    eave = roof(0.0, 10.0)[:, 0].max()
+    for away in (0.4, 0.6, 1.0, 1.2):
+        found = facades(roof(0.0, 10.0), column(eave + away, 2.0), is_last=is_last, spacing=1.6)
+        assert (found == (away < farthest)).all()
 
 
 def test_without_a_reach_there_are_none():
