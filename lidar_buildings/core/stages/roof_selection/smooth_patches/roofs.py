@@ -16,7 +16,8 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches impo
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
-#: How far to look for roof around a part [m], and at least in neighbourhood radii.
+#: How far to look for roof around a part [m], and at least in neighbourhood radii, up to a face's width: what
+#: is farther away is another house's.
 PART_REACH = 2.0
 PART_REACH_RADII = 2.0
 #: Sectors of eight that have to show roof: a part at a straight roof edge sees it in five.
@@ -58,7 +59,7 @@ def find_roofs(
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     """Tell which points stand on a roof: roof all around in plan, and at about its height."""
-    around = surroundings(columns, roof, max(PART_REACH, PART_REACH_RADII * radius), ~roof)
+    around = surroundings(columns, roof, max(PART_REACH, min(PART_REACH_RADII * radius, FACE_WIDTH)), ~roof)
     low, high = around.lowest - PART_SINK, around.highest + MAX_PART_HEIGHT
     is_inside = around.n_sectors >= MIN_SECTORS
     column, z = columns.column, columns.points[:, 2]
