@@ -53,6 +53,20 @@ def test_boxes_on_a_slope_are_objects_and_the_rest_is_ground():
     assert accepted < 0.02
 
 
+def test_a_window_of_a_slope_that_no_profile_goes_down_without_steps_is_ground_but_for_its_boxes():
+    points = lattice(56.0, 56.0, 1.0)
+    points[:, 2] += 1.2 * points[:, 0]
+    points[:, 2] += np.random.default_rng(1).normal(0.0, 0.15, len(points))
+    roof = np.zeros(len(points), dtype=bool)
+    for x, y in ((15, 15), (35, 40), (40, 12)):
+        inside = (np.abs(points[:, :2] - (x, y)) < 6).all(axis=1)
+        points[inside, 2] = 1.2 * (x + 6) + 2.5
+        roof |= inside
+    rejected, accepted = errors(label_ground(points, CONFIG), ~roof)
+    assert rejected < 0.02
+    assert accepted < 0.02
+
+
 def test_a_box_that_the_edge_cuts_off_is_an_object():
     points = lattice(120.0, 100.0, 1.0)
     roof = box(points, [0, 0], [30, 25], 6.0) | box(points, [120, 50], [20, 12], 6.0)

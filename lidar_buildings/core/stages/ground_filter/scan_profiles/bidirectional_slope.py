@@ -34,6 +34,9 @@ SPARSE = 3
 #: Distance over which the terrain is smoothed before its slope is taken off [m]; passes err less on what is
 #: left: so much less agreement is asked of them.
 TREND_RADIUS, LESS_ON_TREND = 20.0, 0.1
+#: Where the trend of all points is steeper than this share of `profile_max_slope`, the first passes look at
+#: heights above it: uphill every one leaves the ground otherwise.
+STEEP_SHARE = 0.5
 #: Radius of the planes that say how the terrain runs within a cell [multiples of the spacing].
 LOCAL_RADIUS = 3.0
 
@@ -100,7 +103,12 @@ def _label_candidates(
 ) -> NDArray[np.bool_]:
     """Vote and grow; once more on heights above the trend that was found; then reject."""
     z = points[:, 2]
-    ground = grow_ground(profiles, z, net_votes(profiles, z, config) > AGREEMENT, spacing)
+    net = net_votes(profiles, z, config)
+    trend = fit_trend(points, np.ones(len(z), dtype=bool), TREND_RADIUS)
+    is_steep = np.hypot(*trend.gradient_at(points).T) > STEEP_SHARE * config.profile_max_slope
+    if is_steep.any():
+        net[is_steep] = net_votes(profiles, z - trend.elevation_at(points), config)[is_steep]
+    ground = grow_ground(profiles, z, net > AGREEMENT, spacing)
     if ground.any():
         height = z - fit_trend(points, ground, TREND_RADIUS).elevation_at(points)
         ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
