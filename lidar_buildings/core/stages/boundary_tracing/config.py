@@ -32,7 +32,9 @@ class BoundaryTracingConfig(StageConfig):
         unit="spacings",
         within=(2.0, 40.0),
     )
-    courtyards: bool = advanced(True, "Whether courtyards are traced as holes.")
+    courtyards: bool = advanced(
+        True, "Whether courtyards are traced as holes, and ground that was seen is left out."
+    )
     min_courtyard_area: float = parameter(
         9.0,
         "Smallest area of a courtyard; raising it leaves more gaps inside the roof unmarked.",

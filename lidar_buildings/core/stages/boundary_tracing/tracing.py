@@ -111,7 +111,7 @@ def trace_boundary(
         min_band=_MIN_COURTYARD_BAND * spacing,
     )
     rules = yards if config.courtyards else None
-    seen = np.zeros((0, 2)) if ground is None else ground[:, :2]
+    seen = ground[:, :2] if ground is not None and config.courtyards else np.zeros((0, 2))
     outline, reasons = _traced(grid, known, seen, config, rules)
     if not is_rectangle:
         across_gaps = _across_gaps(known, grid, outline)

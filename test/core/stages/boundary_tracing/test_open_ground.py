@@ -69,6 +69,14 @@ def test_less_than_a_courtyard_stays_closed():
     assert traced.outline.same_as(trace_boundary(points, wide, point_spacing=SPACING).outline)
 
 
+def test_without_courtyards_ground_has_no_say():
+    points, ground, _ = seen(WINGS)
+    outer = BoundaryTracingConfig(courtyards=False)
+    traced = trace_boundary(points, outer, point_spacing=SPACING, ground=ground)
+    assert traced.outline.same_as(trace_boundary(points, outer, point_spacing=SPACING).outline)
+    assert not traced.outline.same_as(trace_boundary(points, point_spacing=SPACING, ground=ground).outline)
+
+
 def test_a_building_that_hangs_together_across_ground_keeps_one_ring_round_all_its_points():
     points, ground, _ = seen(WINGS | HOUSE)
     points = np.vstack([points, [[34.5, 6.0, 8.0]]])
