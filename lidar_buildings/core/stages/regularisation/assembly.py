@@ -21,13 +21,16 @@ from lidar_buildings.core.stages.regularisation.walls import N_SHAPE, RADIUS, fi
 from lidar_buildings.core.surfaces.ring_division.division import Division
 from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
+#: Shortest wall, even where smaller steps are kept [m].
+_SHORTEST_WALL = 1.0
+
 
 class Fit(NamedTuple):
     """How walls are fitted and which details are kept."""
 
     angles: NDArray[np.float64]  #: directions of the walls' normals [rad], shape (n_directions,)
     direction_weight: float  #: weight of these directions, in multiples of the wall's own samples
-    min_step: float  #: smallest step or wall that is kept [m]
+    min_step: float  #: smallest step that is kept [m]
     #: What a wall's own line has to save in squared offsets beside one that other walls lie on [m²].
     line_cost: float
 
@@ -96,7 +99,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
             own = length_of(points, first, last, shape, i, joints[i - 1 if i else m - 1, 1], joints[i, 0])
             if own < length:
                 shortest, length = i, own
-        if length >= min_step:
+        if length >= max(_SHORTEST_WALL, min_step):
             break
         m = close_rows(first, last, kind, shape, m, shortest)
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]

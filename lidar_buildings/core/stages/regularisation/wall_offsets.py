@@ -12,9 +12,6 @@ from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import move_out, offset_of
 
-#: Corners of walls that were moved lie so many times farther from the samples.
-_MOVED = 1.5
-
 
 def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> WalledRing:
     """
@@ -83,5 +80,5 @@ def _joints(points, first, last, shape, min_step):  # type: ignore[no-untyped-de
     m = len(first)
     joints = np.zeros((m, 2, 2))
     for i in range(m if m > 1 else 0):
-        find_joint(points, first, last, shape, i, (i + 1) % m, _MOVED * min_step, joints[i])
+        find_joint(points, first, last, shape, i, (i + 1) % m, min_step, joints[i])
     return joints
