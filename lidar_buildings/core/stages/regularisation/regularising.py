@@ -94,7 +94,13 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     angles = both_ways(directions)
     if config.adjustment == "joint":
         angles = adjusted_directions(samples, divisions, angles, spacing, config)
-    fit = Fit(angles, config.direction_weight, config.min_step * spacing, config.line_cost(spacing))
+    fit = Fit(
+        angles,
+        config.direction_weight,
+        config.min_step * spacing,
+        config.finest_spacing,
+        config.line_cost(spacing),
+    )
     rings = [
         _fitted(ring, division, fit, config.chord_error * spacing)
         for ring, division in zip(samples, divisions, strict=True)
