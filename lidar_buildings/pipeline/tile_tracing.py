@@ -97,7 +97,7 @@ def trace_buildings(
         number_of[rows] = number
         cloud = tile.points.take(rows_to_trace(rows, tile.edge, boundary_tracing), axis=0)
         pattern = found.patterns[number]
-        near = None if ground is None else _about(ground, cloud, GROUND_REACH * pattern.spacing)
+        near = None if ground is None else _about(ground, cloud, GROUND_REACH * (spacing or pattern.spacing))
         jobs.append(_TracingJob(number, cloud, boundary_tracing, pattern, spacing, near))
     rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]

@@ -160,6 +160,7 @@ class _Ground:
 
     def near(self, points: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
         """Return the ground within reach of some points, and some farther off [m]."""
+        reach += GROUND_CELL  # places are the middles of cells
         low = points[:, :2].min(axis=0) - 2.0 * reach
         shape = ((points[:, :2].max(axis=0) - low) / reach).astype(np.int64) + 3
         is_near = np.zeros(shape, dtype=bool)

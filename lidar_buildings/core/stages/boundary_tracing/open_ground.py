@@ -16,7 +16,8 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 _CLEAR = 1.0
 #: Open ground nearer to each other than this is one place [spacings].
 _LINK = 2.0
-#: Ground is looked at up to this distance from the building's points, as far as windows reach [spacings].
+#: Ground is looked at up to this distance from the building's points, as far as windows reach, whatever else
+#: a tile has of it [spacings of the pulses].
 GROUND_REACH = 4.5
 
 
@@ -35,6 +36,7 @@ def enclosed_ground(
     points: NDArray[np.float64],
     ring: shapely.Polygon,
     spacing: float,
+    reach: float,
     min_area: float,
 ) -> OpenGround | None:
     """
@@ -49,15 +51,15 @@ def enclosed_ground(
         Ground and the building's distinct positions [m].
     ring : shapely.Polygon
         Traced without regard to the ground.
-    spacing : float
-        The building's [m].
+    spacing, reach : float
+        The building's; and how far from its points ground is looked at [m].
     min_area : float
         Of a courtyard [m²].
     """
     if not _is_enough(_inside(ground, ring), spacing, min_area):
         return None
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    clearance = tree.query(ground, distance_upper_bound=GROUND_REACH * spacing)[0]
+    clearance = tree.query(ground, distance_upper_bound=reach)[0]
     places = np.unique(ground[(clearance > _CLEAR * spacing) & np.isfinite(clearance)], axis=0)
     if not _is_enough(_inside(places, ring), spacing, min_area):
         return None

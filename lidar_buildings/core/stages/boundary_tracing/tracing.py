@@ -16,7 +16,7 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
-from lidar_buildings.core.stages.boundary_tracing.open_ground import enclosed_ground
+from lidar_buildings.core.stages.boundary_tracing.open_ground import GROUND_REACH, enclosed_ground
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import NO_WALK, RingTracer
 
@@ -112,12 +112,12 @@ def trace_boundary(
     )
     rules = yards if config.courtyards else None
     seen = ground[:, :2] if ground is not None and config.courtyards else np.zeros((0, 2))
-    outline, reasons = _traced(grid, known, seen, config, rules)
+    outline, reasons = _traced(grid, known, seen, GROUND_REACH * spacing, config, rules)
     if not is_rectangle:
         across_gaps = _across_gaps(known, grid, outline)
         if across_gaps != known:
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
-            smoother, why = _traced(grid, across_gaps, seen, config, rules)
+            smoother, why = _traced(grid, across_gaps, seen, GROUND_REACH * spacing, config, rules)
             if len(smoother.holes) == len(outline.holes):
                 outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
@@ -137,6 +137,7 @@ def _traced(
     grid: PointGrid,
     pattern: ScanPattern,
     ground: NDArray[np.float64],
+    reach: float,
     config: BoundaryTracingConfig,
     rules: CourtyardRules | None,
 ) -> tuple[Outline, list[str]]:
@@ -145,7 +146,9 @@ def _traced(
     if not len(ground):
         return outline, reasons
     points = np.column_stack((grid.x, grid.y))
-    found = enclosed_ground(ground, points, outline.polygon, pattern.spacing, config.min_courtyard_area)
+    found = enclosed_ground(
+        ground, points, outline.polygon, pattern.spacing, reach, config.min_courtyard_area
+    )
     if found is None:
         return outline, reasons
     both = np.concatenate((points, found.places))

@@ -6,6 +6,7 @@ import shapely
 from support.traced_rings import assert_sound, polygon
 
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.open_ground import enclosed_ground
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 
 SPACING = 1.5
@@ -86,3 +87,16 @@ def test_a_building_that_hangs_together_across_ground_keeps_one_ring_round_all_i
     assert polygon(traced.outline).intersection(lane).area < 0.35 * lane.area
     blind = trace_boundary(points, point_spacing=SPACING)
     assert polygon(blind.outline).intersection(lane).area > 0.7 * lane.area
+
+
+def test_ground_beyond_the_reach_has_no_say():
+    points, ground, truth = seen(shapely.box(0.0, 0.0, 30.0, 34.0) - shapely.box(8.0, 8.0, 22.0, 26.0))
+    away = np.hypot(*(points[:, np.newaxis, :2] - ground[:, :2]).transpose(2, 0, 1)).min(axis=0)
+    near, every = (
+        enclosed_ground(some[:, :2], points[:, :2], truth.convex_hull, SPACING, 4.0, 9.0)
+        for some in (ground[away <= 4.0], ground)
+    )
+    assert np.array_equal(near.places, every.places)
+    assert np.array_equal(near.other_end, every.other_end)
+    farther = enclosed_ground(ground[:, :2], points[:, :2], truth.convex_hull, SPACING, 9.0, 9.0)
+    assert len(farther.places) > len(near.places)
