@@ -21,7 +21,7 @@ N_VOTERS = 12
 MIN_SINE = 0.4
 #: Largest distance from a plane, in the cells in which areas are counted, two spacings: neighbours in foliage
 #: differ in height as they lie apart, and so as few come near a plane by chance at any density.
-DISTANCE_CELLS = 1.0 / 48.0
+DISTANCE_CELLS = 1.0 / 32.0
 #: Points in plan, of all that came back, that say whether one of them is roof: three rings around it.
 N_AROUND = 24
 #: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, more than crowns,
@@ -29,7 +29,7 @@ N_AROUND = 24
 GROUND_VOTES = 3.0
 #: Mean votes around a point of a roof; and where returns are not known, so that nothing but planes tells of
 #: foliage.
-MIN_VOTES, MIN_VOTES_UNKNOWN = 4.0, 4.25
+MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 4.75
 #: Fewest votes of a plane along which a roof goes on.
 MIN_PLANE_VOTES = 4
 
