@@ -6,6 +6,7 @@ import argparse
 import atexit
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -27,6 +28,8 @@ from lidar_buildings.commands.run_options import (
 
 #: Exit statuses, with 3 for a run of which a tile failed: users' scripts rely on them.
 DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
+#: What ends a command as Ctrl-C does: of schedulers and containers, and of a terminal that is closed.
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -48,6 +51,9 @@ def console() -> NoReturn:
                 sys.stdout.flush()
             os._exit(status)
 
+    for number in _ENDING:
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup has them ignored
+            signal.signal(number, signal.default_int_handler)
     try:
         status = main()
     except SystemExit as end:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import signal
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
@@ -113,7 +112,7 @@ def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator
 
 @contextmanager
 def _ros() -> Iterator[Any]:
-    """Give a context of ROS in which SIGINT and SIGTERM interrupt Python."""
+    """Give a context of ROS that leaves signals to Python."""
     from lidar_buildings.ros.middleware import prepare_middleware
 
     prepare_middleware(carries_scans=True)
@@ -125,9 +124,7 @@ def _ros() -> Iterator[Any]:
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield context
     finally:
-        signal.signal(signal.SIGTERM, before)
         rclpy.try_shutdown(context=context)

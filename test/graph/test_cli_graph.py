@@ -189,21 +189,26 @@ def test_a_tile_that_fails_each_time_gives_status_3_and_the_rest_is_complete(
     assert_rest_is_complete(house, out, result, told["n_unclassified"])
 
 
-def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_path):
-    out = tmp_path / "out"
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_path, number):
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    temporary.mkdir()
     program = [sys.executable, "-m", "lidar_buildings.cli", "run", house, "--output", out, *SMALL_TILES]
     running = subprocess.Popen(
         [*program, "--set", "tile_player.rate=1e-9"],
         stderr=subprocess.PIPE,
         text=True,
+        env={**os.environ, "TMPDIR": str(temporary)},
         # a shell that runs the tests in the background has them ignore SIGINT, and children inherit that
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     end = time.monotonic() + 240
     while not list(out.glob(".partial/*.npz")) and running.poll() is None and time.monotonic() < end:
         time.sleep(0.05)
-    running.send_signal(signal.SIGINT)
+    assert list(temporary.iterdir())
+    running.send_signal(number)
     assert running.wait(240) == 130
+    assert not list(temporary.iterdir())
     said = running.stderr.read().splitlines()
     assert said[-1] == "lidar-buildings: interrupted; the same command goes on from here"
     assert all(PROGRESS.fullmatch(line) for line in said[:-1])
