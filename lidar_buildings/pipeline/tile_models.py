@@ -153,10 +153,10 @@ def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:
 def _outline_attributes(model: BuildingModel, reason: str, quality: OutlineQuality) -> dict[str, Any]:
     """Return what the outline's quality adds; the model's own failure outweighs the outline's."""
     attributes: dict[str, Any] = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
-    if quality.status is not BuildingStatus.OK:
-        reasons = [each for each in (reason, quality.reason) if each]
-        status = quality.status if model.status is BuildingStatus.OK else model.status
-        attributes.update(status=status.value, reason="; ".join(reasons))
+    if quality.reason:
+        attributes["reason"] = "; ".join(filter(None, (reason, quality.reason)))
+    if model.status is BuildingStatus.OK:
+        attributes["status"] = quality.status.value
     return attributes
 
 

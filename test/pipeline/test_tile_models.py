@@ -63,6 +63,14 @@ def test_a_building_that_fails_says_why_and_does_not_touch_the_others(tile, monk
     assert empty.attributes == expected[2].attributes
 
 
+def test_what_was_done_about_an_outline_is_told_of_a_building_that_is_ok(tile):
+    ring = Outline(SQUARE + np.array([20.0, 0.0]))
+    known = OutlineQuality(0.1, 0.2, BuildingStatus.OK, "a courtyard was left out")
+    outlines = (BuildingOutline(1, ring, quality=known),)
+    (one,) = tile_models.build_models(tile, outlines, BuildingModelConfig())
+    assert (one.attributes["status"], one.attributes["reason"]) == ("ok", "a courtyard was left out")
+
+
 def test_rings_without_vertices_do_not_touch_the_others(tile):
     nothing = Outline(np.empty((0, 2)))
     west, east = (Outline(SQUARE + np.array([20.0 * k, 0.0])) for k in (1, 2))
