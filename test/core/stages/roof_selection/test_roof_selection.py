@@ -88,26 +88,34 @@ def tree_scene(density=12.0):
     return scene, is_tree, {"return_number": number, "number_of_returns": of}
 
 
+def patch_of(rng, west, east, south, north, heights):
+    """Points of one return each, some 0.35 m apart, at one height or between two."""
+    x, y = np.meshgrid(np.arange(west, east, 0.35), np.arange(south, north, 0.35))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    places += rng.uniform(-0.1, 0.1, places.shape)
+    return np.column_stack([places, rng.uniform(*np.broadcast_to(heights, 2), len(places))])
+
+
 def test_a_smooth_spot_of_a_crown_that_has_grown_onto_a_roof_is_no_part_of_it():
     rng = np.random.default_rng(0)
-
-    def grid(west, east, south, north):
-        x, y = np.meshgrid(np.arange(west, east, 0.35), np.arange(south, north, 0.35))
-        places = np.column_stack([x.ravel(), y.ravel()])
-        return places + rng.uniform(-0.1, 0.1, places.shape)
-
-    def at(places, heights):
-        return np.column_stack([places, np.broadcast_to(heights, len(places))])
-
-    crown = grid(9, 20, -1, 11)
-    crown = crown[np.hypot(*(crown - (14.5, 5.0)).T) < 5.5]
-    is_spot = abs(crown - (12.5, 5.0)).max(axis=1) < 1.6
-    tree = at(crown, np.where(is_spot, 11.0, rng.uniform(9.5, 12.5, len(crown))))
-    roof = at(grid(0, 12, 0, 10), 6.0)
-    points = np.vstack([roof, tree, at(grid(-8, 28, -8, 18), 0.0)])
+    tree = patch_of(rng, 9, 20, -1, 11, (9.5, 12.5))
+    tree = tree[np.hypot(*(tree[:, :2] - (14.5, 5.0)).T) < 5.5]
+    tree[abs(tree[:, :2] - (12.5, 5.0)).max(axis=1) < 1.6, 2] = 11.0
+    roof = patch_of(rng, 0, 12, 0, 10, 6.0)
+    points = np.vstack([roof, tree, patch_of(rng, -8, 28, -8, 18, 0.0)])
     found = select_roofs(points, height_above_ground=points[:, 2]).classification == BUILDING
     assert found[: len(roof)].mean() > 0.99
     assert not found[len(roof) :].any()
+
+
+def test_a_large_part_of_a_roof_may_have_trees_all_along_its_free_rim():
+    rng = np.random.default_rng(0)
+    transept, nave = patch_of(rng, 20, 28, 0, 12, 10.0), patch_of(rng, 0, 20, -4, 16, 6.0)
+    trees = patch_of(rng, 20, 34, -6, 18, (8.2, 11.8))
+    is_beside = (trees[:, 0] > 28) | (abs(trees[:, 1] - 6.0) > 6.0)
+    points = np.vstack([transept, nave, trees[is_beside], patch_of(rng, -8, 42, -12, 24, 0.0)])
+    found = select_roofs(points, height_above_ground=points[:, 2]).classification == BUILDING
+    assert found[: len(transept)].mean() > 0.95
 
 
 def test_a_tree_over_the_eave_is_vegetation_and_the_roof_stays():

@@ -12,7 +12,10 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts im
 from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough
 from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import find_voted_surface
 from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
-from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
+from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import (
+    LARGE_PATCH_AREA,
+    find_roof_surface,
+)
 from lidar_buildings.core.stages.roof_selection.surroundings import near_tangent_plane, surroundings
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
@@ -82,11 +85,18 @@ def _small_parts(
 def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
 ) -> NDArray[np.bool_]:
-    """Take out of the roofs what is too narrow, in plan and on its level, and what is too small."""
+    """
+    Take out of the roofs what is too narrow, in plan and on its level, and what is too small.
+
+    Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof. Of
+    a rim that lies beside other parts too little may be free to tell.
+    """
     label, n = _levels(candidates, roof, config)
     building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
     ends = _ending(candidates, building, n_buildings)
-    found = _ending(candidates, np.where(ends, label, -1), n)
+    label = np.where(ends, label, -1)
+    is_large = np.append(candidates.areas(label, n) >= LARGE_PATCH_AREA, False)
+    found = _ending(candidates, label, n) | is_large[label]
     # What remains of buildings that have lost levels may be too small.
     has_lost = np.zeros(n_buildings + 1, dtype=bool)  # the last one is none
     has_lost[building[ends & ~found]] = True
