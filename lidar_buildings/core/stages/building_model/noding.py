@@ -23,6 +23,8 @@ from lidar_buildings.core.stages.building_model.line_tiles import (
 _SCALE = round(1.0 / GRID)
 #: Segments go on so far behind what they pass: walls and segments that near are at one place [m].
 _PAST = 0.01
+#: So near behind what they pass segments run on to a wall [m]: the shortest walls are as long.
+_NEAR_WALL = 1.0
 
 
 def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -> FloatArray:
@@ -31,7 +33,8 @@ def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -
 
     Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps,
     the first `n_steps`, lie a little beside one another, each has to run on beside the other to be the one
-    that is chosen.
+    that is chosen. To a wall just behind what they pass all run on: where planes meet in a point near the
+    eave, nothing else would part them beyond it.
     """
     if not len(segments):
         return segments
@@ -137,10 +140,11 @@ def _extend(obstacles, tiles, start, items, n_steps, extended):  # type: ignore[
                 dx, dy = dx / length, dy / length
                 reach, is_wall = _reach(x, y, dx, dy, i, len(extended), obstacles, tiles, start, items)
                 x, y = x + reach * dx, y + reach * dy
-                if i < n_steps and not is_wall:
-                    x, y = x + _PAST * dx, y + _PAST * dy
-                    reach, _ = _reach(x, y, dx, dy, i, len(extended), obstacles, tiles, start, items)
-                    x, y = x + reach * dx, y + reach * dy
+                if not is_wall:
+                    fx, fy = x + _PAST * dx, y + _PAST * dy
+                    reach, is_wall = _reach(fx, fy, dx, dy, i, len(extended), obstacles, tiles, start, items)
+                    if i < n_steps or (is_wall and reach < _NEAR_WALL):
+                        x, y = fx + reach * dx, fy + reach * dy
             extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 
