@@ -12,8 +12,8 @@ from lidar_buildings.core.neighbours.columns import Columns
 MAX_STEP = 2.0
 #: Largest share of the rim beyond which something goes on: houses under trees have 0.4, spots in forests 0.9.
 MAX_SHARE = 0.5
-#: What stands in one direction of a cell: a roof or something else beside it, anything behind that.
-ROOF, LEVEL, BEHIND = 1, 2, 4
+#: What stands in one direction of a cell: the same roof, or what is none at its level, anything behind that.
+OWN, LEVEL, BEHIND = 1, 2, 4
 
 
 def stands_out(
@@ -22,7 +22,8 @@ def stands_out(
     """
     Tell which buildings, or parts of them, end: along most of their rims nothing goes on at their level.
 
-    What is one cell wide, a parapet or a façade, is an end, and so is the end of the data. Cells are such
+    What is one cell wide, a parapet or a façade, is an end, and so are the end of the data and another roof:
+    a tower stands out of the roofs around it, a crown that hangs over a roof does not. Cells are such
     that a surface leaves few empty; elevations [m] and buildings, −1 being none, come cell by cell.
     """
     rim, met = np.zeros((2, n_buildings), dtype=np.int64)
@@ -43,39 +44,41 @@ def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ig
     for k in range(len(places)):
         if top[k] < 0:
             continue
-        if _is_within(places, runs[k], top, k):
+        if _is_within(places, runs[k], top, building, k):
             continue
         seen[:] = 0
-        seen[1, 1] = ROOF
+        seen[1, 1] = OWN
         for row in range(runs.shape[1]):
             for c in range(runs[k, row, 0], runs[k, row, 1]):
                 dy, dx = places[c, 0] - places[k, 0], places[c, 1] - places[k, 1]
                 if max(abs(dy), abs(dx)) == 1:
-                    if top[c] >= 0:
-                        seen[1 + dy, 1 + dx] |= ROOF
-                    elif _has_level(elevation[first[c] : first[c + 1]], elevation[top[k]]):
+                    if top[c] >= 0 and building[top[c]] == building[top[k]]:
+                        seen[1 + dy, 1 + dx] |= OWN
+                    elif _has_level(elevation, building, first[c], first[c + 1], elevation[top[k]]):
                         seen[1 + dy, 1 + dx] |= LEVEL
                 elif abs(dy) % 2 == 0 and abs(dx) % 2 == 0:
                     seen[1 + dy // 2, 1 + dx // 2] |= BEHIND
         for one in seen.ravel():
-            rim[building[top[k]]] += one & ROOF == 0
+            rim[building[top[k]]] += one & OWN == 0
             met[building[top[k]]] += one == LEVEL | BEHIND
 
 
 @inner_kernel
-def _is_within(places, runs, top, k):  # type: ignore[no-untyped-def]
-    """Tell whether there is roof in all cells beside one."""
+def _is_within(places, runs, top, building, k):  # type: ignore[no-untyped-def]
+    """Tell whether there is the same roof in all cells beside one."""
     n = 0
     middle = len(runs) // 2
     for row in range(middle - 1, middle + 2):
         for c in range(runs[row, 0], runs[row, 1]):
-            n += abs(places[c, 1] - places[k, 1]) <= 1 and top[c] >= 0
+            is_own = top[c] >= 0 and building[top[c]] == building[top[k]]
+            n += abs(places[c, 1] - places[k, 1]) <= 1 and is_own
     return n == 9
 
 
 @inner_kernel
-def _has_level(elevations, level):  # type: ignore[no-untyped-def]
+def _has_level(elevation, building, begin, end, level):  # type: ignore[no-untyped-def]
+    """Tell whether points of no roof lie at a level."""
     n = 0
-    for z in elevations:
-        n += abs(z - level) <= MAX_STEP
+    for i in range(begin, end):
+        n += building[i] < 0 and abs(elevation[i] - level) <= MAX_STEP
     return n > 0

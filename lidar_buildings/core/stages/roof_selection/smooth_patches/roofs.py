@@ -88,8 +88,7 @@ def _without_narrow(
     """
     Take out of the roofs what is too narrow, in plan and on its level, and what is too small.
 
-    Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof. Of
-    a rim that lies beside other parts too little may be free to tell.
+    Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
     """
     label, n = _levels(candidates, roof, config)
     building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
