@@ -47,19 +47,10 @@ class BagMessage(NamedTuple):
 
 class Bag:
     """
-    A bag that is open.
+    A bag that is open: a folder of rosbag2, a storage file of one (.mcap, .db3), or a bag of ROS 1 (.bag).
 
-    Parameters
-    ----------
-    path : Path
-        A folder of rosbag2, a storage file of one (.mcap, .db3), or a bag of ROS 1 (.bag).
-    reader : optional
-        What reads it, as the readers of rosbags do, where it is none of theirs.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    `reader` reads it, as the readers of rosbags do, where it is none of theirs. InputError if it cannot be
+    read.
     """
 
     def __init__(self, path: Path, reader: Any = None) -> None:
@@ -107,10 +98,7 @@ class Bag:
         """
         Read a topic's first message, of a type of the bag's own, too, if its definition stands in the bag.
 
-        Raises
-        ------
-        InputError
-            If there is none, or it cannot be read.
+        InputError if there is none, or it cannot be read.
         """
         with _reported(self.path):
             chosen = [one for one in self._reader.connections if one.topic == topic.name]
@@ -122,19 +110,9 @@ class Bag:
         self, topics: Collection[str], start: float = 0.0, duration: float = 0.0
     ) -> Iterator[BagMessage]:
         """
-        Read messages in the order in which they were recorded.
+        Read messages of topics in the order in which they were recorded; InputError if one cannot be read.
 
-        Parameters
-        ----------
-        topics : collection of str
-            Which.
-        start, duration : float
-            Seconds after the beginning of the bag, and how many seconds of it; 0 = to its end.
-
-        Raises
-        ------
-        InputError
-            If one cannot be read.
+        `start` is so long after the beginning of the bag, `duration` so much of it; 0: to its end [s].
         """
         chosen = [one for one in self._reader.connections if one.topic in topics]
         begin = self._reader.start_time + round(start * _SECOND)

@@ -27,28 +27,9 @@ def place_bags(
     """
     Make a LAZ file of each bag among inputs, but for those that are there from an earlier time.
 
-    Parameters
-    ----------
-    inputs : sequence of str
-        Files, folders, globs, bags.
-    folder : Path
-        Where the files are made, each in a folder of its own, as bags of different places may have one name.
-    choice : BagConfig
-        What of the bags is taken.
-    config : ScanConfig
-        How scans are placed.
-    tell : callable
-        Called with one line for each bag that was placed.
-
-    Returns
-    -------
-    list of dict
-        What was read, placed and left out of each bag.
-
-    Raises
-    ------
-    InputError, OutputError
-        If a bag cannot be read or placed, or a file not be written.
+    Each is made in a folder of its own, as bags of different places may have one name. `tell` is called with
+    one line for each bag that was placed. Returned is what was read, placed and left out of each bag.
+    InputError or OutputError if a bag cannot be read or placed, or a file not be written.
     """
     return [
         _placed(bag, _cloud(folder, number, bag), choice, config, tell)

@@ -36,12 +36,7 @@ class BagSummary(NamedTuple):
 
 def summarise_bag(path: Path) -> BagSummary:
     """
-    Look into a bag; of an MCAP file that was cut off into what is whole.
-
-    Raises
-    ------
-    InputError
-        If nothing of it can be read.
+    Look into a bag, of an MCAP file that was cut off into what is whole; InputError if nothing can be read.
     """
     bag, problem = open_bag(path)
     with bag:

@@ -34,14 +34,9 @@ _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
 
 def offered(depth: int, *, is_latched: bool) -> Qos:
     """
-    Return what `ros2 bag play` is to offer under a topic: reliable.
+    Return what `ros2 bag play` is to offer under a topic: reliable, so many messages kept, 0 for all.
 
-    Parameters
-    ----------
-    depth : int
-        Messages that are kept; 0 for all.
-    is_latched : bool
-        Whether those that come late get them, too.
+    Latched ones are given to those that come late, too.
     """
     return Qos(
         QosHistory.KEEP_LAST if depth else QosHistory.KEEP_ALL,
@@ -58,23 +53,10 @@ def offered(depth: int, *, is_latched: bool) -> Qos:
 
 class BagWriter:
     """
-    A bag that is being written, a folder; schemas of the messages are inside.
+    A bag that is being written, a folder that must not be there; schemas of the messages are inside.
 
-    Parameters
-    ----------
-    path : Path
-        The folder, which must not be there.
-    storage : str
-        A key of `STORAGES`.
-    compression : str
-        A key of `COMPRESSIONS`.
-    latched : collection of str
-        Topics that latecomers get, too.
-
-    Raises
-    ------
-    OutputError
-        If there is something of that name, or it cannot be written.
+    `storage` is a key of `STORAGES`, `compression` one of `COMPRESSIONS`; topics that are `latched` are given
+    to latecomers, too. OutputError if there is something of that name, or it cannot be written.
     """
 
     def __init__(

@@ -25,14 +25,7 @@ _HEADER, _DATA_END = 0x01, 0x0F
 
 
 class CutMcapReader(McapReader):
-    """
-    Reads the whole records of an MCAP file that was cut off, or never finished.
-
-    Attributes
-    ----------
-    data_end : int
-        Byte up to which the file is whole.
-    """
+    """Reads the whole records of an MCAP file that was cut off, or never finished, up to byte `data_end`."""
 
     def _open(self) -> None:
         with self.path.open("rb") as file:
@@ -55,19 +48,8 @@ class CutBagReader:
     """
     Reads the files of a bag one after the other, of MCAP files that were cut off what is whole.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        The files; those without a whole message are left out.
-
-    Attributes
-    ----------
-    start_time, end_time : int
-        Time of the first message, and that after the last one [ns].
-    message_count : int
-        Messages that are whole.
-    share : float
-        Share of the files that is whole.
+    Files without a whole message are left out. `start_time` and `end_time` are that of the first message, and
+    that after the last one [ns]; `share` of the files is whole.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -75,14 +57,7 @@ class CutBagReader:
         self._files: list[McapReader | Sqlite3Reader] = []
 
     def open(self) -> None:
-        """
-        Open the files.
-
-        Raises
-        ------
-        ReaderError
-            If no whole message is in them.
-        """
+        """Open the files; ReaderError if no whole message is in them."""
         self._files = sorted(filter(None, map(_opened, self._paths)), key=lambda one: one.metadata.start_time)
         if not self._files:
             raise ReaderError("no whole message is in it")
@@ -120,14 +95,7 @@ def _opened(path: Path) -> McapReader | Sqlite3Reader | None:
 
 
 def whole_part(file: BinaryIO, size: int) -> tuple[int, int]:
-    """
-    Return from which byte to which an MCAP file holds whole records of data.
-
-    Raises
-    ------
-    ReaderError
-        If it is no MCAP file.
-    """
+    """Return from which byte to which an MCAP file holds whole records of data; ReaderError if it is none."""
     file.seek(0)
     if file.read(len(_MAGIC)) != _MAGIC:
         raise ReaderError("File magic is invalid.")
@@ -148,19 +116,9 @@ def whole_part(file: BinaryIO, size: int) -> tuple[int, int]:
 
 def open_bag(path: Path) -> tuple[Bag, str]:
     """
-    Open a bag; of an MCAP file that was cut off what is whole.
+    Open a bag, of an MCAP file that was cut off what is whole; return it and why only a part can be read.
 
-    Returns
-    -------
-    bag : Bag
-        It is open.
-    problem : str
-        Why only a part of it can be read, and which; empty if all can.
-
-    Raises
-    ------
-    InputError
-        If nothing of it can be read.
+    That says which part, and is empty if all can be read. InputError if nothing can.
     """
     try:
         return Bag(path), ""

@@ -51,14 +51,8 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     Place the scans of a bag and write them to a LAZ file.
 
     Points are in the order in which they were recorded; GPS times are the points' own. Of an MCAP file that
-    was cut off those are read that are whole.
-
-    Raises
-    ------
-    InputError
-        If the bag cannot be read, a topic is missing, or nothing says where the scans were made.
-    OutputError
-        If the file cannot be written.
+    was cut off those are read that are whole. InputError if the bag cannot be read, a topic is missing, or
+    nothing says where the scans were made; OutputError if the file cannot be written.
     """
     bag, problem = open_bag(bag_path)
     with bag, atomic_file(path) as temporary:

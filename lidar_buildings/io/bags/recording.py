@@ -31,26 +31,11 @@ class RecordedTopic(NamedTuple):
 
 class Recording:
     """
-    A bag that is made with its first message.
+    A bag that is made with its first message, a folder that must not be there.
 
-    Parameters
-    ----------
-    path : Path
-        Its folder, which must not be there.
-
-    Attributes
-    ----------
-    n_messages, n_bytes : int
-        What was recorded.
-    lost : Counter
-        Topic → messages that came after it could not be written any more, or faster than it could.
-    failure : str
-        Why it cannot be written, or not all of it; empty if it can.
-
-    Raises
-    ------
-    OutputError
-        If something of that name is there, or no folder can be made there.
+    `lost` leads from a topic to the messages that came after the bag could not be written any more, or faster
+    than it could; `failure` is why it cannot be written, or not all of it, empty if it can. OutputError if
+    something of that name is there, or no folder can be made there.
     """
 
     def __init__(self, path: Path) -> None:
@@ -131,14 +116,8 @@ class RecordingThread:
     """
     Writes messages in the order in which they came; what the disk is too slow for is left out and counted.
 
-    Parameters
-    ----------
-    recording : Recording
-        Where they go; its `lost` counts what is left out.
-    on_written : callable
-        Called, from the thread, with the topic and the time [ns] of each message that was its turn.
-    most_waiting : int
-        Bytes that may wait; a single message may be larger.
+    `on_written` is called, from the thread, with the topic and the time [ns] of each message that was its
+    turn. So many bytes may wait; a single message may be larger.
     """
 
     def __init__(

@@ -52,19 +52,9 @@ class BagTopics(NamedTuple):
 
 def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
     """
-    Choose the topics of a bag.
+    Choose the topics of an open bag: those that the user wants, or the only ones.
 
-    Parameters
-    ----------
-    bag : Bag
-        An open bag.
-    clouds, odometry : str
-        What the user wants; empty if there is only one.
-
-    Raises
-    ------
-    InputError
-        If one is missing, or it is not clear which; then all topics are listed.
+    InputError if one is missing, or it is not clear which; then all topics are listed.
     """
     topics = bag.topics
     own = [one for one in topics if one.type == TRANSFORMS]

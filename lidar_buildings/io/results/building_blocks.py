@@ -51,26 +51,8 @@ def write_in_blocks(
     """
     Write buildings as `write_buildings` does, the files of each block into a folder of its own.
 
-    FlatGeobuf stands for GeoPackage there. 3D Tiles are divided by themselves, and not again.
-
-    Parameters
-    ----------
-    folder, buildings, formats, heading, terrain
-        As of `write_buildings`.
-    largest : int
-        Buildings a block may have.
-
-    Returns
-    -------
-    files : list of str
-        The folder of the blocks, and that of 3D Tiles.
-    statuses : dict
-        As of `write_buildings`.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    FlatGeobuf stands for GeoPackage there. 3D Tiles are divided by themselves, and not again. A block has at
+    most the `largest` number of buildings.
     """
     in_blocks = {_INSTEAD.get(name, name) for name in formats if name != TILES}
     squares = squares_of(buildings.places(), largest)
@@ -163,19 +145,10 @@ class Square(NamedTuple):
 
 def squares_of(places: NDArray[np.float64], largest: int) -> list[tuple[Square, NDArray[np.intp]]]:
     """
-    Divide places into squares of at most so many, by a quadtree on multiples of 256 m.
+    Divide places, shape (n, 2), one at least, into squares of at most so many, or of the smallest side.
 
-    Parameters
-    ----------
-    places : ndarray of shape (n, 2)
-        In the map frame [m]; at least one.
-    largest : int
-        How many places a square may hold, unless it is of the smallest side.
-
-    Returns
-    -------
-    list of (Square, ndarray)
-        Squares that hold places, and the rows of these; from west to east, then from south to north.
+    By a quadtree on multiples of 256 m. Returned are the squares that hold places, and the rows of these;
+    from west to east, then from south to north.
     """
     cells = np.floor(places / _SMALLEST)
     west, south = (cells.min(axis=0) * _SMALLEST).tolist()

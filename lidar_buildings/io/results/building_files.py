@@ -38,32 +38,11 @@ def write_buildings(
     terrain: Iterable[TerrainMesh] = (),
 ) -> tuple[list[str], dict[str, int]]:
     """
-    Write buildings in some formats; a file appears, complete, when its last building is written.
+    Write buildings in some of `FORMAT_FILES`; a file appears, complete, when its last building is written.
 
-    Parameters
-    ----------
-    folder : Path
-        Where the files go.
-    buildings : SurveyBuildings or SurveyPart
-        Of all tiles, or of one block.
-    formats : collection of str
-        Names of `FORMAT_FILES`.
-    heading : ModelHeading
-        What a city model is to say of itself.
-    terrain : iterable of TerrainMesh
-        Stands behind the buildings in every format of models.
-
-    Returns
-    -------
-    files : list of str
-        Names of the files.
-    statuses : dict
-        Status → number of buildings; of those with an outline, where there are any outlines.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    `terrain` stands behind the buildings in every format of models. Returned are the names of the files, and
+    status → number of buildings; of those with an outline, where there are any outlines. OutputError if a
+    file cannot be written.
     """
     # 3D Tiles stand on the earth, or nowhere
     chosen = [name for name in FORMAT_FILES if name in formats and (heading.earth or name != TILES)]

@@ -58,19 +58,9 @@ _Rows = list[tuple[dict[str, Any], Any]]
 @contextmanager
 def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
     """
-    Give a function that adds a building to the layers of a GeoPackage.
+    Give a function that adds a building to the layers of a GeoPackage; it appears when the block ends well.
 
-    Parameters
-    ----------
-    path : Path
-        It appears when the block ends well.
-    frame : MapFrame
-        Of the buildings.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    OutputError if it cannot be written.
     """
     with geopackage_file(path, frame.crs) as append:
         layers = _BuildingLayers(append, frame, _PORTION)
@@ -81,9 +71,9 @@ def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
 @contextmanager
 def flatgeobuf_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
     """
-    Give a function that adds a building to FlatGeobuf files, one a layer; all rows are held until the end.
+    Give a function that adds a building to FlatGeobuf files of a folder, one a layer.
 
-    Parameters and errors are those of `building_layers_file`, but for the folder of the files.
+    All rows are held until the end. OutputError if a file cannot be written.
     """
     layers = _BuildingLayers(
         lambda layer: write_flatgeobuf(folder / f"{layer.name}.fgb", layer, frame.crs), frame
@@ -95,9 +85,9 @@ def flatgeobuf_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
 @contextmanager
 def geoparquet_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
     """
-    Give a function that adds a building to GeoParquet files, one a layer.
+    Give a function that adds a building to GeoParquet files of a folder, one a layer.
 
-    Parameters and errors are those of `building_layers_file`, but for the folder of the files.
+    OutputError if a file cannot be written.
     """
     with ExitStack() as stack:
         write = {

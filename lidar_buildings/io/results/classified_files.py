@@ -29,16 +29,7 @@ _BLOCK = 1 << 20
 
 
 class PointResults:
-    """
-    A table on disk, one row per point of an input file.
-
-    Parameters
-    ----------
-    path : Path
-        Where the table is made.
-    n_points : int
-        Points of the input.
-    """
+    """A table on disk, one row per point of an input file."""
 
     def __init__(self, path: Path, n_points: int) -> None:
         self._path = path
@@ -71,18 +62,9 @@ class PointResults:
 
     def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
         """
-        Enter the results of saved tiles, in the order given.
+        Enter the results of saved tiles, in the order given, of one input; some buildings are left out.
 
         A building's own tile has the last word on its points, which may be core points of another tile.
-
-        Parameters
-        ----------
-        fragments : iterable of Path
-            Saved tiles, sorted by stamp.
-        source : int
-            The input's number.
-        without : collection of int
-            Ids of buildings that are not to be entered.
         """
         left_out = np.array(sorted(without), dtype=np.uint32)
         paths = list(fragments)
@@ -135,24 +117,9 @@ def write_clouds(
     """
     Write every input's classified file; an input that cannot be read is noted, the others are written.
 
-    Parameters
-    ----------
-    folder : Path
-        The output folder.
-    inputs : sequence of InputFile
-    fragments : sequence of Path
-        Saved tiles, sorted by stamp.
-    without : collection of int
-        Ids of buildings to leave out.
-    copc : bool
-        Whether each is written as COPC, too.
-    share : callable
-        As `map`; may call the function for several files at the same time, in other processes.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
+    `fragments` are saved tiles, sorted by stamp; `without` are ids of buildings to leave out. If `copc` each
+    is written as COPC, too. `share`, as `map`, may do several files at the same time, in other processes.
+    OutputError if a file cannot be written.
     """
     touching: list[list[Path]] = [[] for _ in inputs]
     for fragment in fragments:

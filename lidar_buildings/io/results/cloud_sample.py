@@ -41,21 +41,10 @@ def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]
 @contextmanager
 def cloud_sample(cloud: Path, every: int) -> Iterator[Callable[[int, NDArray[Any]], None]]:
     """
-    Give a function that is told a cloud's points as they are written, and keeps those of such stretches.
+    Give a function that is told a cloud's points as they are written, and keeps one of so `every` stretches.
 
-    They are where `kept_points` finds them as long as the run is not finished.
-
-    Parameters
-    ----------
-    cloud : Path
-        The classified cloud.
-    every : int
-        Of so many stretches one is kept.
-
-    Raises
-    ------
-    OutputError
-        If they cannot be written.
+    They are where `kept_points` finds them as long as the run is not finished. OutputError if they cannot be
+    written.
     """
     with atomic_file(_place(cloud)) as temporary, open(temporary, "wb") as file:
 

@@ -74,22 +74,8 @@ class GeotiffWriter:
     """
     Writes one file block by block; a context, at whose end the file is complete and read back.
 
-    Blocks that were not written hold no data and take no room. Equal content gives equal bytes if blocks come
-    in the same order.
-
-    Parameters
-    ----------
-    path : Path
-        An existing file is replaced; see `io.files.atomic_files` for writing it under another name.
-    layout : RasterLayout
-        Size, place and units.
-    meaning : str
-        What the values are.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
+    An existing file is replaced. Blocks that were not written hold no data and take no room. Equal content
+    gives equal bytes if blocks come in the same order. OutputError if the file cannot be written.
     """
 
     def __init__(self, path: Path, layout: RasterLayout, meaning: str) -> None:
@@ -113,14 +99,9 @@ class GeotiffWriter:
 
     def write(self, row: int, column: int, values: NDArray[np.float32]) -> None:
         """
-        Write one block; NaN becomes nodata.
+        Write the block that begins at a row and a column, multiples of `BLOCK`; NaN becomes nodata.
 
-        Parameters
-        ----------
-        row, column : int
-            First row and column of the block, multiples of `BLOCK`.
-        values : ndarray of float32
-            As large as a block, less at the raster's southern and eastern edges.
+        It is as large as a block, less at the raster's southern and eastern edges.
         """
         known = ~np.isnan(values)
         n_known = int(np.count_nonzero(known))

@@ -53,35 +53,12 @@ class OutputFolder:
     """
     Takes a run's tiles in any order, safe on disk one by one, and makes the files from them at the end.
 
-    Parameters
-    ----------
-    path : path
-        The folder; made if it is not there.
-    inputs : sequence of InputFile
-        A point's `source` is its file's place in this sequence.
-    frame : MapFrame
-        Of the tiles.
-    overwrite : bool
-        Whether earlier results may be replaced. With and without it an unfinished run of the same inputs and
-        parameters is taken up again; `discard_unfinished` prevents that.
-    until : str
-        The last stage of the run; files that a later stage would fill are not made.
-    parameters : mapping
-        All settings that results depend on; they must be equal for a run to be taken up again.
-    footprints : FootprintFile or None
-        The footprints that were given.
-    files : OutputConfig
-        Which files are made, and what they hold.
-    is_live : bool
-        Whether tiles go on coming: the files are made from those there are, as often as one likes, and
-        `inputs` are named before that.
-    use : Use
-        What is wanted of a run that the folder holds.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be used: one line saying why and what to do.
+    A point's `source` is its file's place in `inputs`. If `overwrite` earlier results may be replaced; with
+    and without it an unfinished run of the same inputs and parameters is taken up again, which
+    `discard_unfinished` prevents. `parameters` are all settings that results depend on. Files that a stage
+    after `until` would fill are not made. If the run is live tiles go on coming: the files are made from
+    those there are, as often as one likes, and `inputs` are named before that. OutputError, one line saying
+    why and what to do, if the folder cannot be used.
     """
 
     def __init__(
@@ -124,12 +101,7 @@ class OutputFolder:
 
     def write_tile(self, products: TileProducts) -> None:
         """
-        Put a tile safely on disk; whatever revision of it was there before is replaced.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written; tiles written before are kept.
+        Put a tile safely on disk in the place of any revision of it; OutputError if it cannot be written.
         """
         products.save(self.tile_path(products.stamp))
 
@@ -169,27 +141,15 @@ class OutputFolder:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
-        Tiles of a live run stay; each file takes its predecessor's place when it is complete. The result does
-        not depend on the order in which the tiles came.
+        Tiles of a live run stay, and those of one that has failed tiles, which may be done later; each file
+        takes its predecessor's place when it is complete. The result does not depend on the order in which
+        the tiles came.
 
-        Parameters
-        ----------
-        run_info : mapping
-            What else ``run.json`` is to tell: versions, parameters, seconds per stage; its ``problems`` stand
-            before those met here.
-        share : callable
-            As `map`; may do its jobs, the classified clouds, in other processes.
-        told_of : collection of int
-            Inputs of which `run_info` tells that they cannot be read; each is told of once.
-        has_failed : bool
-            Whether a tile is missing that may be done later: the others stay for that.
-        write_report : callable, optional
-            Writes the page about the folder, of which it is told what ``run.json`` is to hold.
-
-        Raises
-        ------
-        OutputError
-            If a file cannot be written; the tiles are kept, and the run can be taken up again.
+        `run_info` is what else ``run.json`` is to tell; its ``problems`` stand before those met here, and the
+        inputs in `told_of` are not told of again. `share`, as `map`, may write the classified clouds in other
+        processes. `write_report` writes the page about the folder, of which it is told what ``run.json`` is
+        to hold. OutputError if a file cannot be written; the tiles are kept, and the run can be taken up
+        again.
         """
         info = dict(run_info or {})
         fragments = self.saved_tiles()

@@ -65,15 +65,10 @@ def cpu_of(pids: list[int]) -> float:
 
 class MemoryWatch:
     """
-    The most memory that a process and its descendants are seen to take.
+    The most memory that a process and its descendants are seen to take, by the looks so far: `most` [bytes].
 
     What several of them share is counted once; as the kernel takes long to say so of large processes, it is
     asked only when more pages than ever are in memory.
-
-    Attributes
-    ----------
-    most : int
-        By the looks so far [bytes].
     """
 
     def __init__(self, pid: int) -> None:

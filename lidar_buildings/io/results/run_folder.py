@@ -62,27 +62,12 @@ def claim_folder(
     """
     Make a folder ready for a run, or for taking up the same run where it was left.
 
-    Parameters
-    ----------
-    path : Path
-        The output folder.
-    identity : dict
-        What must be equal for a run to be the same: inputs, parameters, last stage.
-    inputs : sequence of InputFile
-        They must not stand where the results will.
-    overwrite : bool
-        Whether an earlier run's files may be replaced; files of other origin are never touched. The same run,
-        unfinished, is taken up again all the same: a writer that was restarted must not begin anew.
-    is_live : bool
-        Whether the run makes its files again and again, so that those of an earlier time are its own. Without
-        tiles on disk it may become another one: its source was reset.
-    use : Use
-        What is wanted of a finished run. One that is brought up to date may have other inputs than before.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be used.
+    `identity` must be equal for a run to be the same: inputs, parameters, last stage. Inputs must not stand
+    where the results will. If `overwrite` an earlier run's files may be replaced, those of other origin
+    never; the same run, unfinished, is taken up again all the same: a writer that was restarted must not
+    begin anew. A live run makes its files again and again, so that those of an earlier time are its own;
+    without tiles on disk it may become another one: its source was reset. A finished run that is brought up
+    to date may have other inputs than before. OutputError if the folder cannot be used.
     """
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
@@ -108,14 +93,9 @@ def claim_folder(
 
 def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
     """
-    Make a folder, or refuse one that holds something else than an unfinished run.
+    Make a folder, or refuse one that holds something else than an unfinished run (OutputError).
 
     A live run is never finished: its tiles stay when it makes its files.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be used.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -219,10 +199,7 @@ def folder_of_points(path: Path) -> Path:
     """
     Make an empty folder for points in a run's output folder, for processes of other machines to see.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be made.
+    OutputError if it cannot be made.
     """
     folder = path / PARTIAL / _POINTS
     shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted
@@ -234,14 +211,7 @@ def folder_of_points(path: Path) -> Path:
 
 
 def add_to_run(path: Path, more: dict[str, Any]) -> None:
-    """
-    Add to what ``run.json`` tells.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
+    """Add to what ``run.json`` tells; OutputError if it cannot be written."""
     content = {**(_read(path / RUN) or {}), **more}
     with atomic_file(path / RUN) as temporary:
         temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -20,17 +20,9 @@ def sole_use(path: Path) -> Iterator[None]:
     Keep a folder from the runs of other processes; it is made if it is not there.
 
     The kernel releases the lock when the process ends, however that comes about; processes that it has forked
-    do not have it. Where the file system has no locks nothing is kept.
-
-    Parameters
-    ----------
-    path : Path
-        The output folder. A part of this process that takes it again, as a node of the graph, has it already.
-
-    Raises
-    ------
-    OutputError
-        If another process has it, or it cannot be made.
+    do not have it. Where the file system has no locks nothing is kept. A part of this process that takes the
+    folder again, as a node of the graph, has it already. OutputError if another process has it, or it cannot
+    be made.
     """
     folder = path.resolve()
     if folder in _mine:

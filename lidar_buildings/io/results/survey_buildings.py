@@ -72,18 +72,10 @@ class SurveyPart:
 
 class SurveyBuildings:
     """
-    Collects buildings tile by tile; the models wait on disk until they are asked for.
+    Collects buildings tile by tile, but for some; the models wait in a file until they are asked for.
 
-    Parameters
-    ----------
-    path : Path
-        File for the models' lines, replaced if it is there.
-    frame : MapFrame
-        Of the tiles.
-    without : collection of int
-        Ids of buildings to leave out.
-    footprint_id : mapping or None
-        Building id → what the file of footprints calls it; None where outlines were traced.
+    `footprint_id` leads from a building id to what the file of footprints calls it; None where outlines were
+    traced.
     """
 
     def __init__(
@@ -243,17 +235,12 @@ def _head_of(line: str) -> _Head:
 
 def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:
     """
-    Return the ids of buildings that are pieces of a larger building of another tile.
+    Return the ids of buildings, of those of each tile, that are pieces of a larger building of another tile.
 
-    Points near the edge of a tile's buffer can be judged otherwise than in the middle of the next tile, and
-    a part connected by a few points then seems to be a building of its own. Buildings of one tile never
-    overlap by so much and are never taken for pieces of each other; nor is a building a piece of itself, as
-    another tile had it before it went over to this one.
-
-    Parameters
-    ----------
-    tiles : sequence of sequences of BuildingOutline
-        The buildings of each tile.
+    Points near the edge of a tile's buffer can be judged otherwise than in the middle of the next tile, and a
+    part connected by a few points then seems to be a building of its own. Buildings of one tile never overlap
+    by so much and are never taken for pieces of each other; nor is a building a piece of itself, as another
+    tile had it before it went over to this one.
     """
     outlines = [one for tile in tiles for one in tile]
     tile_of = np.repeat(np.arange(len(tiles)), [len(tile) for tile in tiles])

@@ -55,32 +55,12 @@ def write_rasters(
     folder: Path, fragments: Sequence[Path], frame: MapFrame, inputs: Sequence[InputFile]
 ) -> dict[str, dict[str, Any]]:
     """
-    Write the rasters of saved tiles; a block is made at a time, so that memory holds some tiles only.
+    Write the rasters of saved tiles, sorted by stamp; a block at a time: memory holds some tiles only.
 
-    Of several tiles with a cell the one whose core is nearest counts, then the first.
-
-    Parameters
-    ----------
-    folder : Path
-        Where the files go.
-    fragments : sequence of Path
-        Saved tiles, sorted by stamp.
-    frame : MapFrame
-        Of the tiles; values and places are turned back into the source's units.
-    inputs : sequence of InputFile
-        Asked for the vertical reference system.
-
-    Returns
-    -------
-    dict
-        File name → columns, rows, side of a cell, known cells; empty if no tile has a raster.
-
-    Raises
-    ------
-    OutputError
-        If a file cannot be written.
-    RasterExtentError
-        If the tiles lie too far apart for one raster of this resolution.
+    Of several tiles with a cell the one whose core is nearest counts, then the first. Values and places are
+    turned back into the source's units; inputs are asked for the vertical reference system. Returned is file
+    name → columns, rows, side of a cell, known cells; empty if no tile has a raster. OutputError if a file
+    cannot be written, RasterExtentError if the tiles lie too far apart for one raster of this resolution.
     """
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     whole = enclosing(windows.values())
@@ -190,16 +170,8 @@ def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float)
     Yield the terrain of saved tiles, row by row of squares, whose sides are multiples of 512 cells.
 
     Squares depend on the cells alone, not on tiles, and meet: what two have in common along a side is
-    simplified in both alike.
-
-    Parameters
-    ----------
-    fragments : sequence of Path
-        Saved tiles, sorted by stamp.
-    frame : MapFrame
-        Of the tiles.
-    tolerance : float
-        Greatest distance in height of the cells' elevations from the triangles [m]; 0 for no terrain.
+    simplified in both alike. `tolerance` is the greatest distance in height of the cells' elevations from the
+    triangles [m]; 0 for no terrain.
     """
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     if not windows or tolerance == 0.0:

@@ -71,14 +71,8 @@ class TileProducts:
         """
         Gather a tile's results.
 
-        Parameters
-        ----------
-        classified : PointTile
-            Every point of the tile with its final class and height above ground.
-        planes : PointTile or None
-            Its roof points, core and buffer, with edge labels, building and plane ids as far as the run went.
-        traced, outlines, features, rasters
-            As they came.
+        `classified` has every point with its final class and height above ground, `planes` the roof points,
+        core and buffer, with edge labels, building and plane ids as far as the run went.
         """
         roof_tile = planes if planes is not None else classified.select(np.zeros(0, dtype=np.intp))
         in_building = np.zeros(len(roof_tile), dtype=bool)
@@ -98,12 +92,7 @@ class TileProducts:
 
     def save(self, path: Path) -> None:
         """
-        Write the results to one file, which appears when it is complete.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
+        Write the results to one file, which appears when it is complete; OutputError if it cannot be written.
         """
         polygons = {"traced": self.traced, "outlines": self.outlines}
         shapes = {name: _outlines_as_lists(group) for name, group in polygons.items()}

@@ -15,12 +15,7 @@ _SIDE = 16
 
 class CellTable:
     """
-    A number for each cell, in some bytes, so that a feed may go on for hours.
-
-    Parameters
-    ----------
-    missing : int or float
-        The number of a cell that was given none.
+    A number for each cell, in some bytes, so that a feed may go on for hours; `missing` where none was given.
     """
 
     def __init__(self, missing: float) -> None:

@@ -65,14 +65,7 @@ class CloudSummary:
 
 
 def summarise_cloud(path: str | Path) -> CloudSummary:
-    """
-    Read a file to its last point and sum it up.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
+    """Read a file to its last point and sum it up; InputError if it cannot be read."""
     cloud = open_cloud(path)
     found = CloudSummary(
         str(path), _format_of(cloud), cloud.crs.name, [float(one) for one in cloud.units[1:]]

@@ -49,26 +49,11 @@ def read_files(
     clouds: Sequence[Cloud], order: Sequence[int], store: TileStore, submit: Submit | None = None
 ) -> Iterator[tuple[int, Iterator[set[Cell]]]]:
     """
-    Bring files to a store, one after the other.
+    Bring files to a store, one after the other in an order; a point's `source` is its file's place.
 
-    Parameters
-    ----------
-    clouds : sequence of Cloud
-        A point's `source` is its file's place in it.
-    order : sequence of int
-        In which they are brought.
-    store : TileStore
-        Where their points go.
-    submit : callable, optional
-        Reads parts in other processes, many ahead; files are read here, chunk by chunk, if not given.
-
-    Yields
-    ------
-    source : int
-        The file.
-    tiles : iterator of set
-        For each chunk or part, the tiles of its points. It raises an `InputError` where the file cannot be
-        read on.
+    `submit` reads parts in other processes, many ahead; files are read here, chunk by chunk, if it is not
+    given. Yields each file, and an iterator over the tiles of the points of each chunk or part, which raises
+    an `InputError` where the file cannot be read on.
     """
     if submit is None:
         for source in order:

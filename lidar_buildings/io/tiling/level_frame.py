@@ -34,18 +34,10 @@ class LevelFrame:
     """
     A Cartesian frame that touches the Earth: z points up at its origin, x east, y to true north (REP-103).
 
-    It may be turned. A map's grid is turned against it by the meridian convergence, is of another scale, and
-    its heights follow the Earth's curvature. The grid must be conformal: within reach of the origin it is a
-    polynomial of x + iy, fitted to what pyproj says.
-
-    Parameters
-    ----------
-    origin : Geodetic
-        Where it touches.
-    crs : str
-        A conformal reference system in metres, with heights above the ellipsoid.
-    yaw : float
-        Where x points, counter-clockwise from east [rad].
+    It may be turned: x points to `yaw`, counter-clockwise from east [rad]. A map's grid is turned against it
+    by the meridian convergence, is of another scale, and its heights, above the ellipsoid, follow the Earth's
+    curvature. The grid, in metres, must be conformal: within reach of the origin it is a polynomial of x +
+    iy, fitted to what pyproj says.
     """
 
     def __init__(self, origin: Geodetic, crs: str, yaw: float = 0.0) -> None:
@@ -65,16 +57,8 @@ class LevelFrame:
         """
         Return the frame in which a track was told by positions that satellites saw at its times.
 
-        Parameters
-        ----------
-        track : ndarray of shape (n, 3)
-            In the frame [m].
-        seen : Geodetic
-            Arrays of shape (n,).
-        sigma : ndarray of shape (n,)
-            As for `fit_track`.
-        crs : str
-            Of the frame.
+        The track has shape (n, 3) [m], `seen` arrays of shape (n,); `sigma`, shape (n,), is as for
+        `fit_track`.
         """
         geocentric, origin = _geocentric(seen), middle_of(seen)
         for _ in range(_STEPS):
@@ -101,14 +85,7 @@ class LevelFrame:
         return _geodetic(_geocentric(self.origin) + points @ self.axes)
 
     def in_grid(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """
-        Return points of the frame in the grid, less `place` [m].
-
-        Parameters
-        ----------
-        points : ndarray of shape (n, 3)
-            [m].
-        """
+        """Return points of the frame, shape (n, 3), in the grid, less `place` [m]."""
         x, y, z = points.T
         radius = self._radius
         plan = (x + 1j * y) / (_REACH * (1.0 + z / radius))

@@ -39,29 +39,10 @@ class LiveFeed:
     """
     Takes messages and gives out tiles.
 
-    Parameters
-    ----------
-    tiling : LiveTilingConfig
-        Tiles, and where points are kept.
-    scans : ScanConfig
-        How they are placed.
-    frame : MapFrame, optional
-        Where the map lies, if that is known. An interrupted feed knows it.
-
-    Attributes
-    ----------
-    error : Exception or None
-        What ended it.
-    frame : MapFrame or None
-        Where the map lies, as soon as that is settled.
-    obstacle : str
-        Why nothing can be written now, empty if it can.
-    problems : Counter
-        What was wrong with messages → how often.
-    recorded : Recorded or None
-        How points are placed, as soon as that is settled.
-    n_flushed : int
-        Flushes that are done.
+    An interrupted feed knows where the map lies; else `frame` may tell. `error` is what ended it, `obstacle`
+    why nothing can be written now, empty if it can, and `problems` what was wrong with messages, and how
+    often. `recorded` is how points are placed, as soon as that is settled; `n_flushed` counts the flushes
+    that are done.
     """
 
     is_exhausted = False

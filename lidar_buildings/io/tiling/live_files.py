@@ -72,14 +72,7 @@ class Recorded(NamedTuple):
 
 
 def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
-    """
-    Note what a feed must know to go on.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
-    """
+    """Note what a feed must know to go on; OutputError if it cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_file(folder / _SURVEY) as temporary:
         frames = {"given": asdict(recorded.given.frame), "frame": asdict(recorded.frame)}
@@ -124,15 +117,8 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
     """
     Write all points of a feed as LAZ files, file k those of source k, but for those that were full before.
 
-    Yields
-    ------
-    int
-        How many are left, before each and at the end. Who asks for no more leaves the rest for the next time.
-
-    Raises
-    ------
-    OutputError
-        If one cannot be written.
+    Yields how many are left, before each and at the end: who asks for no more leaves the rest for the next
+    time. OutputError if one cannot be written.
     """
     (folder / CLOUDS).mkdir(exist_ok=True)
     n_files = -(-survey.n_points // POINTS_PER_FILE)

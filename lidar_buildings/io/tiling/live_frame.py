@@ -25,14 +25,7 @@ _N_LATER, _WORSE = 20, 2.0
 
 
 class FrameSearch:
-    """
-    Settles where the map lies, once the first points have come.
-
-    Parameters
-    ----------
-    given : MapFrame or None
-        Where it lies, if that is known.
-    """
+    """Settles where the map lies, unless it is given, once the first points have come."""
 
     def __init__(self, given: MapFrame | None) -> None:
         self._found = None if given is None else MapPlace(given)
@@ -54,14 +47,8 @@ class FrameSearch:
         """
         Return where the map lies, None as long as others may still tell, or fixes tell more.
 
-        Parameters
-        ----------
-        placer : ScanPlacer
-            Knows the poses.
-        now : float
-            The time [s]; infinite to wait no longer.
-        n_points : int
-            That wait for it, one at least.
+        The placer knows the poses; so many points, one at least, wait for it. A time `now` [s] that is
+        infinite has it wait no longer.
         """
         self._first_at = min(now, math.inf if self._first_at is None else self._first_at)
         if self._found is None and self._fixes.pair(placer):

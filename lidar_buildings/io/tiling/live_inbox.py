@@ -20,10 +20,7 @@ class LiveInbox:
     """
     Work on messages, in the order in which they came.
 
-    Attributes
-    ----------
-    left_out : Counter
-        Reason → points, or messages with poses, for which there was no room.
+    `left_out` leads from a reason to the points, or messages with poses, for which there was no room.
     """
 
     def __init__(self) -> None:

@@ -43,17 +43,9 @@ def scale_of(scans: Sequence[PlacedScan], buffer: float, *, is_end: bool = False
     """
     Choose the side of tiles, and measure their spacing; None as long as too little has come.
 
-    Both by what the scanner has left behind. One that goes on measuring what it has measured tells no
-    spacing: its tiles become denser than what it shows in a short time.
-
-    Parameters
-    ----------
-    scans : sequence of PlacedScan
-        All that have come; what is later than the first `PERIOD` does not count.
-    buffer : float
-        Width of the strip of neighbours east of a tile [m].
-    is_end : bool
-        Whether to wait for no more.
+    Both by what the scanner has left behind in the first `PERIOD`. One that goes on measuring what it has
+    measured tells no spacing: its tiles become denser than what it shows in a short time. `buffer` is the
+    width of the strip of neighbours east of a tile [m]; at the end nothing more is waited for.
     """
     times = np.concatenate([scan.times for scan in scans])
     end = times[0] + round(PERIOD * _SECOND)

@@ -43,26 +43,9 @@ class LiveSurvey:
     come. Every point goes to disk at once; memory holds a batch. Nothing of what comes out depends on which
     tile was left first, but for buffers: one that was needed once stays wide until the feed is taken up anew.
 
-    Parameters
-    ----------
-    config : LiveTilingConfig
-        Size of tiles, and how long they are waited for.
-    frame : MapFrame
-        Where the map lies.
-    folder : Path
-        Where points are kept. A feed that was cut off goes on with those that are there.
-    spacing : float, optional
-        The point spacing that its tiles are expected to have [m]; each has its own if not given.
-
-    Attributes
-    ----------
-    left_out : Counter
-        Reason → points that were left out.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be used.
+    A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
+    expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
+    that were left out. OutputError if the folder cannot be used.
     """
 
     def __init__(
@@ -113,19 +96,9 @@ class LiveSurvey:
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """
-        Take a scan.
+        Take a scan in the map; `now` is the time by which tiles are waited for [s].
 
-        Parameters
-        ----------
-        scan : PlacedScan
-            Its points in the map.
-        now : float
-            The time by which tiles are waited for [s].
-
-        Raises
-        ------
-        OutputError
-            If the disk is full; the scan waits in memory for the next call that can write it.
+        OutputError if the disk is full; the scan waits in memory for the next call that can write it.
         """
         with self._lock:
             self._batch.append(scan)
@@ -204,14 +177,7 @@ class LiveSurvey:
             return made
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
-        """
-        Note that a tile is done, or was given up: it may come again.
-
-        Raises
-        ------
-        OutputError
-            If the disk is full.
-        """
+        """Note that a tile is done, or was given up: it may come again. OutputError if the disk is full."""
         with self._lock:
             if (tile := self._tiles.of_stamp(stamp)) is None:
                 return

@@ -44,19 +44,7 @@ class LiveTile:
 
 class LiveTiles:
     """
-    All tiles of a feed.
-
-    Parameters
-    ----------
-    grid : TileGrid
-        Where tiles and spool cells lie.
-    config : LiveTilingConfig
-        How wide buffers are, and how long tiles are waited for.
-
-    Attributes
-    ----------
-    changed : set of Cell
-        Places of the tiles that have seen points since they were looked at.
+    All tiles of a feed; `changed` are the places of those that have seen points since they were looked at.
     """
 
     def __init__(self, grid: TileGrid, config: LiveTilingConfig) -> None:

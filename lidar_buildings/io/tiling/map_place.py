@@ -31,21 +31,11 @@ _Floats = NDArray[np.float64]
 
 
 class Pairs(NamedTuple):
-    """
-    Satellite positions and the poses at their times, one at least.
+    """Satellite positions and the poses at their times, one at least."""
 
-    Attributes
-    ----------
-    track : ndarray of shape (n, 3)
-        Where poses say that the antenna was [m].
-    seen : Geodetic
-        Where satellites say it was: arrays of shape (n,).
-    sigma : ndarray of shape (n,)
-        Standard errors of these to the east and north [m]; NaN where they are not told.
-    """
-
-    track: _Floats
-    seen: Geodetic
+    track: _Floats  #: where poses say that the antenna was [m], shape (n, 3)
+    seen: Geodetic  #: where satellites say it was: arrays of shape (n,)
+    #: Standard errors of these to the east and north [m]; NaN where they are not told, shape (n,).
     sigma: _Floats
 
     @property

@@ -42,15 +42,7 @@ class PlacedLaz:
     """
     A LAZ file that grows by scans.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Attributes
-    ----------
-    n_points, n_far : int
-        Points that were written, and that were not, since they are too far from the others.
+    `n_points` were written, `n_far` were not, since they are too far from the others.
     """
 
     def __init__(self, path: Path) -> None:

@@ -22,20 +22,7 @@ class PointLog:
     """
     Records one after the other, and what became of tiles as lines of JSON beside them.
 
-    Parameters
-    ----------
-    folder : Path
-        Made if it is not there; what it holds is gone on with.
-
-    Attributes
-    ----------
-    count : int
-        Number of records.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be used.
+    What the folder holds is gone on with; `count` is the number of records. OutputError if it cannot be used.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,14 +37,7 @@ class PointLog:
             raise write_error(folder, error) from error
 
     def append(self, records: NDArray[Any]) -> None:
-        """
-        Add records.
-
-        Raises
-        ------
-        OutputError
-            If they cannot be written; then none is.
-        """
+        """Add records; OutputError if they cannot be written: then none is."""
         try:
             append_records(self._points, self.count, records)
         except OSError as error:
@@ -79,14 +59,7 @@ class PointLog:
             first += n_records
 
     def note(self, event: dict[str, Any]) -> None:
-        """
-        Add an event.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
-        """
+        """Add an event; OutputError if it cannot be written."""
         try:
             with open(self._events, "a", encoding="utf-8") as file:
                 file.write(json.dumps(event) + "\n")

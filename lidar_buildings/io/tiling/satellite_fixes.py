@@ -55,12 +55,8 @@ class SatelliteFixes:
     """
     Gathers fixes and the poses at their times.
 
-    Times of GPS or of atoms beside poses in UTC, or the other way round, are set right.
-
-    Attributes
-    ----------
-    n_came, n_usable : int
-        Fixes that came, and those that do not say that they are none.
+    Times of GPS or of atoms beside poses in UTC, or the other way round, are set right. `n_came` counts the
+    fixes that came, `n_usable` those that do not say that they are none.
     """
 
     def __init__(self) -> None:

@@ -68,12 +68,7 @@ _SHORT = 65_536
 
 class Spool:
     """
-    One file of records per grid cell, in a temporary folder.
-
-    Parameters
-    ----------
-    folder : path or None
-        Where the temporary folder is made; the system's place for such if None.
+    One file of records per grid cell, in a temporary folder: made in `folder`, or in the system's place.
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
@@ -86,13 +81,9 @@ class Spool:
 
     def append(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
         """
-        Add records, each to its cell, in their order; return the cells. What cannot be added leaves nothing.
+        Add records, `RECORD`, each to its cell, in their order; return the cells.
 
-        Parameters
-        ----------
-        cells : ndarray of shape (n, 2)
-            Column and row of each record's cell.
-        records : ndarray of `RECORD`, shape (n,)
+        `cells` are column and row of each record's cell, shape (n, 2). What cannot be added leaves nothing.
         """
         if len(records) == 0:
             return []
@@ -207,12 +198,7 @@ def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
 
 def append_records(path: Path, n_before: int, records: NDArray[Any]) -> None:
     """
-    Append records to a file that holds so many; what cannot be written whole leaves it as it was.
-
-    Raises
-    ------
-    OSError
-        If they cannot be written.
+    Append records to a file that holds so many; what cannot be written whole leaves it as it was (OSError).
     """
     try:
         with open(path, "ab", buffering=0) as file:

@@ -50,12 +50,8 @@ class SurveyBrightness:
     Learns, file by file, the scale of every flight strip and what brightness parts dark ground from other.
 
     A strip keeps the scale of the first file that holds it, and the limit is that of the first file whose
-    ground shows two modes: what was said of a strip stays true, whatever is read afterwards.
-
-    Attributes
-    ----------
-    dark_limit : float or None
-        Normalised intensity up to which ground is dark, None as long as no file has shown two modes.
+    ground shows two modes: what was said of a strip stays true, whatever is read afterwards. `dark_limit` is
+    the normalised intensity up to which ground is dark, None as long as no file has shown two modes.
     """
 
     def __init__(self) -> None:
@@ -85,18 +81,9 @@ class SurveyBrightness:
         self, source: int, first: int, records: NDArray[Any], n_points: int, square: Rectangle | None = None
     ) -> None:
         """
-        Take a sample of a file's chunk.
+        Take a sample of a file's chunk, `io.tiling.spool.RECORD`, whose first point has the index `first`.
 
-        Parameters
-        ----------
-        source, first : int
-            The file, and the index of the chunk's first point in it.
-        records : structured ndarray
-            The chunk's points, as `io.tiling.spool.RECORD`.
-        n_points : int
-            Points of the whole file.
-        square : Rectangle, optional
-            Where the modes of the ground are looked for, in the map frame [m]; nowhere if not given.
+        Where a square of the map frame [m] is given the modes of the ground are looked for in it.
         """
         step = math.ceil(n_points / MAX_SAMPLE)
         self._samples.setdefault(source, []).append(_only(_SAMPLE, records[-first % step :: step]))

@@ -44,11 +44,7 @@ def plan_survey(
     Cut a survey, or what of it is within bounds, into tiles as a run does.
 
     The points of a file are taken to lie evenly in its bounds, those of COPC in the squares of its octree.
-
-    Raises
-    ------
-    InputError
-        If a run would not take these files together.
+    InputError if a run would not take these files together.
     """
     system = agreed_system(clouds)
     shared_origin(clouds)

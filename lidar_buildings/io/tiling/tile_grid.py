@@ -50,12 +50,7 @@ class Buffer(NamedTuple):
         """
         Return it twice as wide on some sides.
 
-        Parameters
-        ----------
-        sides : Sides
-            On which it grows.
-        least, most : float
-            Width of the buffer that takes the place of none, and of the largest [m].
+        `least` is the width of the buffer that takes the place of none, `most` that of the largest [m].
         """
         limits = zip(self, Buffer.of(least), Buffer.largest(most), sides, strict=True)
         return Buffer(*(min(2.0 * own or low, high) if wider else own for own, low, high, wider in limits))
@@ -118,14 +113,7 @@ class Rectangle:
 
 
 class Rectangles:
-    """
-    Tells which of many rectangles are near.
-
-    Parameters
-    ----------
-    rectangles : sequence of Rectangle or None
-        None is near nothing.
-    """
+    """Tells which of many rectangles are near; None is near nothing."""
 
     def __init__(self, rectangles: Sequence[Rectangle | None]) -> None:
         self._tree = shapely.STRtree([None if one is None else _box(one) for one in rectangles])

@@ -27,10 +27,7 @@ class TileRoom:
     """
     Leaves out points of tiles that have many: of crowded ones those near others, of full ones all.
 
-    Parameters
-    ----------
-    most : int
-        Points of a tile that is full.
+    `most` are the points of a tile that is full.
     """
 
     def __init__(self, most: int) -> None:
@@ -50,11 +47,7 @@ class TileRoom:
         """
         Return the records that are kept, and how many are not for which reason.
 
-        Parameters
-        ----------
-        records : ndarray of `RECORD`, shape (n,)
-        places : ndarray of shape (n, 2)
-            Column and row of each record's tile.
+        `places` are column and row of each record's tile, shape (n, 2).
         """
         if not self._crowded and not self._full:
             return records, Counter()

@@ -58,17 +58,8 @@ def spread_of(clouds: Iterable[CloudExtent]) -> tuple[NDArray[np.float64], NDArr
     """
     Return where the points of clouds lie, as far as that is known without reading any.
 
-    Returns
-    -------
-    bounds : ndarray of shape (n, 2, 2)
-        Least and greatest x and y of files, of COPC of squares of its octree [m].
-    counts : ndarray of shape (n,)
-        Their points, which are taken to lie evenly in them.
-
-    Raises
-    ------
-    InputError
-        If the hierarchy of a file cannot be read.
+    Least and greatest x and y of files, of COPC of squares of its octree, shape (n, 2, 2) [m], and their
+    points, shape (n,), which are taken to lie evenly in them. InputError if a hierarchy cannot be read.
     """
     bounds, counts = [np.empty((0, 2, 2))], [np.empty(0)]
     for cloud in clouds:
@@ -85,21 +76,13 @@ def fitting_tiles(
     bounds: NDArray[np.float64], counts: NDArray[np.float64], buffer: float, max_points: int
 ) -> TileCut:
     """
-    Choose the side of a survey's tiles, and where they begin.
+    Choose the side of a survey's tiles, and where they begin, of bounds and counts as of `spread_of`.
 
     Of the sides with which each tile, buffer included, is expected to hold at most `max_points` the one with
-    which stages see the fewest points, taking those of bounds to lie evenly in them. Tiles begin at
-    multiples of their side, as files of a survey do as a rule, or half-way between: what a vehicle measures
-    lies about the origin of its frame, and all of it would be in the buffers of four tiles.
-
-    Parameters
-    ----------
-    bounds, counts : ndarray
-        Where how many points lie, as of `spread_of`.
-    buffer : float
-        Width of the strip of neighbours east of a tile [m].
-    max_points : int
-        Of a tile with its buffer.
+    which stages see the fewest points, taking those of bounds to lie evenly in them. Tiles begin at multiples
+    of their side, as files of a survey do as a rule, or half-way between: what a vehicle measures lies about
+    the origin of its frame, and all of it would be in the buffers of four tiles. `buffer` is the width of the
+    strip of neighbours east of a tile [m].
     """
     chosen, least, shortest = TileCut(_SIZES[-1], 0.0, buffer), np.inf, 0.0
     for size in _SIZES:
@@ -124,16 +107,7 @@ def bounds_of(areas: Sequence[Rectangle]) -> NDArray[np.float64]:
 def expected_points(
     bounds: NDArray[np.float64], counts: NDArray[np.float64], buffer: float, size: float
 ) -> NDArray[np.float64]:
-    """
-    Return how many points each tile is expected to hold, buffer included.
-
-    Parameters
-    ----------
-    bounds, counts : ndarray
-        Where how many points lie, as of `spread_of`.
-    buffer, size : float
-        Of tiles [m].
-    """
+    """Return how many points each tile is expected to hold, buffer included; bounds are as of `spread_of`."""
     before, after = buffer * np.array(BUFFER_SHARES).reshape(2, 2)
     first = np.floor((bounds[:, 0] - after) / size)
     spans = np.floor((bounds[:, 1] + before) / size) - first + 1.0
@@ -154,19 +128,7 @@ def expected_points(
 
 
 def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
-    """
-    Order files along the Z-curve (Morton 1966) through the middles of their bounds.
-
-    Parameters
-    ----------
-    areas : sequence of Rectangle or None
-        None for a file without points; those come first.
-
-    Returns
-    -------
-    list of int
-        Positions in `areas`.
-    """
+    """Order files by the Z-curve (Morton 1966) through their middles, those without points (None) first."""
     empty = [i for i, area in enumerate(areas) if area is None]
     filled = [(i, area) for i, area in enumerate(areas) if area is not None]
     if not filled:

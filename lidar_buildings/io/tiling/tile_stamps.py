@@ -28,17 +28,11 @@ _NANOSECONDS = 1_000_000_000
 
 def stamp_of_time(gps_time: float, *, is_standard: bool) -> int | None:
     """
-    Return the stamp [ns] of a recorded GPS time, None if the time is not plausible.
+    Return the stamp [ns] of a recorded GPS time, None if the time is not plausible, as NaN and 0.
 
-    Seconds of the week stay as they are; adjusted standard time becomes Unix time. Files exist that say
-    week time and hold standard time, so a value longer than a week counts as the latter.
-
-    Parameters
-    ----------
-    gps_time : float
-        As in the file; NaN and 0 if it has none.
-    is_standard : bool
-        Whether the file says that its times are adjusted standard GPS times.
+    Seconds of the week stay as they are; adjusted standard time, where the file says that its times are,
+    becomes Unix time. Files exist that say week time and hold standard time, so a value longer than a week
+    counts as the latter.
     """
     if not math.isfinite(gps_time) or gps_time == 0.0:
         return None

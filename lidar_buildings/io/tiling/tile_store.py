@@ -49,24 +49,9 @@ class TileStore:
     """
     Holds all points that were read, and makes tiles of them.
 
-    Parameters
-    ----------
-    grid : TileGrid
-        Tiles and spool cells.
-    frame : MapFrame
-        The map frame of all tiles.
-    temporary : path or None
-        Where the temporary folder is made.
-    spacing : float, optional
-        The point spacing that tiles are expected to have [m], if that is known; else `learn_spacing`
-        measures it.
-
-    Attributes
-    ----------
-    spool : Spool
-        The points by cell, in a temporary folder.
-    brightness : SurveyBrightness
-        What is known of what intensities mean.
+    The points lie by cell in `spool`, a temporary folder that is made in `temporary`. `spacing` is what tiles
+    are expected to have [m]; if it is not known `learn_spacing` measures it. `brightness` is what is known of
+    what intensities mean.
     """
 
     def __init__(
@@ -87,12 +72,7 @@ class TileStore:
 
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
         """
-        Keep a chunk of a file's points; `first` is the index of its first one.
-
-        Returns
-        -------
-        set of tuple
-            The tiles that they belong to.
+        Keep a chunk of a file's points, the first of index `first`; return the tiles that they belong to.
         """
         xyz = xyz_of(chunk)
         records = np.empty(len(chunk), RECORD)
@@ -156,12 +136,8 @@ class TileStore:
         """
         Measure what spacing the survey's tiles are expected to have, unless that is known already.
 
-        Parameters
-        ----------
-        area : Rectangle
-            In the middle of which it is measured, source's position [m].
-        source : int, optional
-            A file that has been read, and that alone counts; all if not given.
+        It is measured in the middle of an area at the source's position [m], by one file that has been read,
+        or all.
         """
         if self.spacing is None:
             samples = self._within(sample_square(area), source)
@@ -185,18 +161,7 @@ class TileStore:
 
     def wider(self, plan: TilePlan, buffer: Buffer, sides: Sides, most: float) -> Buffer | None:
         """
-        Return a tile's buffer doubled on some sides until it brings more points, None if none does.
-
-        Parameters
-        ----------
-        plan : TilePlan
-            The tile.
-        buffer : Buffer
-            As it is.
-        sides : Sides
-            On which it may grow.
-        most : float
-            Width of the largest buffer [m].
+        Return a tile's buffer doubled on sides, up to `most` [m], until it brings points; None if none does.
         """
         n_before = self.count(plan, buffer)
         while (wider := buffer.doubled(sides, self.grid.cell_size, most)) != buffer:

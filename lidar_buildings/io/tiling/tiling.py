@@ -35,44 +35,18 @@ class TileSource:
     """
     Reads clouds once, in chunks, and iterates over their tiles.
 
-    A tile comes as soon as every file near it has been read; points go through a temporary folder on disk,
-    so that memory holds a chunk and a tile, whatever the size of the files. Every point is a core point of
-    one tile. Iterating again starts with the first tile again, from the temporary folder.
+    A tile comes as soon as every file near it has been read; points go through a temporary folder on disk, so
+    that memory holds a chunk and a tile, whatever the size of the files. Every point is a core point of one
+    tile. Iterating again starts with the first tile again, from the temporary folder.
 
-    Parameters
-    ----------
-    paths : path or iterable of paths
-        Files, folders, globs.
-    config : TilingConfig
-        Tile size and buffers.
-    temporary : path or None
-        Where to put the temporary folder.
-    skip : container of int
-        Stamps of tiles that are not wanted (again).
-    submit : callable, optional
-        Reads parts of files in other processes, which see the temporary folder; see `io.tiling.file_parts`.
-    keep : bool
-        Whether LAZ files are wanted again: with room their points stay in the temporary folder, decoded.
-    known : KnownSurvey, optional
-        What an earlier source of the same survey has learnt.
-    crs : str
-        Reference system of files that name none.
+    `paths` are files, folders and globs; `skip` holds stamps of tiles that are not wanted (again); `submit`
+    reads parts of files in other processes, which see the temporary folder, as of `io.tiling.file_parts`. If
+    LAZ files are wanted again, `keep`, their points stay there decoded where there is room. `known` is what
+    an earlier source of the same survey has learnt, `crs` the system of files that name none.
 
-    Attributes
-    ----------
-    inputs : list of InputFile
-        The readable files; a point's `source` is its file's place in this list.
-    frame : MapFrame
-        The map frame of all tiles.
-    problems : list of str
-        One line per input that is missing or could not be read.
-    unreadable : set of int
-        Those of `inputs` that could not be read to their end.
-
-    Raises
-    ------
-    InputError
-        If no file can be read, or the files do not fit together.
+    A point's `source` is its file's place in `inputs`, the readable files, of which `unreadable` could not be
+    read to their end; `problems` has a line for each of these and each that is missing. InputError if no file
+    can be read, or the files do not fit together.
     """
 
     def __init__(
@@ -172,10 +146,7 @@ class TileSource:
         """
         Return the tile of a stamp once more, its buffer doubled on some sides; None if there is no more.
 
-        Raises
-        ------
-        ValueError
-            If there is no such tile.
+        ValueError if there is no such tile.
         """
         with self._lock:
             tile = self._by_stamp.get(stamp)
