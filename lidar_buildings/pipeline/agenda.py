@@ -23,14 +23,8 @@ class Task:
     """
     Work for one process.
 
-    Parameters
-    ----------
-    message : Parcel
-        What the process is told.
-    is_tile : bool
-        Whether it is a whole tile: one whose process ends is done once more by another one.
-    read : callable
-        Makes the result of what the process answers.
+    `is_tile`: a whole tile, one whose process ends, is done once more by another one. `read` makes the result
+    of what the process answers.
     """
 
     def __init__(

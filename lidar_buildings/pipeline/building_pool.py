@@ -38,20 +38,14 @@ class BuildingPool(Sharing):
     """
     Processes that wait for tiles and buildings; a context manager.
 
-    Parameters
-    ----------
-    n_workers : int, optional
-        One for each core that this process may use if not given. With fewer than two there are no processes,
-        and everything is done here.
-    prepare : callable, optional
-        Called in the first process before there are others, as for compiled code to be loaded.
+    One for each core that this process may use if no number is given; with fewer than two there are no
+    processes, and everything is done here. `prepare` is called in the first process before there are others,
+    as for compiled code to be loaded.
 
-    Notes
-    -----
-    Where the platform is Linux and this process has a single thread of Python's, one process is forked,
-    which costs some milliseconds. It prepares and forks the others, so that compiled code is loaded once,
-    while this process goes on. Else processes are spawned, and each imports its modules anew. So: import
-    first, open the pool next, start threads last. Several threads may call `map` at the same time.
+    Where the platform is Linux and this process has a single thread of Python's, one process is forked, which
+    costs some milliseconds. It prepares and forks the others, so that compiled code is loaded once, while
+    this process goes on. Else processes are spawned, and each imports its modules anew. So: import first,
+    open the pool next, start threads last. Several threads may call `map` at the same time.
     """
 
     def __init__(self, n_workers: int | None = None, prepare: Callable[[], object] | None = None) -> None:
@@ -91,18 +85,9 @@ class BuildingPool(Sharing):
         """
         Call ``function(job, pool)`` for a tile in the next free process; here and at once without any.
 
-        Parameters
-        ----------
-        function : callable
-            At the top of a module. It may share buildings by the pool that it is given, if it is given one.
-        job : object
-            What it is called with.
-
-        Returns
-        -------
-        Future
-            Its result or exception; `WorkerLostError` if two processes ended at it, or the last one did, and
-            `NoWorkerError` if none was left to begin.
+        The function stands at the top of a module; it may share buildings by the pool, if it is given one.
+        The future raises `WorkerLostError` if two processes ended at it, or the last one did, and
+        `NoWorkerError` if none was left to begin.
         """
         task = Task(packed((function, job)), is_tile=True, read=received)
         if self._put([task]):
@@ -118,19 +103,9 @@ class BuildingPool(Sharing):
         """
         Call a function in the next free process, here without any, and wait for its result.
 
-        For threads that share an interpreter's lock: the others go on meanwhile.
-
-        Parameters
-        ----------
-        function : callable
-            At the top of a module.
-        shares : bool
-            Whether it takes a `pool`, over which it shares a tile's buildings.
-
-        Raises
-        ------
-        WorkerLostError
-            If two processes ended at it.
+        For threads that share an interpreter's lock: the others go on meanwhile. The function stands at the
+        top of a module; if it `shares` it takes a `pool`, over which it shares a tile's buildings.
+        WorkerLostError if two processes ended at it.
         """
         return self.begin(function, *arguments, shares=shares).result()
 
@@ -212,16 +187,7 @@ class BuildingPool(Sharing):
 
 
 class Call(Generic[_Result]):
-    """
-    A call that a process has been given.
-
-    Parameters
-    ----------
-    work : tuple
-        What is called.
-    answer : Future, optional
-        The process's; None if there is no process.
-    """
+    """A call that a process has been given, and its answer; None if there is no process."""
 
     def __init__(self, work: _Work, answer: Future[Any] | None) -> None:
         self._work, self._answer = work, answer
@@ -235,14 +201,7 @@ class Call(Generic[_Result]):
 
     def result(self) -> _Result:
         """
-        Wait for the result, and return it.
-
-        Raises
-        ------
-        WorkerLostError
-            If two processes ended at it.
-        Exception
-            What the function raised.
+        Return the result, or raise what the function raised; WorkerLostError if two processes ended at it.
         """
         try:
             result = _called(self._work, None) if self._answer is None else self._answer.result()

@@ -39,10 +39,7 @@ class PipelineConfig:
         """
         Make a config from ``{stage: {name: value}}``; what is not named keeps its default.
 
-        Raises
-        ------
-        ParameterError
-            If a stage or name is unknown, or a value out of range.
+        ParameterError if a stage or name is unknown, or a value out of range.
         """
         return cls(**{stage: stage_config(stage, values) for stage, values in settings.items()})
 
@@ -56,12 +53,7 @@ STAGE_CONFIGS: dict[str, type[StageConfig]] = {
 
 def stage_config(stage: str, values: Mapping[str, Any]) -> StageConfig:
     """
-    Make one stage's config, or say which name is unknown and which one was probably meant.
-
-    Raises
-    ------
-    ParameterError
-        If the stage or a name is unknown, or a value out of range.
+    Make one stage's config, or say which name is unknown and which one was probably meant (ParameterError).
     """
     if stage not in STAGE_CONFIGS:
         raise ParameterError(f"there is no stage {stage!r}{nearest(stage, STAGE_CONFIGS)}")

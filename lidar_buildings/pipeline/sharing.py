@@ -43,22 +43,10 @@ class Sharing(ABC):
         """
         Call a function for each of many buildings, the largest first, and return the results in their order.
 
-        Parameters
-        ----------
-        function : callable
-            At the top of a module; its result depends on the job alone.
-        jobs : sequence
-            What it is called with, one per building.
-        sizes : sequence of int
-            Number of points of each building.
-        lost : callable
-            ``lost(job)`` stands in for the result of a building during which two processes ended. One that
-            was merely in a batch with it is done again.
-
-        Raises
-        ------
-        RuntimeError
-            If the function raises an exception.
+        The function stands at the top of a module, and its result depends on the job alone; `sizes` are the
+        buildings' numbers of points. ``lost(job)`` stands in for the result of a building during which two
+        processes ended; one that was merely in a batch with it is done again. RuntimeError if the function
+        raises an exception.
         """
         weights = [size + _LEAST_SIZE for size in sizes]
         if not self.n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:

@@ -48,22 +48,9 @@ class TileCluster:
     """
     Workers that wait for tiles; a context manager.
 
-    Parameters
-    ----------
-    n_workers : int
-        Processes to start on this machine, each with a thread; 0 if there are workers already.
-    scheduler : str
-        Address of a scheduler that has them.
-
-    Attributes
-    ----------
-    dashboard : str
-        Where dask shows what the workers do.
-
-    Raises
-    ------
-    ClusterError
-        If the scheduler cannot be reached, or a worker has another version of this package.
+    So many are started on this machine, each with a thread, or there are some already at a scheduler's
+    address. `dashboard` is where dask shows what they do. ClusterError if the scheduler cannot be reached, or
+    a worker has another version of this package.
     """
 
     def __init__(self, n_workers: int = 0, scheduler: str = "") -> None:
@@ -112,21 +99,10 @@ class TileCluster:
         self, function: Callable[[_Job, None], _Result], job: _Job, *, is_soon: bool = False
     ) -> Future[_Result]:
         """
-        Call ``function(job, None)`` on a worker.
+        Call ``function(job, None)`` on a worker; if `is_soon` before what was submitted without this.
 
-        Parameters
-        ----------
-        function : callable
-            At the top of a module; it may be called more than once, and at the same time.
-        job : object
-            What it is called with.
-        is_soon : bool
-            Whether it goes before what was submitted without this.
-
-        Returns
-        -------
-        Future
-            Its result or exception; `WorkerLostError` if workers end at it even when nothing else is done.
+        The function stands at the top of a module; it may be called more than once, and at the same time. The
+        future raises `WorkerLostError` if workers end at it even when nothing else is done.
         """
         call = _Call(function, job, _SOON if is_soon else _LATE)
         with self._lock:

@@ -12,14 +12,8 @@ def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> Te
     """
     Make the rasters of a classified tile; None where none are wanted, or points have no class.
 
-    Parameters
-    ----------
-    tile : PointTile
-        Core and buffer points with their classes.
-    config : RasterConfig
-        Resolution and reach.
-    frame : MapFrame
-        Cells are aligned in its source's coordinates. A tile that came as a message does not know it.
+    Cells are aligned in the source's coordinates of the frame, which a tile that came as a message does not
+    know.
     """
     if config.raster_resolution == 0.0 or tile.classification is None:
         return None

@@ -42,21 +42,12 @@ class FlowControl:
     """
     Keeps account of the tiles in flight, and of the nodes that work on them.
 
-    A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's
-    hands is lost if the node that had it was started anew, or if one that was sent later is done: topics
-    keep their order, unless nodes share their tiles or have several in hand. Beside that it is lost if all
-    nodes are idle and silent: for a second if a node has started meanwhile, else for `timeout`.
-
-    Parameters
-    ----------
-    limit : int
-        How many tiles may be in flight; 0: as many as come, and none is waited for.
-    timeout : float
-        How long silence may last at a tile's first attempt; doubles with each attempt [s].
-    max_attempts : int
-        After so many a tile is given up.
-    now : callable
-        The clock [s].
+    A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's hands
+    is lost if the node that had it was started anew, or if one that was sent later is done: topics keep their
+    order, unless nodes share their tiles or have several in hand. Beside that it is lost if all nodes are
+    idle and silent: for a second if a node has started meanwhile, else for `timeout` [s], which doubles with
+    each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight; 0: as many as
+    come, and none is waited for.
     """
 
     def __init__(

@@ -26,14 +26,7 @@ _ALLOWED_BUFFER = Path("/proc/sys/net/core/rmem_max")
 
 
 def prepare_middleware(*, carries_scans: bool = False) -> None:
-    """
-    Tune malloc and set Fast DDS up; call it once, before ``rclpy.init``.
-
-    Parameters
-    ----------
-    carries_scans : bool
-        Whether the process sends or hears clouds of a sensor, of which none comes again.
-    """
+    """Tune malloc and set Fast DDS up, see `use_profile`; call it once, before ``rclpy.init``."""
     tune_malloc()
     use_profile(carries_scans=carries_scans)
 
@@ -48,14 +41,10 @@ def use_profile(*, carries_scans: bool = False) -> None:
 
     Its shared memory is not used: a node that was killed and started anew at once was at times deaf to some
     of the others for good, containers often share no ``/dev/shm``, and of clouds of more than its 512 kB most
-    got lost on the way from a driver. UDP with large buffers has none of these, and takes no longer. Scans
-    keep shared memory where the system allows no such buffers: the smaller ones come through by it. ROS's
-    range ``LOCALHOST`` always comes with it, so a profile takes the place of that.
-
-    Parameters
-    ----------
-    carries_scans : bool
-        As in `prepare_middleware`.
+    got lost on the way from a driver. UDP with large buffers has none of these, and takes no longer. A
+    process that sends or hears scans, of which none comes again, keeps shared memory where the system allows
+    no such buffers: the smaller ones come through by it. ROS's range ``LOCALHOST`` always comes with it, so a
+    profile takes the place of that.
     """
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):
         return

@@ -39,32 +39,12 @@ _MEMORY_PERIOD = 10.0
 
 class StageNode(Node):
     """
-    Base of all nodes.
+    Base of all nodes; `configs`, stage name → config class, are the node's parameters.
 
-    Parameters
-    ----------
-    name : str
-        The node's name.
-    configs : mapping
-        Stage name → config class: the node's parameters.
-    **kwargs
-        As for `rclpy.node.Node`: namespace, parameter_overrides, context…
-
-    Attributes
-    ----------
-    parameters : NodeParameters
-        ``parameters[GroundFilterConfig]`` is that stage's config as it is now.
-    outcome : Future
-        Done when the node has nothing more to do, or cannot go on.
-    exit_status : int
-        What its process ends with.
-    summary : NodeSummary
-        How it gets on, as `diagnostics` tells once a second.
-
-    Raises
-    ------
-    ParameterError
-        If a start value or a parameter's name is wrong.
+    ``parameters[GroundFilterConfig]`` is that stage's config as it is now. `outcome` is done when the node
+    has nothing more to do, or cannot go on; `exit_status` is what its process ends with. `summary` is how it
+    gets on, as `diagnostics` tells once a second. ParameterError if a start value or a parameter's name is
+    wrong.
     """
 
     def __init__(self, name: str, configs: Mapping[str, type[StageConfig]], **kwargs: Any) -> None:

@@ -26,13 +26,8 @@ class Antenna(NamedTuple):
         """
         Return the antenna whose positions are told in a frame, None if nothing tells how that moves.
 
-        Parameters
-        ----------
-        frame : str
-            It counts if transforms tell of it, but not that it moves against what odometry moves, or
-            `base_link`, and the parameter `antenna` is empty; else the antenna is at the origin of that.
-        placer : ScanPlacer
-            Knows the poses.
+        The frame counts if transforms tell of it, but not that it moves against what odometry moves, or
+        `base_link`, and the parameter `antenna` is empty; else the antenna is at the origin of that.
         """
         tree, body = placer.tree, placer.odometry_child or _BODY
         is_other = frame not in tree.frames or (tree.has_way(frame, body) and tree.moves(frame, body))

@@ -52,18 +52,7 @@ def columns_of(cloud: Cloud, wanted: Collection[str]) -> dict[str, NDArray[Any]]
     Return x, y, z and the wanted fields that a cloud has, as views into it, shape (n,).
 
     Fields may come in any order, at any offset, padded, in any type and byte order, and rows may be padded.
-
-    Parameters
-    ----------
-    cloud : Cloud
-        A message.
-    wanted : collection of str
-        Names of fields beside x, y and z.
-
-    Raises
-    ------
-    MessageError
-        If x, y or z is missing or no float, or the sizes contradict each other.
+    MessageError if x, y or z is missing or no float, or the sizes contradict each other.
     """
     if cloud.width * cloud.height == 0:
         empty = {one.name: np.zeros(0, DATATYPES.get(one.datatype, "<f4")) for one in cloud.fields}

@@ -50,29 +50,14 @@ class ScanPlacer:
     Places scans in the map.
 
     Poses and scans may come in any order; a scan waits until the poses reach beyond its last point. Each
-    point is placed by the pose at its own time, so that the sensor's motion within a scan is taken out.
-    What is kept is bounded, so that this can go on for ever.
+    point is placed by the pose at its own time, so that the sensor's motion within a scan is taken out. What
+    is kept is bounded, so that this can go on for ever.
 
-    Parameters
-    ----------
-    config : ScanConfig
-        How.
-    seen : SeenPoints, optional
-        What leaves out the points of our own tiles that were in an earlier sending of them.
-    frames : TransformTree, optional
-        All frames that will be told of, where that is known beforehand: scans are placed in the last of them.
-
-    Attributes
-    ----------
-    left_out : Counter
-        Reason → points that were left out.
-    n_scans : int
-        Scans that came.
-    refusal, unreadable : str
-        Why the last scan was refused that could not be read or has no pose, and that could not be read; empty
-        if none was.
-    odometry_child : str
-        The frame that odometry moves, empty if none has come.
+    `seen` leaves out the points of our own tiles that were in an earlier sending of them. Where all `frames`
+    that will be told of are known beforehand, scans are placed in the last of them. `left_out` leads from a
+    reason to points, `n_scans` counts the scans that came; `refusal` is why the last scan was refused that
+    could not be read or has no pose, `unreadable` why the last that could not be read, empty if none was.
+    `odometry_child` is the frame that odometry moves, empty if none has come.
     """
 
     def __init__(
@@ -134,11 +119,8 @@ class ScanPlacer:
         """
         Take a sensor_msgs/PointCloud2; one that came before is left out.
 
-        Raises
-        ------
-        MessageError
-            If its layout contradicts itself, it has no x, y and z, no unit makes its times a scan's, or it is
-            of a second clock.
+        MessageError if its layout contradicts itself, it has no x, y and z, no unit makes its times a scan's,
+        or it is of a second clock.
         """
         self.n_scans += 1
         mark = mark_of(message)
@@ -169,12 +151,7 @@ class ScanPlacer:
         Return the scans that can be placed, in the order in which they came; each frame has its own.
 
         Such as follow one another in one frame, with the same columns, are placed as one: a small scan costs
-        more than its points.
-
-        Parameters
-        ----------
-        is_end : bool
-            Whether no more poses come: what has none yet is left out and counted.
+        more than its points. At the end, when no more poses come, what has none yet is left out and counted.
         """
         while self._of_before:
             yield self._of_before.pop(0)

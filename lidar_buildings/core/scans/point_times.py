@@ -29,32 +29,13 @@ def point_times(
     columns: Mapping[str, NDArray[Any]], stamp: int, unit: str = ""
 ) -> tuple[NDArray[np.int64] | None, str]:
     """
-    Return the time of each point of a scan [ns].
+    Return the time of each point of a scan [ns], and the field that told it.
 
-    Times are absolute where they lie within a day of the stamp in some unit, else they count from the stamp.
-    Of several units that are possible the coarsest counts in which the scan takes no longer than 2 s; whole
-    numbers are taken for nanoseconds if that is possible.
-
-    Parameters
-    ----------
-    columns : mapping
-        Field → values, shape (n,).
-    stamp : int
-        The message's stamp [ns].
-    unit : str
-        A key of `UNITS` if it is known, else empty.
-
-    Returns
-    -------
-    times : ndarray of int64 or None
-        None if no field tells them, or in single precision, which leaves minutes of a time since 1970.
-    field : str
-        The field that did.
-
-    Raises
-    ------
-    MessageError
-        If no unit fits, or a time is not finite.
+    Times are absolute where they lie within a day of the stamp [ns] in some unit, else they count from the
+    stamp. Of several units that are possible, if none of `UNITS` is named, the coarsest counts in which the
+    scan takes no longer than 2 s; whole numbers are taken for nanoseconds if that is possible. None if no
+    field tells them, or in single precision, which leaves minutes of a time since 1970. MessageError if no
+    unit fits, or a time is not finite.
     """
     name = next((name for name in TIME_FIELDS if name in columns), "")
     if not name:

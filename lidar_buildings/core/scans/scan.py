@@ -43,49 +43,22 @@ _COARSE_STEP, _N_LOOKED_AT = 0.01, 1_000
 
 
 class Scan(NamedTuple):
-    """
-    A scan in its own frame.
-
-    Attributes
-    ----------
-    frame : str
-        Its frame.
-    points : ndarray of shape (n, 3)
-        [m]
-    times : ndarray of int64, shape (n,)
-        [ns]
-    columns : dict
-        Our column → values.
-    doubts : tuple of str
-        What is to be said of it.
-    """
+    """A scan in its own frame."""
 
     frame: str
-    points: NDArray[np.float64]
-    times: NDArray[np.int64]
-    columns: dict[str, NDArray[Any]]
-    doubts: tuple[str, ...] = ()
+    points: NDArray[np.float64]  #: [m], shape (n, 3)
+    times: NDArray[np.int64]  #: [ns], shape (n,)
+    columns: dict[str, NDArray[Any]]  #: our column → values
+    doubts: tuple[str, ...] = ()  #: what is to be said of it
 
 
 class PlacedScan(NamedTuple):
-    """
-    Points of a scan in the map.
+    """Points of a scan in the map."""
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        Map frame [m].
-    times : ndarray of int64, shape (n,)
-        [ns]
-    columns : dict
-        Our column → values.
-    sensor : ndarray of shape (3,) or None
-        Where the sensor was at the end of the scan; None if no pose is needed.
-    """
-
-    points: NDArray[np.float64]
-    times: NDArray[np.int64]
-    columns: dict[str, NDArray[Any]]
+    points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
+    times: NDArray[np.int64]  #: [ns], shape (n,)
+    columns: dict[str, NDArray[Any]]  #: our column → values
+    #: Where the sensor was at the end of the scan, shape (3,); None if no pose is needed.
     sensor: NDArray[np.float64] | None = None
 
 
@@ -95,12 +68,8 @@ def read_scan(
     """
     Read a sensor_msgs/PointCloud2, and count what it has beside measurements.
 
-    Of a tile of ours the buffer is left out, and what was `seen` in an earlier sending of it.
-
-    Raises
-    ------
-    MessageError
-        If its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
+    Of a tile of ours the buffer is left out, and what was `seen` in an earlier sending of it. MessageError if
+    its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
     """
     cloud: Cloud = message
     columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, *_OF_TILES})

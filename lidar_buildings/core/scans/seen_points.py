@@ -21,17 +21,10 @@ class SeenPoints:
 
     def are_new(self, source: NDArray[np.uint16], index: NDArray[np.uint32]) -> NDArray[np.bool_]:
         """
-        Tell which points were not asked for before, and remember them.
+        Tell which points, by their input's number and row, were not asked for before; remember them.
 
-        Parameters
-        ----------
-        source, index : ndarray of shape (n,)
-            Number of the input, and row in it; each pair once.
-
-        Raises
-        ------
-        MessageError
-            If the numbers are those of more points than any survey has.
+        Each pair comes once, shape (n,). MessageError if the numbers are those of more points than any survey
+        has.
         """
         is_new = np.zeros(len(source), dtype=bool)
         for number in np.unique(source):

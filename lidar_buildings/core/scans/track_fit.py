@@ -31,28 +31,15 @@ _Floats = NDArray[np.float64]
 
 
 class TrackFit(NamedTuple):
-    """
-    Where a track lies: it is turned counter-clockwise by `yaw`, and then shifted.
+    """Where a track lies: it is turned counter-clockwise by `yaw`, and then shifted."""
 
-    Attributes
-    ----------
-    yaw : float
-        [rad]; 0 unless the positions show that the track is turned.
-    shift : ndarray of shape (3,)
-        [m]
-    is_used : ndarray of bool, shape (n,)
-        Positions that were not left out.
-    rms, rms_height : float
-        Distances of these from the track in plan, and in height [m].
-    yaw_error : float
-        Standard error of the yaw, whether it is taken or not [rad]; infinite if nothing tells it.
-    """
-
-    yaw: float
-    shift: _Floats
-    is_used: NDArray[np.bool_]
+    yaw: float  #: [rad]; 0 unless the positions show that the track is turned
+    shift: _Floats  #: [m], shape (3,)
+    is_used: NDArray[np.bool_]  #: positions that were not left out, shape (n,)
+    #: Distances of these from the track in plan, and in height [m].
     rms: float
     rms_height: float
+    #: Standard error of the yaw, whether it is taken or not [rad]; infinite if nothing tells it.
     yaw_error: float
 
     @property

@@ -20,22 +20,12 @@ _BATCH = 10_000
 
 
 class Poses(NamedTuple):
-    """
-    Poses of one frame in another, one per time.
+    """Poses of one frame in another, one per time."""
 
-    Attributes
-    ----------
-    translation : ndarray of shape (n, 3)
-        Position of the frame's origin [m].
-    quaternion : ndarray of shape (n, 4)
-        x, y, z, w of the rotations from the frame into the other one.
-    is_known : ndarray of bool, shape (n,)
-        Whether there is a pose at that time.
-    """
-
-    translation: NDArray[np.float64]
+    translation: NDArray[np.float64]  #: position of the frame's origin [m], shape (n, 3)
+    #: x, y, z, w of the rotations from the frame into the other one, shape (n, 4).
     quaternion: NDArray[np.float64]
-    is_known: NDArray[np.bool_]
+    is_known: NDArray[np.bool_]  #: whether there is a pose at that time, shape (n,)
 
     def after(self, first: Poses) -> Poses:
         """Return the poses of `first`'s frame in the frame that these lead to."""
@@ -85,23 +75,9 @@ class Trajectory:
     """
     Poses by time, and what lies between them: positions on lines, attitudes by slerp (Shoemake 1985).
 
-    The last `MAX_POSES` are kept.
-
-    Parameters
-    ----------
-    max_gap : float
-        Longest time between two poses that is filled [s].
-    max_speed : float
-        Two poses further apart than this allows are of two tracks, and nothing lies between them [m/s].
-
-    Attributes
-    ----------
-    last : int or None
-        Time of the last pose [ns].
-    n_jumps : int
-        Steps from pose to pose that were faster than `max_speed`.
-    first_jump : float
-        Speed of the first of them [m/s].
+    The last `MAX_POSES` are kept, `last` is the time of the last one [ns]. Times of up to `max_gap` [s]
+    between two poses are filled; two further apart than `max_speed` [m/s] allows are of two tracks, and
+    nothing lies between them: `n_jumps` counts such steps, `first_jump` is the speed of the first [m/s].
     """
 
     def __init__(self, max_gap: float, max_speed: float) -> None:
@@ -145,14 +121,7 @@ class Trajectory:
         self.last = int(self._stamps[-1]) if n else None
 
     def at(self, times: NDArray[np.int64]) -> Poses:
-        """
-        Return the pose at each time.
-
-        Parameters
-        ----------
-        times : ndarray of int64, shape (n,)
-            [ns].
-        """
+        """Return the pose at each time, shape (n,) [ns]."""
         n = len(self)
         if not n:
             nowhere = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at(times)

@@ -25,17 +25,10 @@ _OFTEN, _MESSAGES = 3, 1_000
 
 class TransformTree:
     """
-    Frames, each in its parent.
+    Frames, each in its parent; gaps and speeds are those of `Trajectory`.
 
-    Parameters
-    ----------
-    max_gap, max_speed : float
-        As for `Trajectory`.
-
-    Attributes
-    ----------
-    n_refused : int
-        Poses that were none: not finite, off the Earth, or no rotation; or of one frame too many.
+    `n_refused` counts poses that were none: not finite, off the Earth, or no rotation; or of one frame too
+    many.
     """
 
     def __init__(self, max_gap: float, max_speed: float) -> None:
@@ -129,14 +122,7 @@ class TransformTree:
                 edge.drop_before(stamp)
 
     def poses(self, source: str, target: str, times: NDArray[np.int64]) -> Poses:
-        """
-        Return the poses of frame `source` in frame `target`.
-
-        Raises
-        ------
-        KeyError
-            If they are not connected.
-        """
+        """Return the poses of frame `source` in frame `target`; KeyError if they are not connected."""
         up, down = self._way_up(source), self._way_up(target)
         common = next((frame for frame in up if frame in down), None)
         if common is None:
@@ -199,10 +185,7 @@ class ClockWatch:
         """
         Whether a message is of a second clock: the earlier one, as long as messages of the later one come.
 
-        Parameters
-        ----------
-        is_earlier : bool
-            Whether its time is so much earlier than the last that the clock was set back, if there is one.
+        If there is one clock, a time so much earlier than the last says that it was set back.
         """
         self._n += 1
         if not is_earlier:

@@ -14,14 +14,7 @@ MAX_SCANS = 50_000
 
 
 class WaitingScans:
-    """
-    Scans that wait, those of each frame in the order in which they came.
-
-    Attributes
-    ----------
-    n_points : int
-        How many points they have.
-    """
+    """Scans that wait, with `n_points` points, those of each frame in the order in which they came."""
 
     def __init__(self) -> None:
         self._by_frame: dict[str, deque[tuple[int, Scan]]] = {}

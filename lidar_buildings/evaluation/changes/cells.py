@@ -72,7 +72,7 @@ def offset_of(old: Surfaces, new: Surfaces) -> tuple[float, float]:
 
 def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, limits: Limits) -> CellChanges:
     """
-    Tell what became of each cell.
+    Tell what became of each cell; `offset` is by how much the new survey lies above the old one [m].
 
     On a smooth roof a cell has changed by the difference of both means, less what the slope makes of a shift
     in plan. Elsewhere all that is seen of its roof has to lie beyond all that the other survey has seen of
@@ -81,17 +81,6 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     those beside them that have for sure. A roof is built where the other survey has seen ground and no roof
     around, nor anything else at its height: what is only classified otherwise is no change, and what one
     survey has not seen, behind a wall, is not told.
-
-    Parameters
-    ----------
-    plan : CellPlan
-        The cells.
-    old, new : Surfaces
-        What was seen.
-    offset : float
-        By how much the new survey lies above the old one [m].
-    limits : Limits
-        What counts.
     """
     state, height = np.full(len(plan.numbers), UNSEEN, dtype=np.int8), np.zeros(len(plan.numbers))
     margin = max(_MARGIN, math.ceil(0.5 * limits.area / plan.size**2))

@@ -95,14 +95,8 @@ class Surfaces:
     """
     What one survey saw in the cells of a plan; to be looked at when all points are added.
 
-    Attributes
-    ----------
-    roof_low, roof_high, roof : ndarray of shape (n_cells,)
-        Least, greatest and mean elevation of points of roofs [m]; NaN where there is none.
-    other_low, other_high : ndarray of shape (n_cells,)
-        Of what is neither roof nor ground.
-    ground : ndarray of shape (n_cells,)
-        Mean elevation of ground.
+    Shapes are (n_cells,), elevations in [m]: the least, greatest and mean (`roof`) of points of roofs, NaN
+    where there is none; the least and greatest of what is neither roof nor ground; the mean of `ground`.
     """
 
     def __init__(self, plan: CellPlan) -> None:

@@ -47,28 +47,13 @@ def cells_of_points(
     points: ArrayLike, is_building: ArrayLike, cell: float, *, reach: float = REACH
 ) -> CellSet:
     """
-    Return the cells that hold a building point, and the empty ones whose nearest point is one.
+    Return the cells [m] that hold a building point, and the empty ones whose nearest point is one.
 
-    An empty cell looks as far as `reach`, from its centre. So at low density a roof is a closed surface that
-    ends halfway between its points and the ground's, and a cell with points of other classes only stays
-    what they are.
-
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        All points, not the building's only [m].
-    is_building : array_like of bool, shape (n_points,)
-        Whether the point is on a building.
-    cell : float
-        Side of a cell [m].
-    reach : float
-        How far an empty cell looks, in measured point spacings; 0 leaves empty cells empty.
-
-    Raises
-    ------
-    ValueError
-        If `cell` is not positive, or so small that coordinates overflow; if `reach` is negative; if the
-        lengths differ.
+    An empty cell looks as far as `reach`, in measured point spacings, from its centre; 0 leaves it empty. So
+    at low density a roof is a closed surface that ends halfway between its points and the ground's, and a
+    cell with points of other classes only stays what they are. All points count, not the building's only.
+    ValueError if `cell` is not positive, or so small that coordinates overflow; if `reach` is negative; if
+    the lengths differ.
     """
     plan, chosen = np.asarray(points, dtype=np.float64)[:, :2], np.asarray(is_building, dtype=bool)
     if chosen.shape != (len(plan),):

@@ -47,16 +47,8 @@ def reference_edges(points: ArrayLike, roof: ArrayLike, alpha: float) -> NDArray
     Return the points that lie on the alpha shape of their roof (Santos, Galo and others, section 2.4).
 
     Those are the points that an empty disc can touch in plan (Edelsbrunner, Kirkpatrick & Seidel 1983:
-    *alpha-extreme*). They write the disc's radius as −1/α, later authors as √α; here alpha is the radius.
-
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        All points of the roofs [m]; only x and y decide.
-    roof : array_like of int, shape (n_points,)
-        Number of each point's roof; a negative one is none, and its points are no edges.
-    alpha : float
-        Radius of the disc [m].
+    *alpha-extreme*). They write the disc's radius as −1/α, later authors as √α; here alpha is the radius [m].
+    A negative number of a roof is none, and its points are no edges.
     """
     cloud = checked_points(points)
     number = checked_column("roof", roof, len(cloud), np.int64)

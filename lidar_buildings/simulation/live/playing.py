@@ -82,14 +82,7 @@ class Pace:
     """
     Waits until the time of what is told has come: as long after the first of all as it was recorded.
 
-    Parameters
-    ----------
-    report : PlayReport
-        Gets the times.
-    pause : float
-        A longer time between two items is one between two legs [s].
-    now, wait : callable
-        The clock [s].
+    The report gets the times. A time longer than `pause` between two items is one between two legs [s].
     """
 
     def __init__(
