@@ -14,6 +14,7 @@ from lidar_buildings.simulation.casting import (
     ON_ROOF,
     ON_TERRAIN,
     ON_WALL,
+    cell_of,
     crown_crossing,
     face_hit,
     on_road,
@@ -61,7 +62,7 @@ def measure_rays(origins, directions, first_ray, seed, leg, scanner, size, surfa
         x, y = origin[0] + distance * direction[0], origin[1] + distance * direction[1]
         height = origin[2] + distance * steepness - terrain_elevation(x, y, surfaces[0])
         building, plane_id = owner_of(kind, item, surfaces)
-        asphalt = kind == ON_TERRAIN and on_road(x, y, _cell_at(x, y, surfaces), surfaces)
+        asphalt = kind == ON_TERRAIN and on_road(x, y, cell_of(x, y, surfaces[6], surfaces[7]), surfaces)
         error, _ = normal_pair(key, DRAW_RANGE)
         out[row, RANGE] = distance + noise * error
         brightness = brightness_of(kind, building, asphalt) * (0.9 + 0.2 * uniform(key, DRAW_BRIGHTNESS))
@@ -77,12 +78,6 @@ def _steepest(terrain):
     for row in range(1, len(terrain)):
         slope += abs(terrain[row, 0]) * np.hypot(terrain[row, 1], terrain[row, 2])
     return slope
-
-
-@inner_kernel
-def _cell_at(x, y, surfaces):
-    columns, rows = surfaces[6], surfaces[7]
-    return min(int(y / CELL), rows - 1) * columns + min(int(x / CELL), columns - 1)
 
 
 @inner_kernel
@@ -102,7 +97,7 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
         if not (0.0 <= at_x < size[0] and 0.0 <= at_y < size[1]):
             break
         end = min(min(_leaving(at_x, dx), _leaving(at_y, dy)) + begin + 1e-6, max_range)
-        cell = _cell_at(at_x, at_y, surfaces)
+        cell = cell_of(at_x, at_y, surfaces[6], surfaces[7])
         best, kind, item = _solid_in(beam, dz, sense, cell, surfaces, best, kind, item)
         best, kind, item = _leaves_in(beam, dz, sense, cell, key, surfaces, best, kind, item)
         if (end - looked) * nearing > above:
