@@ -54,7 +54,7 @@ def village() -> PointTile:
     with tempfile.TemporaryDirectory() as folder:
         simulate_survey(folder, "village", density=4.0)
         with TileSource(folder, TilingConfig(buffer=0.0)) as source:
-            tiles = list(source)
+            tiles = [tile.read() for tile in source.ready()]
     names = ("intensity", "return_number", "number_of_returns", "point_source_id")
     columns = {name: np.concatenate([getattr(tile, name) for tile in tiles]) for name in names}
     points = np.concatenate([tile.points for tile in tiles])

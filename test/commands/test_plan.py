@@ -35,7 +35,7 @@ def planned(folder, **tiling):
 def test_tiles_and_points_are_those_of_the_run(village, tiling):
     plan = planned(village, **tiling)
     with TileSource(village, TilingConfig(**tiling)) as source:
-        n_seen = [len(tile) for tile in source]
+        n_seen = [len(tile.read()) for tile in source.ready()]
         assert plan.n_points == sum(file.point_count for file in source.inputs)
     assert plan.n_tiles == pytest.approx(len(n_seen), rel=0.1), "some reach beyond the last points"
     assert plan.tile_points.sum() == pytest.approx(sum(n_seen), rel=0.1)

@@ -30,6 +30,11 @@ def two_neighbours(tmp_path, n_points=400):
     )
 
 
+def tiles_of(source):
+    """The tiles of a source, each put together when its turn comes."""
+    return (tile.read() for tile in source.ready())
+
+
 def names(tile, rows=slice(None)):
     return list(zip(tile.source[rows].tolist(), tile.index[rows].tolist(), strict=True))
 

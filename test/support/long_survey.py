@@ -47,7 +47,7 @@ def peak_of_surveys(*n_chunks):
         tiling.open_inputs = lambda paths, number=number: ([LongCloud(number, 25_000)], [])
         tracemalloc.start()
         with tiling.TileSource("made-up.laz", config) as source:
-            n_points = sum(int(tile.is_core.sum()) for tile in source)
+            n_points = sum(int(tile.read().is_core.sum()) for tile in source.ready())
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     return n_points, peak

@@ -19,13 +19,12 @@ from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.file_parts import Submit, kept_in, read_files
-from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, Rectangles, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+from lidar_buildings.io.tiling.tile_store import KnownSurvey, TilePlan, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]
@@ -33,7 +32,7 @@ __all__ = ["TileSource", "TilingConfig"]
 
 class TileSource:
     """
-    Reads clouds once, in chunks, and iterates over their tiles.
+    Reads clouds once, in chunks, and makes tiles of them.
 
     A tile comes as soon as every file near it has been read; points go through a temporary folder on disk, so
     that memory holds a chunk and a tile, whatever the size of the files. Every point is a core point of one
@@ -90,26 +89,12 @@ class TileSource:
         self._finalizer = weakref.finalize(self, self._store.spool.remove)
         self._steps = self._read_all()
 
-    def __iter__(self) -> Iterator[PointTile]:
-        """
-        Iterate over the tiles, reading on as far as the next one needs.
-
-        Raises
-        ------
-        InputError
-            If in the end no file could be read.
-        OutputError
-            If the temporary folder is full.
-        """
-        for ready in self.ready():
-            with self._lock:
-                if self._closed.is_set():
-                    return
-                tile = ready.read()
-            yield tile
-
     def ready(self) -> Iterator[SpooledTile]:
-        """Iterate likewise, but leave the tiles' points in the temporary folder."""
+        """
+        Iterate over the tiles, reading on as far as the next one needs; points stay in the temporary folder.
+
+        InputError if in the end no file could be read, OutputError if the temporary folder is full.
+        """
         number = 0
         while True:
             with self._lock:

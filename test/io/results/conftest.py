@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support import cloud_files
+from support.cut_surveys import tiles_of
 
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 
@@ -23,5 +24,5 @@ def survey(tmp_path):
             )
         )
     source = TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=10.0))
-    yield source, list(source)
+    yield source, list(tiles_of(source))
     source.close()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from support import cloud_files
+from support.cut_surveys import tiles_of
 from support.made_results import bytes_of, products_of, run
 from support.saved_tiles import load_products
 
@@ -21,7 +22,7 @@ def test_an_unfinished_run_is_taken_up_again(tmp_path, survey):
     again = OutputFolder(tmp_path / "out", source.inputs, source.frame)
     assert again.done_stamps().keys() == {tile.stamp for tile in tiles[:3]}
     with TileSource([i.path for i in source.inputs], source.config, skip=again.done_stamps()) as rest:
-        for tile in rest:
+        for tile in tiles_of(rest):
             again.write_tile(products_of(tile))
     again.finalise({"versions": {"lidar_buildings": "0"}})
     assert bytes_of(tmp_path / "out") == bytes_of(tmp_path / "whole")

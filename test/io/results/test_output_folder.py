@@ -9,6 +9,7 @@ import pyogrio
 import pytest
 from laspy.copc import CopcReader
 from support import cloud_files
+from support.cut_surveys import tiles_of
 from support.made_results import bytes_of, products_of, run
 from support.results import MODELS
 
@@ -167,7 +168,7 @@ def test_equal_names_of_different_folders_are_both_written(tmp_path, survey):
         (tmp_path / folder).mkdir()
         cloud_files.saved(cloud_files.random_cloud(50, seed=ord(folder)), tmp_path / folder / "x.laz")
     with TileSource([tmp_path / "a", tmp_path / "b"]) as source:
-        run(tmp_path / "out", source, list(source))
+        run(tmp_path / "out", source, list(tiles_of(source)))
         for number, name in enumerate(("x.laz", "x_2.laz")):
             mine = laspy.read(source.inputs[number].path)
             assert np.array_equal(laspy.read(tmp_path / "out" / "classified" / name).X, mine.X)
@@ -199,7 +200,7 @@ def test_more_buildings_than_a_file_may_hold_are_written_in_blocks_and_replaced(
 def test_without_a_reference_system_there_are_no_3d_tiles_and_one_line_says_so(tmp_path):
     cloud = cloud_files.saved(cloud_files.random_cloud(50), tmp_path / "x.las")
     with TileSource([cloud]) as source:
-        summary = run(tmp_path / "out", source, list(source))
+        summary = run(tmp_path / "out", source, list(tiles_of(source)))
     assert "tiles3d" not in summary.files
     (line,) = summary.remarks
     assert line.startswith("no 3D Tiles were made: the inputs name no reference system: ")

@@ -29,7 +29,7 @@ def small_parts(monkeypatch, n_points):
 
 def tiles_of(paths, **how):
     with TileSource(paths, CONFIG, **how) as source:
-        return list(source), source.problems
+        return [tile.read() for tile in source.ready()], source.problems
 
 
 def assert_equal(found, expected):

@@ -41,7 +41,7 @@ def save_strip_files(folder, *, roads=True, seed=0):
 
 def tiles_of(folder, tile_size):
     with TileSource(folder, TilingConfig(tile_size=tile_size, buffer=20.0, max_buffer=20.0)) as source:
-        return list(source)
+        return [tile.read() for tile in source.ready()]
 
 
 def test_all_tiles_have_one_scale_and_one_limit_whatever_their_size(tmp_path):

@@ -1,6 +1,7 @@
 import laspy
 import numpy as np
 import pytest
+from support.cut_surveys import tiles_of
 
 from lidar_buildings.core.neighbours import point_spacing
 from lidar_buildings.core.neighbours.point_spacing import FINEST, measure_spacing, steady_spacing
@@ -80,7 +81,7 @@ def test_all_tiles_of_a_survey_have_one_spacing_whatever_their_size(tmp_path):
     found = set()
     for tile_size in (70.0, 200.0):
         with TileSource(tmp_path, TilingConfig(tile_size=tile_size)) as source:
-            found |= {tile.point_spacing for tile in source}
+            found |= {tile.point_spacing for tile in tiles_of(source)}
     assert len(found) == 1
 
 
@@ -97,6 +98,6 @@ def test_a_survey_in_one_file_has_the_spacing_that_it_has_in_many(tmp_path):
     found = []
     for path in (tmp_path / "strips", tmp_path / "whole.laz"):
         with TileSource(path, TilingConfig(tile_size=100.0)) as source:
-            found.append({tile.point_spacing for tile in source})
+            found.append({tile.point_spacing for tile in tiles_of(source)})
     assert found[0] == found[1]
     assert len(found[0]) == 1

@@ -4,7 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
-from support.cut_surveys import SOUTH, WEST, grown_fully, names, square, survey, two_neighbours
+from support.cut_surveys import SOUTH, WEST, grown_fully, names, square, survey, tiles_of, two_neighbours
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -14,8 +14,8 @@ def test_a_tile_waits_for_every_file_that_its_largest_buffer_may_need(tmp_path):
     paths = survey(tmp_path, [square(80, WEST + 100.0 * k, SOUTH, 100.0, k) for k in range(4)])
     config = TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=80.0)
     with TileSource(paths, config) as source, TileSource(paths, config) as patient:
-        list(patient)
-        for tile in source:
+        list(tiles_of(patient))
+        for tile in tiles_of(source):
             for early, late in zip(grown_fully(source, tile), grown_fully(patient, tile), strict=True):
                 assert names(early) == names(late)
 
@@ -23,7 +23,7 @@ def test_a_tile_waits_for_every_file_that_its_largest_buffer_may_need(tmp_path):
 def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
     paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
-        tile = max(source, key=len)
+        tile = max(tiles_of(source), key=len)
         grown = grown_fully(source, tile)
         moved = np.abs([np.subtract(larger.bounds, tile.bounds) for larger in grown])
         west, north, east = 10.0 / 3.0, 20.0 / 3.0, 10.0
@@ -38,7 +38,7 @@ def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
 def test_a_tile_grows_on_the_sides_that_are_asked_for(tmp_path):
     paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=12.0, max_buffer=30.0)) as source:
-        tile = max(source, key=len)
+        tile = max(tiles_of(source), key=len)
         north = source.grown(tile.stamp, Sides(north=True))
         both = source.grown(tile.stamp, Sides(east=True, north=True))
         assert np.subtract(north.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 0.0, 8.0])
@@ -51,7 +51,7 @@ def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):
     paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
         sent = [pickle.loads(pickle.dumps(tile)) for tile in source.ready()]
-        for here, there in zip(source, sent, strict=True):
+        for here, there in zip(tiles_of(source), sent, strict=True):
             assert names(here) == names(there.read())
             assert here.point_spacing == there.read().point_spacing
             assert there.grow()
@@ -60,7 +60,7 @@ def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):
 
 def test_growing_ends_where_there_are_no_more_points(tmp_path):
     with TileSource(survey(tmp_path, [square(50, WEST, SOUTH, 40.0)])) as source:
-        (tile,) = source
+        (tile,) = tiles_of(source)
         assert source.grown(tile.stamp) is None
 
 

@@ -20,6 +20,7 @@ from support.cut_surveys import (
     names,
     square,
     survey,
+    tiles_of,
     two_neighbours,
 )
 from support.long_survey import peak_of_surveys
@@ -37,7 +38,7 @@ def test_tiles_come_before_the_whole_folder_is_read(tmp_path, monkeypatch):
     plain = Cloud.chunks
     monkeypatch.setattr(Cloud, "chunks", lambda self, size: (read.append(self.path), plain(self, size))[1])
     with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=20.0)) as source:
-        next(iter(source))
+        next(tiles_of(source))
         assert 0 < len(read) <= 3
 
 
@@ -47,7 +48,7 @@ def test_the_stamp_is_the_first_core_points_time(tmp_path):
     cloud.header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     cloud_files.saved(cloud, paths[0])
     with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
-        for tile in source:
+        for tile in tiles_of(source):
             gps = float(tile.gps_time[tile.is_core][0])
             assert tile.stamp == round((gps + 1e9 + 315_964_800 - 18) * 1e6) * 1000
 
@@ -58,21 +59,21 @@ def test_tiles_of_one_time_get_stamps_of_their_own(tmp_path):
     cloud.gps_time[:] = 1000.0
     cloud_files.saved(cloud, paths[0])
     with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
-        stamps = [tile.stamp for tile in source]
+        stamps = [tile.stamp for tile in tiles_of(source)]
     assert stamps == [1000 * 10**9 + 1000 * nudge for nudge in range(4)]
 
 
 def test_without_times_stamps_are_the_tiles_numbers(tmp_path):
     paths = survey(tmp_path, [square(300, WEST, SOUTH, 100.0)], point_format=0)
     with TileSource(paths, TilingConfig(tile_size=50.0)) as source:
-        assert sorted(tile.stamp for tile in source) == [n * 10**9 for n in (1, 2, 3, 4)]
+        assert sorted(tile.stamp for tile in tiles_of(source)) == [n * 10**9 for n in (1, 2, 3, 4)]
 
 
 def test_two_runs_give_the_same_tiles_with_the_same_stamps(tmp_path):
     paths = two_neighbours(tmp_path)
     config = TilingConfig(tile_size=30.0)
     with TileSource(paths, config) as one, TileSource(paths, config) as other:
-        for mine, theirs in zip(one, other, strict=True):
+        for mine, theirs in zip(tiles_of(one), tiles_of(other), strict=True):
             assert mine.stamp == theirs.stamp
             assert np.array_equal(mine.points, theirs.points)
             assert names(mine) == names(theirs)
@@ -82,22 +83,22 @@ def test_tiles_that_are_done_are_skipped(tmp_path):
     paths = two_neighbours(tmp_path)
     config = TilingConfig(tile_size=50.0)
     with TileSource(paths, config) as source:
-        stamps = [tile.stamp for tile in source]
+        stamps = [tile.stamp for tile in tiles_of(source)]
     with TileSource(paths, config, skip=set(stamps[::2])) as source:
-        assert [tile.stamp for tile in source] == stamps[1::2]
+        assert [tile.stamp for tile in tiles_of(source)] == stamps[1::2]
         assert source.tile_count == len(stamps)
 
 
 def test_iterating_again_starts_again(tmp_path):
     with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
-        first = [(tile.stamp, len(tile)) for tile in source]
-        assert [(tile.stamp, len(tile)) for tile in source] == first
+        first = [(tile.stamp, len(tile)) for tile in tiles_of(source)]
+        assert [(tile.stamp, len(tile)) for tile in tiles_of(source)] == first
 
 
 def test_the_number_of_tiles_is_known_early(tmp_path):
     with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
         expected = source.tile_count
-        assert len(list(source)) == 8 <= expected <= 15
+        assert len(list(tiles_of(source))) == 8 <= expected <= 15
 
 
 def test_an_unreadable_file_is_reported_and_the_rest_done(tmp_path):
@@ -105,7 +106,7 @@ def test_an_unreadable_file_is_reported_and_the_rest_done(tmp_path):
     (tmp_path / "bad.laz").write_bytes(b"no cloud")
     with TileSource([tmp_path / "bad.laz", *paths]) as source:
         assert [file.path for file in source.inputs] == paths
-        assert sorted(core_names(source)) == all_names(source)
+        assert sorted(core_names(tiles_of(source))) == all_names(source)
         assert len(source.problems) == 1
         assert "bad.laz" in source.problems[0]
 
@@ -124,7 +125,7 @@ def failing_after_the_first_chunk(monkeypatch, name):
 def test_a_file_that_fails_half_way_leaves_none_of_its_points(tmp_path, monkeypatch):
     failing_after_the_first_chunk(monkeypatch, "part_1")
     with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=30.0)) as source:
-        assert sorted(core_names(source)) == [(0, index) for index in range(400)]
+        assert sorted(core_names(tiles_of(source))) == [(0, index) for index in range(400)]
         assert "part_1" in source.problems[0]
 
 
@@ -134,7 +135,7 @@ def test_a_single_file_that_fails_half_way_is_an_error(tmp_path, monkeypatch):
         TileSource(survey(tmp_path, [square(100, WEST, SOUTH, 100.0)])) as source,
         pytest.raises(InputError, match=r"part_0\.las"),
     ):
-        list(source)
+        list(tiles_of(source))
 
 
 def test_a_missing_temporary_folder_gives_one_line(tmp_path):
@@ -148,7 +149,7 @@ def test_closing_removes_the_temporary_folder_and_ends_the_iteration(tmp_path):
     seen, started = [], threading.Event()
 
     def work():
-        for tile in source:
+        for tile in source.ready():
             seen.append(tile)
             started.set()
             if len(seen) == 3:
@@ -164,13 +165,13 @@ def test_closing_removes_the_temporary_folder_and_ends_the_iteration(tmp_path):
     assert not worker.is_alive()
     assert 1 <= len(seen) <= 4
     assert list((tmp_path / "spool").iterdir()) == []
-    assert list(source) == []
+    assert list(source.ready()) == []
 
 
 def test_the_temporary_folder_goes_with_the_source(tmp_path):
     (tmp_path / "spool").mkdir()
     source = TileSource(two_neighbours(tmp_path), temporary=tmp_path / "spool")
-    next(iter(source))
+    next(tiles_of(source))
     del source
     gc.collect()
     assert list((tmp_path / "spool").iterdir()) == []
@@ -199,7 +200,7 @@ def test_points_stay_decoded_where_there_is_room(tmp_path, monkeypatch):
     monkeypatch.undo()
     cloud_files.fill_the_disk(monkeypatch, ".part", 1000)
     with TileSource(paths, keep=True) as source, pytest.raises(OutputError, match="free some space"):
-        list(source)
+        list(tiles_of(source))
 
 
 def test_a_known_survey_has_the_buffer_that_it_had(tmp_path):

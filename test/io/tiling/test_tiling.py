@@ -6,7 +6,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import cloud_files
-from support.cut_surveys import SOUTH, WEST, all_names, core_names, names, square, survey, two_neighbours
+from support.cut_surveys import (
+    SOUTH,
+    WEST,
+    all_names,
+    core_names,
+    names,
+    square,
+    survey,
+    tiles_of,
+    two_neighbours,
+)
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -17,7 +27,7 @@ from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 def test_every_point_is_a_core_point_once(tmp_path, tile_size, buffer):
     paths = two_neighbours(tmp_path)
     with TileSource(paths, TilingConfig(tile_size=tile_size, buffer=buffer, max_buffer=buffer)) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
         assert len(tiles) == source.tile_count
         assert len({tile.stamp for tile in tiles}) == len(tiles)
@@ -29,7 +39,7 @@ def test_core_and_buffer_are_what_brute_force_finds(tmp_path, tile_size, buffer)
     with TileSource(paths, TilingConfig(tile_size=tile_size, buffer=buffer, max_buffer=200.0)) as source:
         xy = np.concatenate([np.asarray(laspy.read(path).xyz)[:, :2] for path in paths])
         name = np.array(all_names(source))
-        for tile in source:
+        for tile in tiles_of(source):
             x0, y0 = (
                 np.floor((tile.frame.to_source(tile.points)[tile.is_core][0, :2]) / tile_size) * tile_size
             )
@@ -51,7 +61,8 @@ def test_tiles_lie_on_multiples_of_their_size_whatever_the_files(tmp_path):
     with TileSource(paths, config) as both, TileSource(paths[1], config) as second:
         assert both.frame.origin[:2] == (WEST, SOUTH)
         squares = [
-            {tuple(np.add(t.bounds[:2], t.frame.origin[:2])) for t in source} for source in (both, second)
+            {tuple(np.add(t.bounds[:2], t.frame.origin[:2])) for t in tiles_of(source)}
+            for source in (both, second)
         ]
         assert squares[1] < squares[0]
         assert all((x + 5.0) % 40.0 == 0 and (y + 10.0) % 40.0 == 0 for x, y in squares[0])
@@ -61,7 +72,7 @@ def test_without_a_size_the_tiles_hold_about_as_many_points_as_asked_for(tmp_pat
     paths = survey(tmp_path, [square(4000, 110.0, 110.0, 180.0), square(4000, 290.0, 110.0, 180.0, seed=1)])
     config = TilingConfig(buffer=10.0, max_buffer=10.0, max_tile_points=3000)
     with TileSource(paths, config) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
     assert max(len(tile) for tile in tiles) <= 3300
     assert sum(len(tile) for tile in tiles) <= 1.5 * 8000
@@ -70,7 +81,7 @@ def test_without_a_size_the_tiles_hold_about_as_many_points_as_asked_for(tmp_pat
 def test_a_survey_that_fits_into_a_tile_is_one_where_its_place_allows(tmp_path):
     paths = survey(tmp_path, [square(400, 980.0, 480.0, 40.0)])
     with TileSource(paths) as source:
-        assert len(list(source)) == 1
+        assert len(list(tiles_of(source))) == 1
 
 
 def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
@@ -78,7 +89,7 @@ def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
     paths = survey(tmp_path, [np.vstack([corner, [[900.0, 900.0]]])])
     config = TilingConfig(buffer=5.0, max_buffer=5.0, max_tile_points=2000)
     with TileSource(paths, config) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
     assert max(np.count_nonzero(tile.is_core) for tile in tiles) <= 2500
     for tile in tiles:
@@ -104,7 +115,7 @@ def test_columns_are_the_files_own(tmp_path):
     whole = laspy.read(paths[0])
     classes = np.where(whole.withheld, 7, whole.classification)
     with TileSource(paths, TilingConfig(tile_size=30.0)) as source:
-        for tile in source:
+        for tile in tiles_of(source):
             assert np.array_equal(tile.classification, classes[tile.index])
             for name in ("intensity", "return_number", "number_of_returns", "gps_time"):
                 assert np.array_equal(getattr(tile, name), np.asarray(whole[name])[tile.index]), name
@@ -119,7 +130,7 @@ def test_a_file_without_times_takes_them_from_the_whole_tile(tmp_path):
     (tmp_path / "more").mkdir()
     untimed = survey(tmp_path / "more", [second], point_format=0)
     with TileSource([*timed, *untimed]) as source:
-        (tile,) = source
+        (tile,) = tiles_of(source)
     assert tile.gps_time is None
 
 
@@ -127,13 +138,13 @@ def test_a_building_across_the_seam_of_two_files_is_whole_in_a_tile(tmp_path):
     house = square(200, WEST + 90.0, SOUTH + 40.0, 20.0, 3)
     left, right = house[house[:, 0] < WEST + 100.0], house[house[:, 0] >= WEST + 100.0]
     with TileSource(survey(tmp_path, [left, right]), TilingConfig(tile_size=100.0, buffer=30.0)) as source:
-        assert max(len(tile) for tile in source) == 200
+        assert max(len(tile) for tile in tiles_of(source)) == 200
 
 
 def test_files_that_overlap_keep_both_their_points(tmp_path):
     paths = survey(tmp_path, [square(100, WEST, SOUTH, 50.0, 1), square(100, WEST + 20.0, SOUTH, 50.0, 2)])
     with TileSource(paths) as source:
-        assert sorted(core_names(source)) == all_names(source)
+        assert sorted(core_names(tiles_of(source))) == all_names(source)
 
 
 def test_points_outside_their_headers_bounds_are_not_lost(tmp_path):
@@ -143,7 +154,7 @@ def test_points_outside_their_headers_bounds_are_not_lost(tmp_path):
     honest = paths[1].read_bytes()[179:227]
     cloud_files.patched(cloud_files.saved(stray, paths[1]), 179, honest)
     with TileSource(paths, TilingConfig(tile_size=25.0, buffer=5.0, max_buffer=10.0)) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
         assert len({tile.stamp for tile in tiles}) == len(tiles)
 
@@ -151,7 +162,7 @@ def test_points_outside_their_headers_bounds_are_not_lost(tmp_path):
 def test_a_single_point_far_away_is_a_tile_of_its_own(tmp_path):
     xy = np.vstack([square(50, WEST, SOUTH, 50.0), [[WEST + 2_000_000.0, SOUTH]]])
     with TileSource(survey(tmp_path, [xy])) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
         assert min(len(tile) for tile in tiles) == 1
 
@@ -162,7 +173,7 @@ def test_feet_are_cut_in_metres(tmp_path):
     )
     path = cloud_files.saved(cloud_files.with_wkt(cloud, "EPSG:2263"), tmp_path / "feet.laz")
     with TileSource(path, TilingConfig(tile_size=50.0, buffer=0.0, max_buffer=0.0)) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sorted(core_names(tiles)) == all_names(source)
         assert len(tiles) == 3, "400 US survey feet are 122 m, and begin within a tile"
         assert all(np.ptp(tile.points[:, 0]) <= 50.0 for tile in tiles)
@@ -170,13 +181,13 @@ def test_feet_are_cut_in_metres(tmp_path):
 
 def test_no_point_gives_no_tile(tmp_path):
     with TileSource(survey(tmp_path, [np.empty((0, 2))])) as source:
-        assert list(source) == []
+        assert list(tiles_of(source)) == []
         assert source.tile_count == 0
 
 
 def test_one_point_gives_one_tile(tmp_path):
     with TileSource(survey(tmp_path, [np.array([[WEST, SOUTH]])])) as source:
-        (tile,) = source
+        (tile,) = tiles_of(source)
     assert len(tile) == 1
 
 
@@ -190,7 +201,7 @@ def test_buffers_out_of_range_are_refused():
 @pytest.mark.real_data
 def test_the_delft_tiles_come_out_once_across_their_seam(data_folder):
     with TileSource(data_folder / "delft", TilingConfig(tile_size=250.0, buffer=50.0)) as source:
-        tiles = list(source)
+        tiles = list(tiles_of(source))
         assert sum(int(tile.is_core.sum()) for tile in tiles) == 848_942
         assert all(len(set(names(tile))) == len(tile) for tile in tiles)
         west_of_seam = [t for t in tiles if t.is_core.any() and t.bounds[2] + t.frame.origin[0] == 85_050.0]
