@@ -12,12 +12,12 @@ from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
+from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import outline_findings
 from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
 from lidar_buildings.report.explain.roof_findings import line_findings, roof_findings
 from lidar_buildings.report.explain.site import read_site
-from lidar_buildings.report.models import model_arrays
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 from lidar_buildings.report.shown_points import Box
 from lidar_buildings.report.summary_words import early_end
@@ -28,7 +28,6 @@ _PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
 _RADIUS = 8.0
 #: Of a survey of which nothing tells the spacing [m].
 _SPACING = 0.5
-_MANY = 1_000_000
 _QUALITY = ("rmse", "coverage", "outline_sigma")
 
 
@@ -77,8 +76,9 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
                 )
             ]
         elif len(roof.points) and not _ended_before(result, "plane_fitting"):
-            model = model_arrays(result.lines({building.name}), [building.name], _MANY)
-            sections["Roof"] = list(roof_findings(roof, model, spacing, frame, limits))
+            line = next(result.lines({building.name}), None)
+            solid = None if line is None else parse_feature(line).solid
+            sections["Roof"] = list(roof_findings(roof, solid, spacing, frame, limits))
             if result.has(GPKG):
                 sections["Roof"] += line_findings(result.folder / GPKG, building.name, frame.horizontal_unit)
         sections["Not of it"] = list(rejected_beside(site, building.building_id, building.shape, limits)) or [

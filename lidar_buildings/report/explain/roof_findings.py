@@ -13,13 +13,14 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.face_shape import face_plane
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
+from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 from lidar_buildings.io.results.building_layers import READABLE_ID
 from lidar_buildings.io.vectors.polygon_file import read_layer
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import shape_of
 from lidar_buildings.report.explain.site import Site
-from lidar_buildings.report.models import KINDS, ModelArrays
 
 #: A point agrees with the model if it is nearer than this [m], as for the attribute `coverage`.
 AGREES = 0.3
@@ -69,7 +70,7 @@ def fitted_planes(roof: Site, spacing: float) -> list[FittedPlane]:
 
 
 def roof_findings(
-    roof: Site, model: ModelArrays, spacing: float, frame: MapFrame, limits: Limits
+    roof: Site, solid: Solid | None, spacing: float, frame: MapFrame, limits: Limits
 ) -> Iterator[Finding]:
     """Yield what there is to say of a building's roof."""
     planes = fitted_planes(roof, spacing)
@@ -91,62 +92,31 @@ def roof_findings(
             f"{limits.value('plane_fitting.max_plane_distance'):g} m, or edges and chimneys.",
             (*_SMALL, "plane_fitting.max_plane_distance") if share > _FEW else (),
         )
-    above = heights_above(model, roof.points)
-    if np.isnan(above).all():
-        return
-    yield from _patches(roof, above, spacing, frame, limits)
+    above = np.full(1, np.nan) if solid is None else heights_above(solid, roof.points)
+    if not np.isnan(above).all():
+        yield from _patches(roof, above, spacing, frame, limits)
 
 
-def heights_above(model: ModelArrays, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def heights_above(solid: Solid, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return how far points lie above the finest model's roof, at right angles to it; NaN beside it [m].
+    Return how far points lie above a solid's roof, at right angles to it; NaN beside it [m].
 
-    Of points that are nearer to a wall it is the distance to this one, with the same sign.
+    Of points that are nearer to another face, as a wall, it is the distance to this one, with the same sign.
     """
     above = np.full(len(points), np.nan)
-    if not len(model.solids):
-        return above
-    level = model.solids[:, 1].max()
-    for _, own, first, count in model.solids.tolist():
-        if own != level:
-            continue
-        rows = first + np.flatnonzero(model.kinds[first : first + count] == KINDS[ROOF_SURFACE])
-        for corners in model.vertices[model.triangles[rows]] / 1000.0:
-            _enter_triangle(corners, points, above)
-        far = np.flatnonzero(np.nan_to_num(np.abs(above)) > AGREES)
-        rows = first + np.flatnonzero(model.kinds[first : first + count] == KINDS[WALL_SURFACE])
-        beside = _wall_distances(model.vertices[model.triangles[rows]] / 1000.0, points[far])
-        above[far] = np.sign(above[far]) * np.minimum(np.abs(above[far]), beside)
-    return above
-
-
-def _wall_distances(walls: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each point's distance to the nearest wall that stands at its elevation [m]."""
-    least = np.full(len(points), np.inf)
     places = shapely.points(points[:, :2])
-    for corners in walls:
-        low, high = corners[:, 2].min() - AGREES, corners[:, 2].max() + AGREES
-        rows = np.flatnonzero((points[:, 2] >= low) & (points[:, 2] <= high))
-        line = shapely.linestrings(corners[[0, 1, 2], :2])
-        least[rows] = np.minimum(least[rows], shapely.distance(line, places[rows]))
-    return least
-
-
-def _enter_triangle(
-    corners: NDArray[np.float64], points: NDArray[np.float64], above: NDArray[np.float64]
-) -> None:
-    """Enter the heights of the points over or under a triangle."""
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    if normal[2] <= 1e-9:
-        return
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    near = np.flatnonzero(((points[:, :2] >= low[:2]) & (points[:, :2] <= high[:2])).all(axis=1))
-    inside = np.ones(len(near), dtype=bool)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        step, place = end - start, points[near] - start
-        inside &= step[0] * place[:, 1] - step[1] * place[:, 0] >= 0.0
-    rows = near[inside]
-    above[rows] = (points[rows] - corners[0]) @ (normal / np.linalg.norm(normal))
+    for face, kind in zip(solid.faces, solid.semantics, strict=True):
+        rings = solid.face_rings(face)
+        if kind == ROOF_SURFACE and (plane := face_plane(rings)) is not None:
+            polygon = shapely.Polygon(rings[0][:, :2], [ring[:, :2] for ring in rings[1:]])
+            shapely.prepare(polygon)
+            rows = np.flatnonzero(shapely.intersects(polygon, places))
+            rise = points[rows, 2] - points[rows, :2] @ plane[:2] - plane[2]
+            above[rows] = rise / np.sqrt(1.0 + plane[0] ** 2 + plane[1] ** 2)
+    far = np.flatnonzero(np.nan_to_num(np.abs(above)) > AGREES)
+    off = distance_to_surface(points[far], solid, np.abs(above[far]))
+    above[far] = np.copysign(off, above[far])
+    return above
 
 
 def _patches(
