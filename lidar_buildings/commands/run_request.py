@@ -33,7 +33,6 @@ _TILING = TilingConfig.stage
 _OWN = {
     (_TILING, "input"): "INPUT",
     (_TILING, "wait_for"): "--until",
-    (_TILING, "loop"): "INPUT",
     ("model_writer", "input"): "INPUT",
     ("model_writer", "output"): "--output",
     ("model_writer", "overwrite"): "--overwrite",

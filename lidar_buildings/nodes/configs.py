@@ -75,11 +75,6 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
         "Speed as a multiple of the recorded time; 0 plays as fast as the graph takes the tiles.",
         within=(0.0, 1_000_000.0),
     )
-    loop: bool = fixed(
-        False,
-        "Whether to begin again after the last tile, under new stamps; to look at, not to write files.",
-        advanced=True,
-    )
     publish_clock: bool = fixed(
         False, "Whether to publish the stamps as time on `/clock`, for use_sim_time.", advanced=True
     )

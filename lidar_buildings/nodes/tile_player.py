@@ -32,14 +32,13 @@ class TilePlayer(TileSender):
         self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
         try:
             inputs = self._with_placed_bags(config)
-            skip = () if config.loop else self._done
-            self._source = TileSource(inputs, config, skip=skip, keep=keep, crs=config.crs)
+            self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
         except Exception:
             self.destroy_node()
             raise
         for problem in self._source.problems:
             self.get_logger().error(problem)
-        self.tiles = TileReader(self._source, pool or BuildingPool(0), loop=config.loop)
+        self.tiles = TileReader(self._source, pool or BuildingPool(0))
         self._clock_publisher = None
         if config.publish_clock:
             self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -18,24 +17,21 @@ from lidar_buildings.ros.stamps import tile_of
 _AHEAD = 1
 #: Timeout of a wait for room in the queue, after which stopping is noticed [s].
 _TRY = 0.1
-_SECOND = 1_000_000_000
 
 
 class TileReader:
     """
-    Reads the tiles of a source one after the other, in a loop if told to, then with later stamps.
+    Reads the tiles of a source one after the other.
 
     The pool's processes put tiles together, if there is one. `error` is what ended the reading;
     `is_exhausted` says whether every tile has been read (and perhaps not yet taken).
     """
 
-    def __init__(self, source: TileSource, pool: BuildingPool, *, loop: bool = False) -> None:
+    def __init__(self, source: TileSource, pool: BuildingPool) -> None:
         self.error: Exception | None = None
         self.is_exhausted = False
         self._source = source
         self._pool = pool
-        self._loop = loop
-        self._shifts: dict[int, int] = {}
         self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=_AHEAD)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="tile_reader", daemon=True)
@@ -60,8 +56,7 @@ class TileReader:
 
     def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
         """Return a tile with a larger buffer on some sides, None if there is none."""
-        stamp = tile_of(tile.stamp)
-        return self._source.grown(stamp - self._shifts.get(stamp, 0), sides)
+        return self._source.grown(tile_of(tile.stamp), sides)
 
     def stop(self) -> None:
         """Stop reading and wait for the thread."""
@@ -72,8 +67,8 @@ class TileReader:
     def _run(self) -> None:
         """Read until the end, an error, or `stop`."""
         try:
-            for tile in self._rounds() if self._loop else self._round():
-                if not self._put(tile):
+            for tile in self._source.ready():
+                if not self._put(self._pool.call(SpooledTile.read, tile.alone())):
                     return
                 self._on_tile()
             self.is_exhausted = True
@@ -81,27 +76,6 @@ class TileReader:
             self.error = error
         if not self._stopping.is_set():
             self._on_tile()
-
-    def _round(self) -> Iterator[PointTile]:
-        """Yield all tiles."""
-        for tile in self._source.ready():
-            yield self._pool.call(SpooledTile.read, tile.alone())
-
-    def _rounds(self) -> Iterator[PointTile]:
-        """Yield all tiles again and again, each round's stamps after those of the round before."""
-        first, last, shift = None, 0, 0
-        while not self._stopping.is_set():
-            n_tiles = 0
-            for tile in self._round():
-                n_tiles += 1
-                first = tile.stamp if first is None else min(first, tile.stamp)
-                last = max(last, tile.stamp)
-                if shift:
-                    self._shifts[tile.stamp + shift] = shift
-                yield replace(tile, stamp=tile.stamp + shift)
-            if not n_tiles or first is None:
-                return
-            shift += last - first + _SECOND
 
     def _put(self, tile: PointTile) -> bool:
         """Put a tile into the queue as soon as there is room; False when stopping."""

@@ -120,7 +120,6 @@ SET = {
     "no YAML": ("roof_selection.min_height={", "is not a value"),
     "node with several stages": ("model_builder.min_height=2", "must begin with one of building_model., "),
     "another node's output": ("model_writer.output=there", "--output of the command line"),
-    "never done": ("tile_player.loop=true", "INPUT of the command line"),
     "no credit": ("tile_player.max_tiles_in_flight=0", "max_tiles_in_flight = 0: "),
 }
 

@@ -322,14 +322,6 @@ def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, 
         assert times == stamps
 
 
-def test_a_loop_goes_on_under_new_stamps(play):
-    _, end = play(loop=True)
-    wait_until(lambda: len(end.done) >= 12)
-    assert len(set(end.done)) == len(end.done)
-    assert n_core(end.received[5:10]) == 3000
-    assert end.survey_done == []
-
-
 def test_without_credits_tiles_go_out_without_waiting(play):
     _, end = play({"delay": 0.3}, max_tiles_in_flight=0)
     wait_until(lambda: end.survey_done)
