@@ -12,18 +12,17 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.progress import counted
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.bags import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import frame_of, open_cloud
 from lidar_buildings.io.files.locations import located
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
 
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.bag_summary import BagSummary
-    from lidar_buildings.io.tiling.cloud_summary import CloudSummary
 
 #: Exit statuses: users' scripts rely on them.
 DONE, WRONG_USE = 0, 2

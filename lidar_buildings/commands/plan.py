@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import Any
 
 from lidar_buildings.commands.cost_model import Cost, Way, expected_cost, measure_slowness
-from lidar_buildings.commands.progress import RunOutcome, counted
+from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.parallel import n_cores
@@ -18,6 +18,7 @@ from lidar_buildings.io.bags import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las_extent import read_extents
 from lidar_buildings.io.results.run_folder import add_to_run
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
 
 #: Exit statuses: users' scripts rely on them.

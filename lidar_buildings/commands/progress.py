@@ -1,4 +1,4 @@
-"""How far a run is, and what it gave: what runs with and without ROS share."""
+"""How far a run is, what it takes and what it gave: what runs with and without ROS share."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from tqdm import tqdm
 
+from lidar_buildings.io.results.process_tree import cpu_of, peak_memory, tree_of, watched_memory
+from lidar_buildings.io.results.run_summary import RunSummary, counted
+
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.recording import Recording
-    from lidar_buildings.io.results.run_summary import RunSummary
 
 
 class Usage(NamedTuple):
@@ -32,6 +34,15 @@ class RunOutcome:
     failed: Mapping[int, str]  #: stamp of each tile that was given up → why
     recording: Recording | None = None  #: the bag that was wanted beside the files
     usage: Usage | None = None  #: what it took, None where that is not known
+
+
+def measured(run: Callable[[], RunOutcome]) -> RunOutcome:
+    """Make a run whose processes are there already, and say in its outcome what these took."""
+    with watched_memory():
+        outcome = run()
+        processor = time.process_time() + cpu_of(tree_of(os.getpid())[1:])
+    memory = sum(peak_memory().values())
+    return replace(outcome, usage=Usage(processor, memory) if memory else None)
 
 
 class TilesDone(NamedTuple):
@@ -103,8 +114,3 @@ def _rough(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.0f} h"
-
-
-def counted(number: int, what: str) -> str:
-    """Write how many there are of something."""
-    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"

@@ -12,7 +12,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lidar_buildings.commands.progress import RunOutcome, TilesDone, counted, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.tile_update import EarlierBuildings
 from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
@@ -28,9 +28,9 @@ from lidar_buildings.io.results.run_folder import (
     note_survey,
     recall_survey,
 )
-from lidar_buildings.io.results.run_summary import run_info
-from lidar_buildings.io.tiling.known_survey import KnownSurvey
+from lidar_buildings.io.results.run_summary import counted, run_info
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_store import KnownSurvey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
 from lidar_buildings.pipeline.config import PipelineConfig

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.commands.progress import RunOutcome, counted
+from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.io.results.output_config import REPORT_FILE
+from lidar_buildings.io.results.run_summary import counted
 
 
 def tell_problems(outcome: RunOutcome, again: str) -> None:

@@ -9,9 +9,8 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.commands.prepare import load_stages
-from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
+from lidar_buildings.commands.progress import RunOutcome, TilesDone, measured, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
-from lidar_buildings.commands.usage import measured
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 

@@ -15,6 +15,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.report.result_folder import GPKG, Result
@@ -211,8 +212,3 @@ def _values(result: Result, name: str) -> NDArray[np.float64]:
 def _unit_of(result: Result, name: str) -> float:
     """Return the metres in an attribute's unit."""
     return {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}.get(name, 1.0)
-
-
-def counted(number: int, what: str) -> str:
-    """Write how many there are of something."""
-    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"

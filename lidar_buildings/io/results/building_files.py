@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
+from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
 from lidar_buildings.io.models.tiles3d import tiles3d_folder
@@ -18,16 +22,46 @@ from lidar_buildings.io.results.building_layers import (
     flatgeobuf_files,
     geoparquet_files,
 )
-from lidar_buildings.io.results.model_heading import ModelHeading
-from lidar_buildings.io.results.output_config import FORMAT_FILES, TILES
+from lidar_buildings.io.results.output_config import FORMAT_FILES, TILES, OutputConfig
+from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, SurveyPart
+from lidar_buildings.io.results.terrain_files import crs_with_heights
 
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg", "flatgeobuf", "geoparquet")
 _NO_FEATURE = "unknown"
 
+
+class ModelHeading(NamedTuple):
+    """What a city model says of itself."""
+
+    title: str = ""
+    crs: str = ""  #: the reference system together with the vertical one, where that is known
+    earth: EarthFrame | None = None  #: where the map frame lies on the earth, where that is known
+
+
 _Add = Callable[[SurveyBuilding | TerrainMesh], None]
 _Buildings = SurveyBuildings | SurveyPart
+
+
+def model_heading(
+    inputs: Sequence[InputFile], frame: MapFrame, files: OutputConfig
+) -> tuple[ModelHeading, list[str]]:
+    """Return what a survey's city model says of itself, and why a format cannot be made that is wanted."""
+    names = output_names(inputs)
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    title = f"Buildings of {names[0]}{more}" if names else ""
+    heading = ModelHeading(title, crs_with_heights(inputs, frame))
+    if TILES not in files.formats:
+        return heading, []
+    try:
+        earth = EarthFrame(frame, heading.crs, files.geoid_height)
+    except NoPlaceError as error:
+        why = (
+            f"no 3D Tiles were made: {error}: give one (--crs), or leave {TILES} out of model_writer.formats"
+        )
+        return heading, [why]
+    return heading._replace(earth=earth), []
 
 
 def write_buildings(

@@ -127,7 +127,7 @@ class OutputFolder:
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
-        from lidar_buildings.io.results import building_blocks, model_heading, terrain_files  # noqa: F401
+        from lidar_buildings.io.results import building_blocks, terrain_files  # noqa: F401
 
     def finalise(
         self,
@@ -222,8 +222,7 @@ class OutputFolder:
     ) -> tuple[list[str], dict[str, int], list[str]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.io.results.building_blocks import write_in_blocks
-        from lidar_buildings.io.results.building_files import OF_OUTLINES, write_buildings
-        from lidar_buildings.io.results.model_heading import model_heading
+        from lidar_buildings.io.results.building_files import OF_OUTLINES, model_heading, write_buildings
         from lidar_buildings.io.results.terrain_files import terrain_meshes
 
         names = self._footprints.names if self._footprints else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,11 +21,30 @@ from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
 from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.known_survey import KnownSurvey
 from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool, order_key
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
+
+
+@dataclass(frozen=True)
+class KnownSurvey:
+    """What all tiles of a survey share: given to a later source of the same place, its tiles are the same."""
+
+    #: Side of the tiles, and where they begin [m].
+    tile_size: float
+    start: float
+    buffer: float | None = None  #: width of their buffer in the east [m], if it was noted
+    spacing: float | None = None  #: the point spacing that they are expected to have [m]
+    dark_limit: float | None = None  #: normalised intensity up to which ground is dark
+    #: Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.
+    scales: dict[int, tuple[float, float]] = field(default_factory=dict)
+
+    @classmethod
+    def from_json(cls, found: dict[str, Any]) -> KnownSurvey:
+        """Make it from what JSON held."""
+        scales = {int(strip): (float(low), float(high)) for strip, (low, high) in found["scales"].items()}
+        return cls(**{**found, "scales": scales})
 
 
 class ReadPart(NamedTuple):

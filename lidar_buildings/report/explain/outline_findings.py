@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.result_folder import ReportedBuilding
-from lidar_buildings.report.summary_words import counted
 
 _NOISE = ("regularisation.noise", "regularisation.wall_cost", "regularisation.min_step")
 _JOINED = ("segmentation.window", "segmentation.min_neck", "segmentation.split_at_steps")

@@ -8,7 +8,6 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lidar_buildings.evaluation.scores.boundaries import boundary_distances
 from lidar_buildings.evaluation.scores.cells import (
     cells_inside,
     cells_of_points,
@@ -16,7 +15,7 @@ from lidar_buildings.evaluation.scores.cells import (
     score_buildings,
 )
 from lidar_buildings.evaluation.scores.ground import score_ground
-from lidar_buildings.evaluation.scores.outlines import score_outlines
+from lidar_buildings.evaluation.scores.outlines import boundary_distances, score_outlines
 from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
 
 #: Coordinates of a real national grid: what is right near (0, 0) must be right there.

@@ -19,7 +19,7 @@ from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.building_blocks import squares_of, write_in_blocks
-from lidar_buildings.io.results.model_heading import ModelHeading
+from lidar_buildings.io.results.building_files import ModelHeading
 
 FORMATS = ("gpkg", "cityjson", "obj", "3dtiles")
 #: South-western corners of houses: three near each other, and two far away [m].

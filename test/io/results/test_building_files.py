@@ -22,8 +22,7 @@ from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
 from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results import building_files
-from lidar_buildings.io.results.building_files import write_buildings
-from lidar_buildings.io.results.model_heading import ModelHeading
+from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OutputConfig
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.polygon_file import read_polygons
