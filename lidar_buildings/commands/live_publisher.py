@@ -28,8 +28,8 @@ _TICK, _LAST = 0.02, 5.0
 
 
 def message_class(kind: str) -> Any:
-    """Return the class of a type such as ``std_msgs/msg/Header``."""
-    package, _, name = kind.split("/")
+    """Return the class of a type such as ``std_msgs/msg/Header`` or ``std_msgs/Header``."""
+    package, *_, name = kind.split("/")
     return getattr(import_module(f"{package}.msg"), name)
 
 

@@ -4,13 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
 from support.lawn import houses_on_a_lawn
 from support.node_bench import STAMP, Bench, call, running, wait_until
 from support.results import assert_buildings_once, building_features, building_ids
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -18,20 +15,12 @@ from lidar_buildings.nodes.graph import make_node
 from lidar_buildings.nodes.table import nodes_until
 from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stamps import to_stamp
 
 pytestmark = pytest.mark.graph
 
 #: West, south, east and north of the houses.
 FIRST, SECOND, THIRD = (4, 6, 14, 16), (20, 6, 32, 16), (40, 6, 52, 16)
-SENDS = {"points": (PointCloud2, "points", CLOUD), "map_origin": (PointStamped, "map_origin", LATCHED)}
-HEARS = {
-    "tile_done": (Header, LATCHED_HISTORY),
-    "outlines": (PolygonInstanceStamped, BUILDING),
-    "city_model": (String, BUILDING),
-    "building_markers": (MarkerArray, CLOUD),
-}
 
 
 @pytest.fixture
@@ -39,9 +28,9 @@ def graph(context, tmp_path):
     """A live graph without a source, in one process; and what is at both its ends."""
     settings = {"model_writer": {"output": str(tmp_path / "out")}}
     names = nodes_until("building_model")[1:]
-    ends = Bench(SENDS, HEARS, context=context)
+    ends = Bench("points map_origin", "tile_done outlines city_model building_markers", context=context)
     with running(ends, *(make_node(name, settings, context=context) for name in names)):
-        wait_until(lambda: ends.count_subscribers("points") and all(map(ends.count_publishers, HEARS)))
+        wait_until(lambda: ends.count_subscribers("points") and all(map(ends.count_publishers, ends.heard)))
         yield ends
 
 

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from support.node_bench import FRAME, LIVE_HEARS, LIVE_SENDS, Bench, made, running, wait_until
+from support.node_bench import FRAME, TO_WRITER, Bench, made, running, wait_until
 
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.ros.map_frames import origin_message
@@ -13,11 +13,10 @@ from lidar_buildings.ros.map_frames import origin_message
 @pytest.fixture
 def bench(context):
     def start(node, sends, hears):
-        topics = {topic: (kind, topic, profile) for topic, (kind, profile) in sends.items()}
-        other = Bench(topics, hears, context=context)
+        other = Bench(sends, hears, context=context)
         started.enter_context(running(node, other))
         wait_until(lambda: all(publisher.get_subscription_count() for publisher in other.to.values()))
-        wait_until(lambda: all(other.count_publishers(topic) for topic in hears))
+        wait_until(lambda: all(other.count_publishers(topic) for topic in other.heard))
         return other
 
     with ExitStack() as started:
@@ -34,9 +33,15 @@ def make_live_writer(context, tmp_path):
 
 
 @pytest.fixture
-def live(bench, make_live_writer):
+def live_bench(bench):
+    """What sends to a live survey's writer, and hears it."""
+    return lambda writer: bench(writer, f"{TO_WRITER} map_origin", "tile_done diagnostics")
+
+
+@pytest.fixture
+def live(live_bench, make_live_writer):
     """A writer that knows its frame, and what sends to it."""
     writer = make_live_writer()
-    other = bench(writer, LIVE_SENDS, LIVE_HEARS)
+    other = live_bench(writer)
     other.send("map_origin", origin_message(FRAME))
     return writer, other

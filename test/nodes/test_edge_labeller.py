@@ -2,22 +2,18 @@
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import PointCloud2
 from support.node_bench import wait_until
 
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.edge_labeller import EdgeLabeller
 from lidar_buildings.ros.point_cloud import from_message, to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT
 
 pytestmark = pytest.mark.graph
 
 
 def test_labels_and_the_roofs_statuses_are_published_tile_by_tile(bench, context):
-    hears = {"edge_points": (PointCloud2, CLOUD), "diagnostics": (DiagnosticArray, EVENT)}
-    other = bench(EdgeLabeller(context=context), {"roof_points": (PointCloud2, CLOUD)}, hears)
+    other = bench(EdgeLabeller(context=context), "roof_points", "edge_points diagnostics")
     scene = scenes.gable(density=12.0)
     roof = scene.points[scene.is_roof]
     lone = np.tile([[5.0, 5.0, 5.0]], (4, 1))

@@ -8,7 +8,6 @@ from support.cloud_files import random_cloud
 from support.node_bench import (
     FRAME,
     HOUSE,
-    LIVE_HEARS,
     SHED,
     STAMP,
     call,
@@ -94,7 +93,7 @@ def test_a_writer_that_was_killed_goes_on_with_its_tiles_and_its_earlier_files(
     send_tile(other, HOUSE, stamp=STAMP + 3)
     wait_until(lambda: done(other))
     call(other, "save")
-    again = bench(make_live_writer(), {}, LIVE_HEARS)  # as after a kill: nothing was closed
+    again = bench(make_live_writer(), "", "tile_done diagnostics")  # as after a kill: nothing was closed
     wait_until(lambda: done(again) == [STAMP + 3, STAMP + 3])
     assert building_ids(tmp_path / "out") == [HOUSE]
 
@@ -160,5 +159,5 @@ def test_another_frame_is_taken_only_where_no_tile_is_on_disk(live, tmp_path):
 
 def test_a_writer_of_files_neither_saves_nor_resets(bench, make_live_writer, tmp_path):
     random_cloud(73).write(tmp_path / "cloud.laz")
-    other = bench(make_live_writer(input=[str(tmp_path / "cloud.laz")]), {}, LIVE_HEARS)
+    other = bench(make_live_writer(input=[str(tmp_path / "cloud.laz")]), "", "tile_done diagnostics")
     assert [call(other, service).success for service in ("save", "reset")] == [False, False]

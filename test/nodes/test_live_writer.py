@@ -9,8 +9,6 @@ from support.cloud_files import random_cloud
 from support.node_bench import (
     FRAME,
     HOUSE,
-    LIVE_HEARS,
-    LIVE_SENDS,
     SHED,
     STAMP,
     call,
@@ -34,8 +32,8 @@ from lidar_buildings.ros.stamps import header_of
 pytestmark = pytest.mark.graph
 
 
-def test_tiles_wait_for_the_map_frame(bench, make_live_writer, tmp_path):
-    other = bench(make_live_writer(), LIVE_SENDS, LIVE_HEARS)
+def test_tiles_wait_for_the_map_frame(live_bench, make_live_writer, tmp_path):
+    other = live_bench(make_live_writer())
     send_tile(other, HOUSE)
     assert not call(other, "save").success
     assert done(other) == []
@@ -86,8 +84,8 @@ def test_at_the_end_of_the_survey_files_are_made_and_the_writer_goes_on(live, tm
         assert not writer.outcome.done()
 
 
-def test_a_survey_that_ended_before_the_frame_was_known_has_its_files(bench, make_live_writer, tmp_path):
-    other = bench(make_live_writer(), LIVE_SENDS, LIVE_HEARS)
+def test_a_survey_that_ended_before_the_frame_was_known_has_its_files(live_bench, make_live_writer, tmp_path):
+    other = live_bench(make_live_writer())
     other.send("survey_done", header_of(STAMP))
     send_tile(other, HOUSE)
     other.send("map_origin", origin_message(FRAME))

@@ -5,38 +5,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped
-from sensor_msgs.msg import NavSatFix, PointCloud2
-from std_msgs.msg import Header
+from sensor_msgs.msg import PointCloud2
 from support.node_bench import Bench, call, made, running, wait_until
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.nodes.scan_assembler import ScanAssembler
 from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import cloud_message, from_message
-from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SENSOR
+from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.stamps import tile_of, to_stamp
 
 pytestmark = pytest.mark.graph
 
 T0 = 1_700_000_000_000_000_000
-SENDS = {
-    "scan": (PointCloud2, "scan", 100),
-    "fix": (NavSatFix, "fix", SENSOR),
-    "tile_done": (Header, "tile_done", LATCHED_HISTORY),
-}
-HEARS = {
-    "points": (PointCloud2, CLOUD),
-    "map_origin": (PointStamped, LATCHED),
-    "survey_done": (Header, LATCHED),
-}
 
 
 class End(Bench):
     """A graph that has every tile done at once, unless it is told to hold them."""
 
     def __init__(self, sends, **kwargs):
-        super().__init__(sends, HEARS, **kwargs)
+        super().__init__(f"{sends} fix tile_done", "points map_origin survey_done", **kwargs)
+        self.to["scan"] = self.create_publisher(PointCloud2, "scan", 100)
         self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
 
     def on_points(self, message):
@@ -61,7 +50,7 @@ class End(Bench):
 def start(context):
     """Start an assembler and what is at both its ends."""
 
-    def make(sends=SENDS, **parameters):
+    def make(sends="", **parameters):
         values = {"tile_size": 40.0, "buffer": 5.0, "leave_after": 3600.0} | parameters
         values["qos_overrides./scan.subscription.reliability"] = "reliable"
         end = End(sends, context=context)
@@ -131,8 +120,7 @@ def test_reset_forgets_points_and_tiles(start):
 
 
 def test_where_others_say_the_map_lies_is_taken_and_told_on(start):
-    sends = SENDS | {"map_origin": (PointStamped, "map_origin", LATCHED)}
-    end = start(sends)
+    end = start("map_origin")
     frame = MapFrame("EPSG:28992", (1000.0, 2000.0, 3.0))
     end.send("map_origin", origin_message(frame))
     wait_until(lambda: end.heard["map_origin"])

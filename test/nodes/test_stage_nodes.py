@@ -7,16 +7,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PolygonInstanceStamped
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from support.cloud_files import random_cloud
 from support.node_bench import (
     HOUSE,
+    OF_A_TILE,
     SHED,
     STAMP,
-    WRITER_HEARS,
-    WRITER_SENDS,
+    TO_WRITER,
     fragments,
     made,
     outlines,
@@ -46,7 +44,7 @@ from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import clipped_of, info_message
 
@@ -65,7 +63,7 @@ def info_of_tile(bounds):
 
 def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
     node = made(GroundFilter, context, publish_dtm=True, dtm_resolution=1.0)
-    other = bench(node, {"points": (PointCloud2, CLOUD)}, {"dtm": (PointCloud2, CLOUD)})
+    other = bench(node, "points", "dtm")
     xy = np.random.default_rng(0).uniform(0.0, 1.0, (6000, 2)) * [60.0, 40.0]
     hall = (np.abs(xy - [30.0, 20.0]) < [8.0, 6.0]).all(axis=1)
     points = np.column_stack([xy, 3.0 + 0.05 * xy[:, 0] + 9.0 * hall])
@@ -87,7 +85,7 @@ def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
 
 
 def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
-    other = bench(GroundFilter(context=context), {"points": (PointCloud2, CLOUD)}, {})
+    other = bench(GroundFilter(context=context), "points", "")
     assert other.count_publishers("dtm") == 0
 
 
@@ -98,9 +96,7 @@ def filtering(monkeypatch):
 
 
 def test_a_tile_that_cuts_a_wide_roof_off_waits_for_the_word_that_this_is_all(context, bench, filtering):
-    sends = {"points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
-    hears = {"ground_points": (PointCloud2, CLOUD), "tile_clipped": (String, EVENT)}
-    other = bench(made(GroundFilter, context), sends, hears)
+    other = bench(GroundFilter(context=context), "points tile_info", "ground_points tile_clipped")
     other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     other.send("points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["tile_clipped"])
@@ -111,9 +107,7 @@ def test_a_tile_that_cuts_a_wide_roof_off_waits_for_the_word_that_this_is_all(co
 
 
 def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filtering):
-    other = bench(
-        made(GroundFilter, context), {"points": (PointCloud2, CLOUD)}, {"ground_points": (PointCloud2, CLOUD)}
-    )
+    other = bench(GroundFilter(context=context), "points", "ground_points")
     other.send("points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["ground_points"])
 
@@ -121,12 +115,13 @@ def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filte
 # the tracer
 
 
-TRACER_SENDS = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
-TRACER_HEARS = {
-    "building_points": (PointCloud2, CLOUD),
-    "traced_outlines": (PolygonInstanceStamped, BUILDING),
-    "tile_clipped": (String, EVENT),
-}
+@pytest.fixture
+def tracer(context, bench):
+    return bench(
+        BuildingTracer(context=context),
+        "edge_points tile_info",
+        "building_points traced_outlines tile_clipped",
+    )
 
 
 @pytest.fixture
@@ -142,34 +137,30 @@ def tracing(monkeypatch):
     return seen
 
 
-def test_a_clipped_tile_is_held_back_and_asked_for(context, bench, tracing):
-    other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
-    other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
-    other.send("edge_points", to_message(roof(HOUSE)))
-    wait_until(lambda: other.heard["tile_clipped"])
-    assert clipped_of(other.heard["tile_clipped"][0]) == (STAMP, EAST)
+def test_a_clipped_tile_is_held_back_and_asked_for(tracing, tracer):
+    tracer.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
+    tracer.send("edge_points", to_message(roof(HOUSE)))
+    wait_until(lambda: tracer.heard["tile_clipped"])
+    assert clipped_of(tracer.heard["tile_clipped"][0]) == (STAMP, EAST)
     assert tracing == [(0.0, 0.0, 9.0, 9.0)]
-    other.send("tile_info", info_of_tile(None))
+    tracer.send("tile_info", info_of_tile(None))
     time.sleep(0.2)
-    other.send("edge_points", to_message(roof(HOUSE)))
-    wait_until(lambda: len(other.heard["traced_outlines"]) == 2)
-    assert len(other.heard["building_points"]) == 1
-    assert len(other.heard["tile_clipped"]) == 1
+    tracer.send("edge_points", to_message(roof(HOUSE)))
+    wait_until(lambda: len(tracer.heard["traced_outlines"]) == 2)
+    assert len(tracer.heard["building_points"]) == 1
+    assert len(tracer.heard["tile_clipped"]) == 1
 
 
-def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(context, bench, tracing):
-    other = bench(BuildingTracer(context=context), TRACER_SENDS, TRACER_HEARS)
-    other.send("edge_points", to_message(roof(HOUSE)))
+def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(tracing, tracer):
+    tracer.send("edge_points", to_message(roof(HOUSE)))
     time.sleep(0.3)
     assert tracing == []
-    other.send("tile_info", info_of_tile(None))
-    wait_until(lambda: other.heard["building_points"])
+    tracer.send("tile_info", info_of_tile(None))
+    wait_until(lambda: tracer.heard["building_points"])
 
 
 def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, tracing):
-    sends = {"edge_points": (PointCloud2, CLOUD), "tile_info": (String, LATCHED_TILE)}
-    hears = {topic: TRACER_HEARS[topic] for topic in ("building_points", "traced_outlines")}
-    other = bench(BuildingTracer(context=context), sends, hears)
+    other = bench(BuildingTracer(context=context), "edge_points tile_info", "building_points traced_outlines")
     other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     time.sleep(0.2)
     other.send("edge_points", to_message(roof(HOUSE)))
@@ -179,15 +170,6 @@ def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, 
 # the builder
 
 
-BUILDER_SENDS = {
-    "plane_points": (PointCloud2, CLOUD),
-    "outlines": (PolygonInstanceStamped, BUILDING),
-    "outline_quality": (String, CLOUD),
-}
-BUILDER_HEARS = {
-    "roof_faces": (PolygonInstanceStamped, BUILDING),
-    "tile_done": (Header, LATCHED_HISTORY),
-}
 FRAME = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
 
 
@@ -196,47 +178,44 @@ def quality_of_outlines(*ids):
     return quality_message(STAMP, [replace(one, quality=quality) for one in outlines(*ids)])
 
 
-def builder(context):
-    return made(ModelBuilder, context, **{"flow_control.publish_tile_done": True})
+@pytest.fixture
+def builder(context, bench):
+    node = made(ModelBuilder, context, **{"flow_control.publish_tile_done": True})
+    return bench(node, "plane_points outlines outline_quality", "roof_faces tile_done city_model")
 
 
-def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(context, bench):
-    other = bench(builder(context), BUILDER_SENDS, BUILDER_HEARS)
-    origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
-    origin.publish(origin_message(FRAME))
-    other.send("plane_points", to_message(roof(HOUSE, SHED)))
-    other.send("outline_quality", quality_of_outlines(HOUSE, SHED))
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
+def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(builder):
+    builder.publisher_of("map_origin").publish(origin_message(FRAME))
+    builder.send("plane_points", to_message(roof(HOUSE, SHED)))
+    builder.send("outline_quality", quality_of_outlines(HOUSE, SHED))
+    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
     time.sleep(0.4)
-    assert other.heard["tile_done"] == []
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
-    wait_until(lambda: other.heard["tile_done"])
-    wait_until(lambda: [m.polygon.id for m in other.heard["roof_faces"]] == [HOUSE, SHED, -1])
+    assert builder.heard["tile_done"] == []
+    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
+    wait_until(lambda: builder.heard["tile_done"])
+    wait_until(lambda: [m.polygon.id for m in builder.heard["roof_faces"]] == [HOUSE, SHED, -1])
 
 
-def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(context, bench):
-    hears = BUILDER_HEARS | {"city_model": (String, BUILDING)}
-    other = bench(builder(context), BUILDER_SENDS, hears)
-    units = other.create_publisher(type(units_message(FRAME)), "map_units", LATCHED)
-    other.send("plane_points", to_message(roof(HOUSE)))
-    other.send("outline_quality", quality_of_outlines(HOUSE))
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE))))
+def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(builder):
+    units = builder.publisher_of("map_units")
+    builder.send("plane_points", to_message(roof(HOUSE)))
+    builder.send("outline_quality", quality_of_outlines(HOUSE))
+    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE))))
     time.sleep(0.3)
-    assert other.heard["tile_done"] == []
-    origin = other.create_publisher(type(origin_message(FRAME)), "map_origin", LATCHED)
-    origin.publish(origin_message(FRAME))
+    assert builder.heard["tile_done"] == []
+    builder.publisher_of("map_origin").publish(origin_message(FRAME))
     time.sleep(0.3)
-    assert other.heard["tile_done"] == []
+    assert builder.heard["tile_done"] == []
     units.publish(units_message(FRAME))
-    wait_until(lambda: other.heard["tile_done"] and len(other.heard["city_model"]) >= 3)
-    feature, end = (json.loads(message.data) for message in other.heard["city_model"][-2:])
+    wait_until(lambda: builder.heard["tile_done"] and len(builder.heard["city_model"]) >= 3)
+    feature, end = (json.loads(message.data) for message in builder.heard["city_model"][-2:])
     assert feature["type"] == "CityJSONFeature"
     assert (end["id"], end["CityObjects"]) == (f"tile-{STAMP}", {})
     attributes = next(iter(feature["CityObjects"].values()))["attributes"]
     assert "too narrow" in attributes["reason"]
     assert attributes["outline_sigma"] == pytest.approx(0.125 / 0.3048, abs=1e-3)
     late = []
-    other.create_subscription(String, "city_model", late.append, LATCHED)
+    builder.create_subscription(String, "city_model", late.append, LATCHED)
     wait_until(lambda: late)
     header = json.loads(late[0].data)
     assert header["type"] == "CityJSON"
@@ -254,11 +233,9 @@ def make_writer(context, tmp_path):
     return partial(made, ModelWriter, context, input=[str(cloud)], output=str(tmp_path / "out"))
 
 
-@pytest.mark.parametrize(
-    "missing", [topic for topic in WRITER_SENDS if topic not in ("survey_done", "tile_failed")]
-)
+@pytest.mark.parametrize("missing", OF_A_TILE.split())
 def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, tmp_path, missing):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE, SHED, without=(missing,))
     time.sleep(0.3)
     assert other.heard["tile_done"] == []
@@ -273,7 +250,7 @@ def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, 
 
 
 def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
     first = fragments(tmp_path)[0].stat().st_mtime_ns
@@ -283,7 +260,7 @@ def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_w
 
 
 def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE, SHED, without=("outlines",))
     other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
     time.sleep(0.3)
@@ -293,7 +270,7 @@ def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
 
 
 def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     empty = PointTile(np.zeros((0, 3)), building_id=np.zeros(0), stamp=STAMP)
     for topic in ("classified_points", "plane_points"):
         other.send(topic, to_message(empty))
@@ -305,7 +282,7 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
 
 
 def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE, without=("classified_points",))
     later = replace(roof(HOUSE), stamp=STAMP + 1)
     other.send("classified_points", to_message(later))
@@ -321,7 +298,7 @@ def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp
 
 
 def test_a_tile_on_disk_holds_its_rasters(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
     rasters = load_products(fragments(tmp_path)[0]).rasters
@@ -330,11 +307,11 @@ def test_a_tile_on_disk_holds_its_rasters(bench, make_writer, tmp_path):
 
 
 def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(bench, make_writer, tmp_path):
-    other = bench(make_writer(), WRITER_SENDS, WRITER_HEARS)
+    other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
     writer = make_writer()
-    again = bench(writer, {}, WRITER_HEARS)
+    again = bench(writer, "", "tile_done")
     wait_until(lambda: STAMP in [to_stamp(message.stamp) for message in again.heard["tile_done"]])
     writer.on_failed(header_of(1_000_000_000))
     writer.on_survey_done(header_of(STAMP))

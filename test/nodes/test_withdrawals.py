@@ -4,12 +4,8 @@ import json
 from dataclasses import replace
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
-from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
 from support.node_bench import HOUSE, SHED, STAMP, made, outlines, roof, wait_until, warnings
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
@@ -20,24 +16,14 @@ from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.tile_info import over_message
 
 pytestmark = pytest.mark.graph
 
 OK = OutlineQuality(0.1, 0.2, BuildingStatus.OK, "")
-SENDS = {
-    "plane_points": (PointCloud2, CLOUD),
-    "outlines": (PolygonInstanceStamped, BUILDING),
-    "outline_quality": (String, CLOUD),
-}
-HEARS = {
-    "city_model": (String, BUILDING),
-    "building_markers": (MarkerArray, CLOUD),
-    "tile_done": (Header, LATCHED_HISTORY),
-    "diagnostics": (DiagnosticArray, EVENT),
-}
+SENDS = "plane_points outlines outline_quality"
+HEARS = "city_model building_markers tile_done diagnostics"
 
 
 def rings(stamp, *ids):
@@ -62,8 +48,7 @@ def features(other):
 
 
 def test_the_regulariser_withdraws_the_outlines_that_a_later_revision_lacks(context, bench):
-    topic = (PolygonInstanceStamped, BUILDING)
-    other = bench(OutlineRegulariser(context=context), {"traced_outlines": topic}, {"outlines": topic})
+    other = bench(OutlineRegulariser(context=context), "traced_outlines", "outlines")
     other.send("traced_outlines", *rings(STAMP, HOUSE, SHED))
     other.send("traced_outlines", *rings(STAMP + 1, SHED))
     other.send("traced_outlines", *rings(STAMP + 2))
@@ -77,8 +62,7 @@ def test_the_regulariser_withdraws_the_outlines_that_a_later_revision_lacks(cont
 
 
 def test_the_builder_withdraws_models_and_markers_that_a_later_revision_lacks(context, bench):
-    sends = SENDS | {"map_origin": (PointStamped, LATCHED)}
-    other = bench(make_builder(context), sends, HEARS)
+    other = bench(make_builder(context), f"{SENDS} map_origin", HEARS)
     other.send("map_origin", origin_message(MapFrame()))
     for n, ids in enumerate([(HOUSE, SHED), (SHED,), ()], start=1):
         send_tile(other, STAMP + n, *ids)
@@ -108,9 +92,8 @@ class Taker(StageNode):
 
 
 def test_rings_of_a_revision_that_is_over_are_dropped_as_its_points_are(context, bench):
-    sends = {"outlines": (PolygonInstanceStamped, BUILDING), "tile_info": (String, LATCHED_TILE)}
     node = Taker(context=context)
-    other = bench(node, sends, {})
+    other = bench(node, "outlines tile_info", "")
     other.send("tile_info", over_message(STAMP))
     wait_until(lambda: node.tile_infos.is_over(STAMP))
     for stamp in (STAMP, STAMP + 1):

@@ -5,21 +5,22 @@ import time
 from contextlib import contextmanager
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PointStamped, PolygonInstanceStamped
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from lidar_buildings.commands.live_publisher import message_class
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.nodes.topics import topics_called
+from lidar_buildings.ros import qos
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
-from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import info_message
@@ -52,16 +53,27 @@ def running(*nodes):
         composition.stop()
 
 
+def kind_and_profile(name):
+    """Message class and quality of service of a topic of the graph."""
+    topic = topics_called(name)[0]
+    return message_class(topic.type), getattr(qos, topic.qos)
+
+
 class Bench(StageNode):
-    """Sends to the node under test and hears what it publishes."""
+    """Sends topics (their names, with spaces between) to the node under test and hears what it publishes."""
 
     def __init__(self, sends, hears, **kwargs):
         super().__init__("bench", {}, **kwargs)
-        self.heard = {topic: [] for topic in hears}
-        self.to = {topic: self.create_publisher(*what) for topic, what in sends.items()}
-        for topic, (kind, profile) in hears.items():
-            self.create_subscription(kind, topic, self.heard[topic].append, profile)
+        self.heard = {topic: [] for topic in hears.split()}
+        self.to = {topic: self.publisher_of(topic) for topic in sends.split()}
+        for topic, messages in self.heard.items():
+            kind, profile = kind_and_profile(topic)
+            self.create_subscription(kind, topic, messages.append, profile)
         self.told, self.info = set(), None
+
+    def publisher_of(self, topic):
+        kind, profile = kind_and_profile(topic)
+        return self.create_publisher(kind, topic, profile)
 
     def send(self, topic, *messages):
         for message in messages:
@@ -73,7 +85,7 @@ class Bench(StageNode):
         """Tell of a tile what a source tells, unless the test does."""
         if "tile_info" not in self.to and stamp not in self.told:
             self.told.add(stamp)
-            self.info = self.info or self.create_publisher(String, "tile_info", LATCHED_TILE)
+            self.info = self.info or self.publisher_of("tile_info")
             self.info.publish(info_message(PointTile(np.zeros((1, 3)), stamp=stamp)))
 
 
@@ -106,20 +118,9 @@ def outlines(*building_ids):
     )
 
 
-WRITER_SENDS = {
-    "classified_points": (PointCloud2, CLOUD),
-    "plane_points": (PointCloud2, CLOUD),
-    "traced_outlines": (PolygonInstanceStamped, BUILDING),
-    "outlines": (PolygonInstanceStamped, BUILDING),
-    "roof_faces": (PolygonInstanceStamped, BUILDING),
-    "city_model": (String, BUILDING),
-    "survey_done": (Header, LATCHED),
-    "tile_failed": (Header, LATCHED_HISTORY),
-}
-WRITER_HEARS = {"tile_done": (Header, LATCHED_HISTORY)}
-#: What a live survey's writer takes and says beside that.
-LIVE_SENDS = WRITER_SENDS | {"map_origin": (PointStamped, LATCHED)}
-LIVE_HEARS = WRITER_HEARS | {"diagnostics": (DiagnosticArray, EVENT)}
+#: What the writer waits for of every tile, and what else it takes.
+OF_A_TILE = "classified_points plane_points traced_outlines outlines roof_faces city_model"
+TO_WRITER = f"{OF_A_TILE} survey_done tile_failed"
 FRAME = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
 
 
