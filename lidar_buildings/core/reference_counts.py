@@ -28,10 +28,7 @@ def without_borrowed(module: str) -> str:
     may: they stay for an array that goes into what is returned or kept, or whose name may stand for one that
     the function made.
 
-    Parameters
-    ----------
-    module : str
-        LLVM's code of numba's functions, with pointers as plain values (after SROA and InstCombine).
+    `module` is LLVM's code of numba's functions, with pointers as plain values (after SROA and InstCombine).
     """
     return _FUNCTION.sub(lambda function: _without_borrowed(function[0]), module)
 

@@ -50,16 +50,8 @@ def build_models(
     """
     Build the model of every outline from the tile's points that carry its id.
 
-    Parameters
-    ----------
-    tile : PointTile
-        Building points with `building_id` and `plane_id`.
-    outlines : tuple of BuildingOutline
-        With their quality, if it is known.
-    config : BuildingModelConfig
-        Of the models.
-    pool : Sharing, optional
-        Where they are built; here, one after the other, if not given.
+    The points have `building_id` and `plane_id`, the outlines their quality, if it is known. Models are built
+    in `pool`; here, one after the other, if not given.
     """
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
     no_rows = np.zeros(0, dtype=np.intp)

@@ -63,12 +63,7 @@ def regularise_outlines(
 
 def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
     """
-    Return the rows of buildings that were split from one block, group by group.
-
-    Parameters
-    ----------
-    traced : sequence of Outline
-        Rings through the points [m].
+    Return the rows of buildings whose rings through the points were split from one block, group by group.
     """
     known = [row for row, outline in enumerate(traced) if len(outline.exterior) >= 3]
     if len(known) < 2:

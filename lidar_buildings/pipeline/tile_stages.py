@@ -115,15 +115,9 @@ def label_roof_edges(
     tile: PointTile, config: EdgeLabellingConfig, *, is_roof: NDArray[np.bool_] | None = None
 ) -> LabelledTile:
     """
-    Append edge labels, features, normals and the chosen radius to a tile of roof points.
+    Append edge labels, features, normals and the chosen radius to what `roof_points` returns.
 
-    Parameters
-    ----------
-    tile : PointTile
-        What `roof_points` returns.
-    config : EdgeLabellingConfig
-    is_roof : ndarray of bool, shape (n_points,), optional
-        What is labelled, the tile's roofs if not given; of other points all is 0.
+    `is_roof` says what is labelled, the tile's roofs if not given; of other points all is 0.
     """
     rows = np.flatnonzero(tile.is_roof if is_roof is None else is_roof)
     result = label_edges(tile.points.take(rows, axis=0), config, point_spacing=tile.point_spacing)

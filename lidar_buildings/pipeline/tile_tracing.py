@@ -57,20 +57,11 @@ def trace_buildings(
     ground: NDArray[np.float64] | None = None,
 ) -> TracedTile:
     """
-    Segment a tile's roof points into buildings and trace those that belong to the tile.
+    Segment roof points with edge labels into buildings and trace those that belong to the tile.
 
     A block of touching buildings belongs to the tile that holds its anchor as a core point, so that each
-    building comes out once. They are traced in the pool's processes if there is one.
-
-    Parameters
-    ----------
-    tile : PointTile
-        Roof points with edge labels, as `label_roof_edges` returns them.
-    segmentation : SegmentationConfig
-    boundary_tracing : BoundaryTracingConfig
-    pool : Sharing, optional
-    ground : ndarray of shape (n_ground, 3), optional
-        Ground about the roofs [m].
+    building comes out once. They are traced in the pool's processes if there is one. `ground` is that about
+    the roofs, (n_ground, 3) [m].
     """
     found = segment_buildings(
         tile.points,
@@ -128,13 +119,7 @@ def trace_or_close(
     """
     Trace a tile's roofs, and close behind its walls what encloses more than was seen of a roof.
 
-    Parameters
-    ----------
-    tile : PointTile
-        What `roof_points` returns, its roofs with edge labels.
-    segmentation : SegmentationConfig
-    boundary_tracing : BoundaryTracingConfig
-    pool : Sharing, optional
+    The tile is what `roof_points` returns, its roofs with edge labels.
     """
     is_roof = tile.is_roof
     if is_roof.all():
@@ -169,16 +154,8 @@ def trace_footprints(
     """
     Take given footprints for a tile's outlines, and give their points their ids.
 
-    Parameters
-    ----------
-    classified : PointTile
-        All points of the tile.
-    roofs : PointTile
-        What `roof_points` returns of them, its roofs with edge labels.
-    footprints : Footprints
-    config : FootprintConfig
-    edge_labelling : EdgeLabellingConfig
-        For the points that are taken at footprints next to without roof points.
+    `classified` are all points of the tile, `roofs` what `roof_points` returns of them, with edge labels;
+    those that are taken at footprints next to without roof points are labelled by `edge_labelling`.
     """
     found = assign_footprints(classified, footprints, config)
     is_own = roofs_and_walls(classified) & classified.is_roof

@@ -53,16 +53,11 @@ class WalledBuildings(NamedTuple):
 
 def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     """
-    Tell which points go on from the roof selection.
+    Tell which points of a tile with its final classes and façades go on from the roof selection.
 
     They are the roofs that the tile's core may be part of, see `own_roofs`; where walls were seen over which
     no roof was, all that hangs together with them and the ground about it; and in a tile so sparse that roofs
     are traced across courtyards and lanes, the ground about them. Of ground it is a point a cell.
-
-    Parameters
-    ----------
-    tile : PointTile
-        With the final classes, and what is façade.
     """
     goes_on, groups = own_roofs(tile), _bare_groups(tile)
     is_sparse = tile.point_spacing is not None and tile.point_spacing > SPARSE
@@ -79,12 +74,7 @@ def walled_buildings(tile: PointTile, min_area: float) -> WalledBuildings:
     """
     Find the buildings of which walls were seen, but not the roof over all that they enclose.
 
-    Parameters
-    ----------
-    tile : PointTile
-        All points, or those of `roofs_and_walls`.
-    min_area : float
-        Of a building in plan [m²].
+    The tile holds all points, or those of `roofs_and_walls`; `min_area` is that of a building in plan [m²].
     """
     found, clipped, groups = [], NONE, _bare_groups(tile)
     ground = _Ground(tile) if groups else None
@@ -134,14 +124,7 @@ def _bare_share(tile: PointTile, rows: NDArray[np.intp]) -> float:
 
 
 class _Ground:
-    """
-    Finds the ground about a place, a point for each cell that holds some.
-
-    Parameters
-    ----------
-    tile : PointTile
-        With classes.
-    """
+    """Finds the ground about a place, a point for each cell that holds some, of a tile with classes."""
 
     def __init__(self, tile: PointTile) -> None:
         classes = tile.classification

@@ -79,20 +79,10 @@ class Columns:
         """
         Return the runs of columns within reach of any place in each column, row by row from the south.
 
-        Parameters
-        ----------
-        reach : float
-            In plan [m].
-        asking : ndarray of intp, shape (n_asking,), optional
-            For which columns, rising; for all if not given.
-        north : bool
-            Whether to leave out the rows south of each column's own.
-
-        Returns
-        -------
-        ndarray of int32, shape (n_columns, n_rows, 2)
-            Each run's first column and the one after its last; equal where it is empty. Columns without
-            points are left out, those just beyond the reach are not.
+        `reach` is in plan [m]; `asking` are columns, rising, all if not given; with `north` the rows south of
+        each column's own are left out. Returned are each run's first column and the one after its last,
+        (n_columns, n_rows, 2), equal where it is empty. Columns without points are left out, those just
+        beyond the reach are not.
         """
         steps = math.ceil(reach / self.size - SLACK)
         across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size

@@ -68,21 +68,10 @@ def find_nth(grid, group, nth, is_probe, distance, begin, end):  # type: ignore[
     """
     Write how far from probes the n-th nearest other point of their group is in plan, cells begin to end.
 
-    Parameters
-    ----------
-    grid : CellGrid
-        The points.
-    group : ndarray of int64, shape (n_points,) or (0,)
-        Group of each input row; empty where all points are of one.
-    nth : ndarray of int64, shape (n_groups,)
-        Which neighbour is asked for, counted from 1; at most `MAX_NTH`.
-    is_probe : ndarray of bool, shape (n_points,)
-        Of each input row.
-    distance : ndarray of shape (n_points,)
-        Of each input row, infinite before; stays so where it is farther than the widest of `REACHES` is sure
-        to show [m].
-    begin, end : int
-        Positions in `grid.numbers`.
+    `group` is that of each input row, int64 (n_points,), or empty where all points are of one; `nth` counts
+    from 1, at most `MAX_NTH`, for each group; `is_probe` and `distance` are per input row. `distance` is
+    infinite before, and stays so where it is farther than the widest of `REACHES` is sure to show [m].
+    `begin` and `end` are positions in `grid.numbers`.
     """
     points, first = grid.points, grid.first
     runs, room = np.empty((2 * REACHES[-1] + 1, 2), dtype=np.int64), np.empty(ROOM)

@@ -39,33 +39,16 @@ PLAIN_DEVIATION, CELL_TO_COUNT = 1.48, 4.0
 
 def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     """
-    Measure the point spacing, 1/√density, of a cloud seen from above.
+    Measure the point spacing, 1/√density [m], of a cloud (n_points, 3) [m] seen from above.
 
-    The density at a point is that of the disc reaching to its k-th neighbour in plan, k/(π d²). The median,
-    weighted by the area of the discs, is the density of the middle of the occupied area: holes, the
-    surroundings of the cloud and overlaps of strips over less than half of it do not count, and repeated
-    positions count once.
+    The density at a point, one of `max_probes` at most, is that of the disc reaching to its k-th neighbour in
+    plan, k/(π d²). The median, weighted by the area of the discs, is the density of the middle of the
+    occupied area: holes, the surroundings of the cloud and overlaps of strips over less than half of it do
+    not count, and repeated positions count once. Order of points does not matter. Some million points a
+    second on one core.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        In any order [m].
-    max_probes : int
-        Positions at which the density is probed at most.
-
-    Returns
-    -------
-    float
-        Spacing [m], > 0; `FALLBACK_SPACING` if there are fewer than two distinct positions.
-
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite.
-
-    Notes
-    -----
-    Order of points does not matter. Some million points a second on one core.
+    `FALLBACK_SPACING` if there are fewer than two distinct positions. ValueError if `points` has another
+    shape or is not finite.
     """
     x, y, _ = checked_points(points).T
     positions = _distinct(x, y)

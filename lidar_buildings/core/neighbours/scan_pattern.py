@@ -100,30 +100,13 @@ def measure_scan_patterns(
 
     A pulse's neighbours on its line are those next to it in time, or else the nearest of its strip in plan;
     where most of these lie in one direction, that is the lines', and the nearest points on both sides tell
-    how far apart lines are. Strips are not mixed: in an overlap the spacing is that of one strip. Groups
-    have no say in each other's pattern.
+    how far apart lines are. Strips are not mixed: in an overlap the spacing is that of one strip. Groups have
+    no say in each other's pattern.
 
-    Parameters
-    ----------
-    pulses : Pulses
-        The points of all groups, in any order.
-    group : ndarray of int64, shape (n_points,)
-        0 to `n_groups` (exclusive), or −1 for points of none.
-    n_groups : int
-        Number of groups.
-    spacing : float
-        1/√density [m].
-    scan_angle : ndarray of shape (n_points,), optional
-        Backs weak signs of lines along or across which it rises [deg].
-    cells : CellGrid, optional
-        The points by `scan_cells`, if they are at hand.
-    min_ratio : float
-        Spacings along and across that differ by less than this factor are one.
-
-    Returns
-    -------
-    list of ScanPattern
-        With direction 0 and the given spacing along and across where no direction stands out.
+    `group` is 0 to `n_groups` (exclusive), or −1 for points of none; `spacing` is 1/√density [m];
+    `scan_angle` [deg] backs weak signs of lines along or across which it rises; `cells` are the points by
+    `scan_cells`, if they are at hand. Spacings that differ by less than the factor `min_ratio` are one. The
+    direction is 0 and the spacings are the given one where no direction stands out.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)

@@ -17,21 +17,9 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
     """
     Return the window of an occupied cell, for `move_windows` to start from.
 
-    Parameters
-    ----------
-    numbers : ndarray of int64, shape (n_cells,)
-        The numbers of the occupied cells, rising.
-    n_columns : int
-        By how much the number of a cell's northern neighbour is higher.
-    reach : int
-        How many cells the window extends on each side.
-    cell : int
-        Position in `numbers`.
-
-    Returns
-    -------
-    ndarray of int64, shape (2 reach + 1, 2)
-        Positions in `numbers` where each row's run begins and ends (exclusive), from south to north.
+    `numbers` are those of the occupied cells, int64, rising, by `n_columns` higher for a northern neighbour;
+    `cell` is a position in them. The window extends `reach` cells on each side. Returned are the positions
+    where each row's run begins and ends (exclusive), from south to north, int64 (2 reach + 1, 2).
     """
     windows = np.empty((2 * reach + 1, 2), dtype=np.int64)
     row, column = numbers[cell] // n_columns, numbers[cell] % n_columns

@@ -18,16 +18,9 @@ _STEP = 5_000_000
 
 class PlacedPoints(NamedTuple):
     """
-    What `place_points` finds.
+    What `place_points` finds: points (n, 3) [m], anything where no pose is known, and whether one is.
 
-    Attributes
-    ----------
-    points : ndarray of shape (n, 3)
-        [m]; anything where no pose is known.
-    is_known : ndarray of bool, shape (n,)
-        Whether there is a pose at a point's time.
-    last : tuple
-        Time of the last pose that is known [ns] and its place [m]; None if none is.
+    `last` is the time of the last pose that is known [ns] and its place [m]; None if none is.
     """
 
     points: NDArray[np.float64]
@@ -42,18 +35,10 @@ def place_points(
     points: NDArray[np.float64],
 ) -> PlacedPoints:
     """
-    Place points by the poses at their times.
+    Place points (n, 3) in the moving frame [m], one at least, by the poses at their times (n,) [ns].
 
-    Parameters
-    ----------
-    look_up : callable
-        Returns the poses at some times.
-    stamps : ndarray of int64, shape (m,)
-        Times between which poses move steadily, and are known or not as a whole [ns].
-    times : ndarray of int64, shape (n,)
-        Of the points, of which there is one at least [ns].
-    points : ndarray of shape (n, 3)
-        In the moving frame [m].
+    Between `stamps` [ns] poses move steadily, and are known or not as a whole; `look_up` returns those at
+    some times.
     """
     moments = _moments(stamps, times)
     at, between = look_up(moments), look_up(moments[:-1] + np.diff(moments) // 2)

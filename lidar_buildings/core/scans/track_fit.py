@@ -56,17 +56,10 @@ def fit_track(track: _Floats, seen: _Floats, sigma: _Floats, *, may_turn: bool =
     all that agree (Umeyama 1991, in plan). It is taken if it is three standard errors from 0; errors that
     follow one another, as those of satellites do, count as fewer (Bartlett 1946).
 
-    Parameters
-    ----------
-    track, seen : ndarray of shape (n, 3)
-        In the order of time, one at least; z points up [m].
-    sigma : ndarray of shape (n,)
-        Standard errors of the positions seen, or numbers in proportion to them.
-    may_turn : bool
-        Whether the track may be turned.
+    Track and positions seen are (n, 3) in the order of time, one at least; z points up [m]. `sigma` are
+    standard errors of the positions, or numbers in proportion to them. The track is turned only if it
+    `may_turn`.
 
-    Examples
-    --------
     >>> track = np.array([[k, k % 7, 0.0] for k in range(50)])
     >>> seen = track[:, [1, 0, 2]] * [-1, 1, 1] + 5.0
     >>> seen[0] += 60.0

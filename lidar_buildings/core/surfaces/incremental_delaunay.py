@@ -21,23 +21,9 @@ def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours
     """
     Insert a vertex into the triangle that holds it; flip sides until all are Delaunay again (Lawson 1977).
 
-    Parameters
-    ----------
-    vertex : int
-        Row of `vertices`; at no other vertex's place.
-    triangle : int
-        The triangle in or on whose border the vertex lies; never beyond the hull.
-    n_triangles : int
-        Number of triangles so far; the arrays have room for two more.
-    vertices : ndarray of shape (n, 2 or more), float64
-        Coordinates [m].
-    triangles, neighbours : ndarray of shape (m, 3), int32
-        The mesh; changed in place.
-
-    Returns
-    -------
-    int
-        The number of triangles.
+    `vertex` is a row of `vertices`, float64 (n, 2 or more) [m], at no other vertex's place; it lies in
+    `triangle` or on its border, never beyond the hull. The mesh, `triangles` and `neighbours`, int32 (m, 3),
+    is changed in place and has room for two more than the `n_triangles` so far. Return their new number.
     """
     first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)

@@ -19,12 +19,8 @@ def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
     Row by row (Urbach and Wilkinson 2008): the minimum over any length of a row is that over two overlapping
     lengths of a power of two, and those are made once a row for all chords of the disc.
 
-    Parameters
-    ----------
-    surface : ndarray of shape (n_rows, n_columns)
-        May hold +inf where nothing is known: such cells do not count.
-    radius : int
-        A cell belongs to the disc if its middle is within so many cells of the disc's.
+    `surface` may hold +inf where nothing is known: such cells do not count. A cell belongs to the disc if its
+    middle is within `radius` cells of the disc's.
     """
     # The half lengths of the disc's chords, from the diameter outwards.
     half = np.array([math.isqrt(radius * radius - d * d) for d in range(radius + 1)])
@@ -81,23 +77,11 @@ def _fold(one, other, lowest):  # type: ignore[no-untyped-def]
 @kernel
 def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     """
-    Return each cell's squared distance from the nearest one of a value, capped at that of `reach` + 1.
+    Return each cell's squared distance from the nearest one of a value, int32, capped at that of `reach` + 1.
 
-    By columns and then by rows (Meijster and others, 2000), O(cells × reach). SciPy's
-    `distance_transform_edt` takes 70 ms instead of 1 for a million cells and few steps.
-
-    Parameters
-    ----------
-    plan : ndarray of uint8, shape (height, width)
-        The cells.
-    value : int
-        Those to measure from.
-    reach : int
-        Largest distance that matters, in cells.
-
-    Returns
-    -------
-    ndarray of int32, shape (height, width)
+    By columns and then by rows (Meijster and others, 2000), O(cells × reach), in cells of `plan`, uint8
+    (height, width). SciPy's `distance_transform_edt` takes 70 ms instead of 1 for a million cells and few
+    steps.
     """
     n, m = plan.shape
     found = np.empty((n, m), dtype=np.int32)

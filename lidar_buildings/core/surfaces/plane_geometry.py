@@ -23,10 +23,7 @@ def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     """
     Write the orthogonal least-squares plane of the summed points to `plane`.
 
-    Returns
-    -------
-    float
-        The sum of squared distances [m²]; −1, and nothing written, if the points lie on a line.
+    Return the sum of squared distances [m²]; −1, and nothing written, if the points lie on a line.
     """
     n = moments[0]
     if n < 3.0:

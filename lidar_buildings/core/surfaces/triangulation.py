@@ -43,28 +43,13 @@ def triangulate(
     """
     Triangulate points of which no two lie at one place (Delaunay; rounds after Amenta, Choi & Rote 2003).
 
-    A random quarter of the vertices after another is inserted, each round sorted along rows of cells, so
-    that every walk to the next place is short. The triangles do not depend on the order. About
-    0.7 M vertices/s.
+    A random quarter of the vertices after another is inserted, each round sorted along rows of cells, so that
+    every walk to the next place is short. The triangles do not depend on the order. About 0.7 M vertices/s.
 
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        At least one [m]. Collinear ones are fine.
-    extent : ndarray of shape (2, 2), optional
-        Lower left and upper right corner of what the frame has to enclose as well [m].
-    clearance : float
-        Added to the distance of the frame [m].
-
-    Returns
-    -------
-    Tin
-        Its real vertices are in the order given. Beyond them elevations go on as at the nearest vertex.
-
-    Raises
-    ------
-    ValueError
-        If there is no vertex.
+    `vertices` are (n_vertices, 3) [m]; collinear ones are fine, ValueError if there is none. `extent` is the
+    lower left and upper right corner of what the frame has to enclose as well, `clearance` is added to its
+    distance [m]. The mesh's real vertices are in the order given. Beyond them elevations go on as at the
+    nearest vertex.
     """
     if len(vertices) == 0:
         raise ValueError("vertices is empty: a TIN needs at least one point")

@@ -200,13 +200,8 @@ def _raise(
     """
     Write the rings of roof and ground, then the walls; number corners in space as they come up.
 
-    Returns
-    -------
-    n_places, n_walls : int
-        Corners in space, and walls.
-    is_wide : bool
-        Whether all walls are sound: no edge where roofs cross is left, and no corner lies next to another or
-        to an edge that it does not belong to.
+    Return the numbers of corners in space and of walls, and whether all walls are sound: no edge where roofs
+    cross is left, and no corner lies next to another or to an edge that it does not belong to.
     """
     stack, levels = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(len(edges), dtype=np.int64)
     for v in range(len(vertices)):

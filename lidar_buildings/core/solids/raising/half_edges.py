@@ -34,16 +34,9 @@ class HalfEdges:
     """
     A plan's half-edges, repaired so that a shell can be raised on them.
 
-    Attributes
-    ----------
-    vertices : ndarray of shape (n_vertices, 4)
-        Columns X, Y, EDGE, JOINED.
-    edges : ndarray of shape (2 n_edges, 5)
-        Columns START, LEFT, CCW, CW, LEVEL.
-    order : ndarray of shape (2 n_edges,)
-        The half-edges by the places of their starts, then of their ends.
-    is_settled : bool
-        Whether nothing is left to be repaired.
+    `vertices` has columns X, Y, EDGE, JOINED, `edges` (two rows for each edge) START, LEFT, CCW, CW, LEVEL;
+    `order` are the half-edges by the places of their starts, then of their ends. `is_settled` says that
+    nothing is left to be repaired.
     """
 
     def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int) -> None:

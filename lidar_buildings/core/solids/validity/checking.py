@@ -26,18 +26,12 @@ def check_solid(solid: Solid) -> tuple[int, ...]:
     Return the codes of everything that is wrong with a solid, rising; empty if it is valid.
 
     Rings are checked first, then polygons, then the shell; a level is looked at only if the one below it is
-    sound, as errors there would follow from those below (Ledoux 2013, 2018). Vertices nearer to each other
-    than the snap tolerance count as one.
+    sound, as errors there would follow from those below (Ledoux 2013, 2018). Codes, names and tolerances:
+    `core.solids.validity.codes`.
 
-    Parameters
-    ----------
-    solid : Solid
-        With the coordinates that will be written, that is already rounded.
-
-    Notes
-    -----
-    Codes, names and tolerances: `core.solids.validity.codes`. Whether vertices exactly one snap
-    tolerance apart count as one depends on others' rounding: such solids have to be valid both ways.
+    Coordinates have to be those that will be written, that is rounded. Vertices nearer to each other than the
+    snap tolerance count as one; whether those exactly so far apart do depends on others' rounding: such
+    solids have to be valid both ways.
     """
     if not all(face and all(face) for face in solid.faces):
         return (101,)

@@ -18,18 +18,10 @@ def flip_to_delaunay(
     """
     Flip the inner edges of triangles in place, as Lawson (1977), until all are locally Delaunay.
 
-    Parameters
-    ----------
-    flat : ndarray of shape (n_corners, 2)
-        Coordinates of corners [m].
-    corners : ndarray of shape (n_corners,)
-        The vertex of each corner: corners of one vertex are one place.
-    rows : ndarray of shape (n_triangles, 3)
-        Corners of the triangles, counter-clockwise.
-    begin, end : int
-        The triangles looked at, which have only each other beside them.
-    across : ndarray of shape (end - begin, 3)
-        Room for the triangles across each edge (from corner k to k + 1), −1 at the border.
+    `flat` are coordinates of corners (n_corners, 2) [m], `corners` the vertex of each: corners of one vertex
+    are one place. `rows` are corners of triangles, counter-clockwise (n_triangles, 3); those from `begin` to
+    `end` are looked at, and have only each other beside them. `across` is room for the triangles across each
+    edge (from corner k to k + 1), −1 at the border.
     """
     n = end - begin
     for t in range(n):

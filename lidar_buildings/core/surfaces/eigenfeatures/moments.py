@@ -21,10 +21,7 @@ def gather_window(cloud, windows, low, high, near):  # type: ignore[no-untyped-d
     """
     Write the points of a window of cells, from elevation `low` to `high`, to the rows of `near`.
 
-    Returns
-    -------
-    int
-        How many there are; what is beyond is rubbish. More than `MAX_CANDIDATES` are thinned evenly.
+    Return how many there are; what is beyond is rubbish. More than `MAX_CANDIDATES` are thinned evenly.
     """
     candidates = 0
     for begin, end in windows:

@@ -64,23 +64,10 @@ def divide_ring(
     given directions, or has its own, or is an arc, where that is worth its cost. The ring is divided twice,
     the second time from a corner that the first division found.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_samples, 2)
-        Open ring about the building's centre [m].
-    angles : ndarray of shape (n_directions,)
-        Directions of the walls' normals [rad].
-    costs : Costs
-        What walls cost.
-    weights : ndarray of shape (n_samples,), optional
-        How much each sample counts; 1 if not given.
-    start : int, optional
-        A sample at which a wall begins, if one is known: the ring is then divided once.
-
-    Returns
-    -------
-    Division
-        Its first wall begins within the ring's first round.
+    `points` are an open ring about the building's centre, (n_samples, 2) [m]; `angles` are directions of the
+    walls' normals [rad]; `weights` say how much each sample counts, 1 if not given. Where `start` names a
+    sample at which a wall begins, the ring is divided once. The first wall begins within the ring's first
+    round.
     """
     n = len(points)
     weights = np.ones(n) if weights is None else weights
