@@ -82,23 +82,13 @@ def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:
 
 
 def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
-    """
-    Return what `record` has noted, None if there is nothing.
-
-    A feed without a noted spacing is of the time when each tile had its own, and one without a noted level
-    frame of that when the map was taken for it: they go on as they began.
-
-    Raises
-    ------
-    OutputError
-        If the folder is of a feed with other tiles.
-    """
+    """Return what `record` has noted, None if nothing; OutputError if the folder is of other tiles."""
     try:
         noted = json.loads((folder / _SURVEY).read_text())
         own = {name: noted[name] for name in _identity(tiling)}
-        spacing = noted.get("spacing")
+        spacing = noted["spacing"]
         scale = FeedScale(float(noted["side"]), None if spacing is None else float(spacing))
-        given, level = _frame_of(noted["given"]), noted.get("level")
+        given, level = _frame_of(noted["given"]), noted["level"]
         place = MapPlace(given, level and _level_of(given.crs, **level))
         recorded = Recorded(scale, place, _frame_of(noted["frame"]))
     except FileNotFoundError:
