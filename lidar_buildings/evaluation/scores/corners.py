@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.polygons import (
     limits_of,
     open_rings,
@@ -45,7 +47,7 @@ def score_corners(
     area: ArrayLike | None = None,
 ) -> CornerScore:
     """
-    Match corners one to one, the nearest pair first, and count what is left on either side.
+    Match corners one to one, as `match_corners` does, and count what is left on either side.
 
     Polygons are one a building, invalid ones are repaired; only corners inside an area count, where one is
     given. ValueError if the tolerance is not a positive number.
@@ -55,7 +57,7 @@ def score_corners(
     limits = limits_of(area)
     corners = (corners_of(valid_polygons(side)) for side in (result, reference))
     mine, theirs = (own[within(own, limits)] for own in corners)
-    distances = _matched_distances(mine, theirs, tolerance)
+    _, _, distances = match_corners(mine, theirs, tolerance)
     return CornerScore(
         n_result=len(mine),
         n_reference=len(theirs),
@@ -84,17 +86,34 @@ def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
 
 
-def _matched_distances(
-    mine: NDArray[np.float64], theirs: NDArray[np.float64], tolerance: float
-) -> NDArray[np.float64]:
-    """Pair corners within the tolerance one to one, nearest first; return the distances of the pairs."""
-    if not (len(mine) and len(theirs)):
-        return np.empty(0)
-    pairs = cKDTree(mine).sparse_distance_matrix(cKDTree(theirs), tolerance, output_type="ndarray")
-    taken = np.zeros(len(mine), dtype=bool), np.zeros(len(theirs), dtype=bool)
-    distances = []
-    for one, other, distance in pairs[np.lexsort((pairs["j"], pairs["i"], pairs["v"]))]:
-        if not (taken[0][one] or taken[1][other]):
-            taken[0][one] = taken[1][other] = True
-            distances.append(distance)
-    return np.array(distances)
+def match_corners(
+    result: NDArray[np.float64], reference: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
+
+    Returned are the rows of both, and the distances.
+    """
+    if not (len(result) and len(reference)):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
+    near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
+    # What is within reach of one another falls apart into small groups, each solved on its own.
+    groups = sets_of_pairs(len(result) + len(reference), near["i"], near["j"] + len(result))
+    order = np.argsort(groups[near["i"]], kind="stable")
+    cuts = np.flatnonzero(np.diff(groups[near["i"][order]])) + 1
+    pairs = [_assigned(near[rows], tolerance) for rows in np.split(order, cuts) if len(rows)]
+    found = np.concatenate([*pairs, np.empty((0, 3))])
+    return found[:, 0].astype(np.int64), found[:, 1].astype(np.int64), found[:, 2]
+
+
+def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
+    """Solve one group of possible pairs; return rows of (result, reference, distance)."""
+    mine, i = np.unique(near["i"], return_inverse=True)
+    theirs, j = np.unique(near["j"], return_inverse=True)
+    # No pair costs more than all the distances that it could save, so that as many as possible are made.
+    cost = np.full((len(mine), len(theirs)), 2 * tolerance * (1 + min(len(mine), len(theirs))))
+    cost[i, j] = near["v"]
+    rows, columns = linear_sum_assignment(cost)
+    kept = cost[rows, columns] <= tolerance
+    rows, columns = rows[kept], columns[kept]
+    return np.column_stack([mine[rows], theirs[columns], cost[rows, columns]])

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.evaluation.scores.corners import match_corners
 from lidar_buildings.evaluation.scores.polygons import spots_along
 from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.wireframe import Wireframe
@@ -73,39 +72,6 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
         edge_length_precision=_share_followed(result.segments, reference.segments, tolerance),
         edge_length_recall=_share_followed(reference.segments, result.segments, tolerance),
     )
-
-
-def match_corners(
-    result: NDArray[np.float64], reference: NDArray[np.float64], tolerance: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """
-    Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
-
-    Returned are the rows of both, and the distances.
-    """
-    if not (len(result) and len(reference)):
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
-    near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
-    # What is within reach of one another falls apart into small groups, each solved on its own.
-    groups = sets_of_pairs(len(result) + len(reference), near["i"], near["j"] + len(result))
-    order = np.argsort(groups[near["i"]], kind="stable")
-    cuts = np.flatnonzero(np.diff(groups[near["i"][order]])) + 1
-    pairs = [_assigned(near[rows], tolerance) for rows in np.split(order, cuts) if len(rows)]
-    found = np.concatenate([*pairs, np.empty((0, 3))])
-    return found[:, 0].astype(np.int64), found[:, 1].astype(np.int64), found[:, 2]
-
-
-def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
-    """Solve one group of possible pairs; return rows of (result, reference, distance)."""
-    mine, i = np.unique(near["i"], return_inverse=True)
-    theirs, j = np.unique(near["j"], return_inverse=True)
-    # No pair costs more than all the distances that it could save, so that as many as possible are made.
-    cost = np.full((len(mine), len(theirs)), 2 * tolerance * (1 + min(len(mine), len(theirs))))
-    cost[i, j] = near["v"]
-    rows, columns = linear_sum_assignment(cost)
-    kept = cost[rows, columns] <= tolerance
-    rows, columns = rows[kept], columns[kept]
-    return np.column_stack([mine[rows], theirs[columns], cost[rows, columns]])
 
 
 def _n_common_edges(

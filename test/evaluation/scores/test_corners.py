@@ -58,7 +58,7 @@ def test_a_missed_bay_costs_recall_and_an_invented_one_precision():
     assert (invented.precision, invented.recall) == (0.5, 1.0)
 
 
-def test_a_corner_is_used_once_and_the_nearest_pair_comes_first():
+def test_a_corner_is_used_once():
     # A corner cut off by 0.6 m has two corners near the reference's one.
     cut = shapely.Polygon([(0, 0), (10, 0), (10, 9.4), (9.4, 10), (0, 10)])
     score = score_corners([cut], [box(0, 0, 10, 10)])

@@ -7,11 +7,12 @@ import shapely
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
+from lidar_buildings.evaluation.scores.corners import match_corners
 from lidar_buildings.evaluation.scores.model_points import score_model_points
 from lidar_buildings.evaluation.scores.models import same_roof_type, score_models
 from lidar_buildings.evaluation.scores.roof_surfaces import footprints, roof_surfaces
 from lidar_buildings.evaluation.scores.wireframe import n_corners, roof_wireframe
-from lidar_buildings.evaluation.scores.wireframe_match import match_corners, ridge_errors, score_wireframes
+from lidar_buildings.evaluation.scores.wireframe_match import ridge_errors, score_wireframes
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.shell import shell_of
