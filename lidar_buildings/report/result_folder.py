@@ -135,22 +135,21 @@ def _record(folder: Path) -> dict[str, Any]:
 def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
     """Yield the rows of the outlines with the traced rings of the same names; or these alone."""
     layers = {str(name) for name, _ in pyogrio.list_layers(path)}
-    traced = read_layer(path, "traced") if "traced" in layers else None
-    rings: dict[str, Any] = {}
-    numbers: dict[str, int] = {}
-    if traced is not None:
-        names = traced.columns[READABLE_ID]
-        rings = dict(zip(names, _in_map(traced.geometries, frame), strict=True))
-        numbers = dict(zip(names, traced.columns["building_id"].tolist(), strict=True))
+    traced: dict[str, tuple[Any, int]] = {}  # ring and number
+    if "traced" in layers:
+        layer = read_layer(path, "traced")
+        rings = zip(_in_map(layer.geometries, frame), layer.columns["building_id"].tolist(), strict=True)
+        traced = dict(zip(layer.columns[READABLE_ID], rings, strict=True))
     outlines = read_layer(path, "outlines")
     columns = {name: values.tolist() for name, values in outlines.columns.items()}
     own_names = [str(name) for name in columns.pop(READABLE_ID)]
     shapes = _in_map(outlines.geometries, frame)
     for row, (name, shape) in enumerate(zip(own_names, shapes, strict=True)):
         known = {key: _or_none(values[row]) for key, values in columns.items()}
-        yield ReportedBuilding(name, known, shape, rings.pop(name, None))
-    for name, ring in rings.items():  # of a run that ended before outlines were regularised
-        yield ReportedBuilding(str(name), {"building_id": numbers[name]}, None, ring)
+        ring, _ = traced.pop(name, (None, 0))
+        yield ReportedBuilding(name, known, shape, ring)
+    for name, (ring, number) in traced.items():  # of a run that ended before outlines were regularised
+        yield ReportedBuilding(str(name), {"building_id": number}, None, ring)
 
 
 def _in_map(geometries: NDArray[Any], frame: MapFrame) -> NDArray[Any]:

@@ -10,11 +10,7 @@ from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.footprints.footprints import footprints_of
 from lidar_buildings.core.surfaces.surface_patches import APART_SPACINGS, own_roofs
 from lidar_buildings.pipeline.config import PipelineConfig
-from lidar_buildings.pipeline.tile_stages import (
-    fit_planes,
-    label_roof_edges,
-    roof_points,
-)
+from lidar_buildings.pipeline.tile_stages import fit_planes, label_roof_edges, roof_points
 from lidar_buildings.pipeline.tile_tracing import trace_buildings, trace_footprints
 
 SPACING = 0.5

@@ -2,10 +2,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from lidar_buildings.core.surfaces.symmetric_eigen import (
-    eigenvalues_3x3,
-    values_and_normal,
-)
+from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, values_and_normal
 
 UPPER = np.triu_indices(3)
 #: Eigenvalues of all kinds: separate, a double one at either end, all the same, one, two or three of them 0.

@@ -4,12 +4,7 @@ import os
 
 import pytest
 
-from lidar_buildings.io.files.captured_stderr import (
-    captured_panics,
-    captured_stderr,
-    is_failure,
-    one_line,
-)
+from lidar_buildings.io.files.captured_stderr import captured_panics, captured_stderr, is_failure, one_line
 
 
 class PanicException(BaseException):
