@@ -30,16 +30,9 @@ def draw_over_relief(
     side: float | None = None,
 ) -> None:
     """
-    Draw groups of places over the relief of a cloud.
+    Draw groups of places (colour, name, coordinates [m]) over the relief of a cloud (n_points, 3) [m].
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        The cloud [m].
-    groups : sequence of (str, str, ndarray of shape (n, 2 or more))
-        Colour, name and coordinates of each [m].
-    side : float, optional
-        Of the squares that stand for the places [m]; without, dots, the larger the fewer points there are.
+    Places are squares of a `side` [m]; without, dots, the larger the fewer points there are.
     """
     low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0) + 1e-6
     pixel = max(extent.max() / MAP_PIXELS, np.sqrt(np.prod(extent) / len(points)))

@@ -178,14 +178,8 @@ def disturbances(
     """
     Yield disturbed versions of a cloud, every kind as often as `KINDS` says, or once if `quick`.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In the order of the file [m].
-    columns : mapping of str to ndarray of shape (n_points,), optional
-        What else is known of the points; thinning goes by the pulses of `gps_time`.
-    seed : int
-        Of the chance; best another one for every cloud.
+    Points are in the order of the file, (n_points, 3) [m]; `columns` are what else is known of them: thinning
+    goes by the pulses of `gps_time`. The seed is best another one for every cloud.
     """
     for kind in kinds:
         n_copies, disturb = KINDS[kind]

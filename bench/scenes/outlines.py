@@ -96,28 +96,11 @@ def outline_scene(
     anisotropy: float | None = None,
 ) -> OutlineScene:
     """
-    Scan one building.
+    Scan one building, one of `PLANS`, turned by an angle [deg].
 
-    Parameters
-    ----------
-    name : str
-        One of `PLANS`.
-    density : float
-        Of all strips together, before drop-outs [pts/m²].
-    noise : float
-        σ along each axis, after it was decided what is on the roof [m].
-    rotation_deg : float
-        Of the building [deg].
-    seed : int
-        Of all that is drawn.
-    scans : sequence of Scan, optional
-        One per strip; drawn if not given.
-    n_strips : int
-        How many to draw.
-    drop_outs : float
-        Share of points that did not return in the strips that are drawn.
-    anisotropy : float, optional
-        Of the strips that are drawn; drawn, too, if not given.
+    `density` is that of all strips together, before drop-outs [pts/m²]; `noise` is σ along each axis, after
+    it was decided what is on the roof [m]. `scans` are one per strip; if not given, `n_strips` are drawn,
+    with a share of drop-outs, and with an anisotropy that is drawn, too, if not given.
     """
     random = np.random.default_rng([seed, sorted(PLANS).index(name), round(10 * rotation_deg) % 3600])
     plan = _placed(PLANS[name](), rotation_deg, random.uniform(-REACH, REACH, 2))

@@ -32,16 +32,9 @@ class TerrainSite:
     """
     Pulses over a rectangle, one return each: of the terrain first, then of what is put upon it.
 
-    Parameters
-    ----------
-    width, depth : float
-        The rectangle [m]; its lower left corner is (0, 0).
-    density : float
-        [pts/m²].
-    seed : int
-        Of the pulses' positions and of everything random upon the site (`random`).
-    elevation : callable, optional
-        Elevation of the terrain at x and y; level ground without it.
+    The rectangle is `width` by `depth` [m] from (0, 0), with `density` [pts/m²]; the seed is that of the
+    pulses' positions and of everything random upon the site (`random`). `elevation` gives that of the terrain
+    at x and y; level ground without it.
     """
 
     def __init__(

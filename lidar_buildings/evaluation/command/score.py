@@ -41,29 +41,16 @@ def run_score(
     **options: Any,
 ) -> Score:
     """
-    Compare a result with a reference.
+    Compare a result with a reference in ground, buildings, outlines, edges, planes or models (`kind`).
 
-    Parameters
-    ----------
-    kind : str
-        ``"ground"``, ``"buildings"``, ``"outlines"``, ``"edges"``, ``"planes"`` or ``"models"``.
-    result_path, reference_path : path
-        A LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground needs
-        clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
-        Planes need clouds: with PlaneId, and with TruePlane, PlaneId or colours as reference. Models need
-        CityJSON, and CityJSON or clouds as reference.
-        Two clouds must hold the same points in the same order.
-    aoi : path, optional
-        File of polygons: only what lies inside counts.
-    **options
-        Members of `ScoreOptions`.
+    Either is a LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground
+    needs clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
+    Planes need clouds: with PlaneId, and with TruePlane, PlaneId or colours as reference. Models need
+    CityJSON, and CityJSON or clouds as reference. Two clouds must hold the same points in the same order.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read or the two sides cannot be compared.
-    ParameterError
-        If the kind or an option is unknown, or its value out of range.
+    Of `aoi`, a file of polygons, only what lies inside counts; `options` are members of `ScoreOptions`.
+    InputError if a file cannot be read or the two sides cannot be compared; ParameterError if the kind or an
+    option is unknown, or its value out of range.
     """
     if kind not in KINDS:
         raise ParameterError(f"score {kind}: must be one of {', '.join(KINDS)}")

@@ -89,25 +89,11 @@ def open_inputs(inputs: Inputs) -> tuple[list[Cloud], list[str]]:
 
 def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointTile:
     """
-    Read a whole file as one tile, or a part of it.
+    Read a LAS, LAZ or COPC file, or the URL of one, as one tile, or a part of it.
 
-    Parameters
-    ----------
-    path : path
-        A LAS, LAZ or COPC file, or the URL of one.
-    bounds : sequence of four float, optional
-        West, south, east and north of the points that are wanted, in the file's own coordinates. Of COPC only
-        the chunks that touch them are read.
-
-    Returns
-    -------
-    PointTile
-        Rows in file order; the map's origin is the file's lower corner rounded down to 100 m.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    `bounds` are west, south, east and north of the points that are wanted, in the file's own coordinates; of
+    COPC only the chunks that touch them are read. Rows are in file order; the map's origin is the file's
+    lower corner rounded down to 100 m. InputError if the file cannot be read.
     """
     cloud = open_cloud(path)
     frame = frame_of([cloud])
