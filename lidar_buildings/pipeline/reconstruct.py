@@ -53,13 +53,35 @@ def reconstruct_tile(
     is_all: Callable[[Sides], bool] = lambda _: False,
 ) -> TileResult:
     """
-    Take one tile from raw points to models: the same numbers as the node graph gives for it.
+    Take one tile from raw points to models.
 
-    `until` is the last stage to run, one of `STAGES` (else ValueError). `footprints` are outlines to use as
-    they are instead of tracing and regularising. Processes of `pool` share the buildings; without it they are
-    done one after the other here. `on_classified` is called with the tile when its points have their classes
-    and it is sure to be large enough. `is_all` is asked when a building, or what may be one, reaches beyond
-    some sides of the tile: whether nothing lies there, so that the chain goes on.
+    Parameters
+    ----------
+    tile : PointTile
+        Raw points.
+    config : PipelineConfig, optional
+        All defaults if not given.
+    until : str
+        The last stage to run, one of `STAGES`.
+    footprints : Footprints, optional
+        Outlines to use as they are instead of tracing and regularising.
+    pool : Sharing, optional
+        Processes that share the buildings; one after the other here without.
+    on_classified : callable, optional
+        Called with the tile when its points have their classes and it is sure to be large enough.
+    is_all : callable
+        Asked when a building, or what may be one, reaches beyond some sides of the tile: whether nothing
+        lies there, so that the chain goes on.
+
+    Returns
+    -------
+    TileResult
+        The same numbers as the node graph gives for this tile.
+
+    Raises
+    ------
+    ValueError
+        If `until` is no stage.
     """
     config = config or PipelineConfig()
     if until not in STAGES:
