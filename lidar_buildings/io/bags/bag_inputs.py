@@ -8,10 +8,16 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
 from lidar_buildings.io.bags import bags_among, bags_of
 from lidar_buildings.io.bags.bag_config import BagConfig
+
+#: Why nothing of a bag was placed.
+_NO_SCAN = (
+    "no scan lies in the part that start and duration take: lidar-buildings inspect says how long it is"
+)
 
 
 def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:
@@ -29,12 +35,20 @@ def place_bags(
 
     Each is made in a folder of its own, as bags of different places may have one name. `tell` is called with
     one line for each bag that was placed. Returned is what was read, placed and left out of each bag.
-    InputError or OutputError if a bag cannot be read or placed, or a file not be written.
+    InputError or OutputError if a bag cannot be read or placed, a file not be written, or all of the bags
+    have no scan in the part that is chosen.
     """
-    return [
-        _placed(bag, _cloud(folder, number, bag), choice, config, tell)
-        for number, bag in enumerate(bags_among(inputs))
+    bags = bags_among(inputs)
+    records = [
+        _placed(bag, _cloud(folder, number, bag), choice, config, tell) for number, bag in enumerate(bags)
     ]
+    if choice.start or choice.duration:
+        empty = [bag for bag, one in zip(bags, records, strict=True) if not one["n_scans"]]
+        if empty and len(empty) == len(bags):
+            raise InputError(f"{', '.join(map(str, empty))}: {_NO_SCAN}")
+        for bag in empty:
+            tell(f"{bag}: warning: {_NO_SCAN}")
+    return records
 
 
 def _cloud(folder: Path, number: int, bag: Path) -> Path:

@@ -26,10 +26,6 @@ from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 
 #: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
 _BATCH = 100
-#: Said of a bag that ends before the part begins.
-_NO_SCAN = (
-    "no scan lies in the part that start and duration take: lidar-buildings inspect says how long it is"
-)
 
 
 @dataclass
@@ -79,9 +75,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         check_metres(bag_path, file.n_points, file.size)
     left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
     unreadable = (f"one of the scans that cannot be read: {placer.unreadable}",) if placer.unreadable else ()
-    is_part = bool(choice.start or choice.duration)
-    nothing = (_NO_SCAN,) if is_part and not placer.n_scans else ()
-    warnings = (*place.warnings, *unreadable, *nothing)
+    warnings = (*place.warnings, *unreadable)
     return PlacedCount(
         placer.n_scans, file.n_points, left_out, placer.messages, problem, place.said, warnings
     )

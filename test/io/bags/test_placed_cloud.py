@@ -25,6 +25,7 @@ from lidar_buildings.core.scans.placing import NO_POSE, NO_WAY, TWICE, UNREADABL
 from lidar_buildings.core.scans.scan import COARSE, COARSE_TIMES, NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
 from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import place_bags
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.tiling.placed_laz import FAR
 
@@ -64,8 +65,16 @@ def test_of_a_bag_a_part_may_be_taken(tmp_path):
     )
     assert len(las.points) > 1000
     assert not count.warnings
-    _, count = placed(tmp_path, drive.path, choice=BagConfig(start=100.0))
-    assert "no scan lies in the part" in " ".join(count.warnings)
+
+
+def test_a_part_without_scans_is_refused_if_no_other_bag_has_any(tmp_path):
+    bags = [write_drive(tmp_path / name).path for name in ("one", "other")]
+    said, choice = [], BagConfig(start=100.0)
+    with pytest.raises(InputError, match="one: no scan lies in the part"):
+        place_bags([str(bags[0])], tmp_path / "placed", choice, MOUNTED, said.append)
+    longer = write_drive(tmp_path / "longer", seconds=3.0).path
+    place_bags([str(longer), str(bags[1])], tmp_path / "placed", BagConfig(start=1.5), MOUNTED, said.append)
+    assert "other: warning: no scan lies in the part" in said[-1]
 
 
 def test_scans_without_any_pose_are_refused_unless_they_are_in_the_map(tmp_path):
