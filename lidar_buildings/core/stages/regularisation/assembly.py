@@ -21,9 +21,6 @@ from lidar_buildings.core.stages.regularisation.walls import N_SHAPE, RADIUS, fi
 from lidar_buildings.core.surfaces.ring_division.division import Division
 from lidar_buildings.core.surfaces.ring_division.moments import running_sums
 
-#: Shortest wall, even where smaller steps are kept [finest spacings].
-_SHORTEST_WALL = 4.0
-
 
 class Fit(NamedTuple):
     """How walls are fitted and which details are kept."""
@@ -31,7 +28,8 @@ class Fit(NamedTuple):
     angles: NDArray[np.float64]  #: directions of the walls' normals [rad], shape (n_directions,)
     direction_weight: float  #: weight of these directions, in multiples of the wall's own samples
     min_step: float  #: smallest step that is kept [m]
-    finest: float  #: spacing that points are worth at best [m]
+    shortest: float  #: shortest wall, even where smaller steps are kept [m]
+    chord_error: float  #: largest distance of an arc from its chords [m]
     #: What a wall's own line has to save in squared offsets beside one that other walls lie on [m²].
     line_cost: float
 
@@ -68,13 +66,13 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
             fit.angles,
             fit.direction_weight,
             fit.min_step,
-            fit.finest,
+            fit.shortest,
         )
     )
 
 
 @kernel
-def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step, finest):  # type: ignore[no-untyped-def]
+def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step, shortest):  # type: ignore[no-untyped-def]
     """Fit, join, drop and fit again until all walls are long enough."""
     sums = running_sums(points, weights)
     first, last, kind = first.copy(), last.copy(), kind.copy()
@@ -95,15 +93,15 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
             m = 0
             break
         for i in range(m):
-            find_joint(points, first, last, shape, i, (i + 1) % m, min_step, finest, joints[i])
-        shortest, length = 0, np.inf
+            find_joint(points, first, last, shape, i, (i + 1) % m, min_step, shortest, joints[i])
+        worst, length = 0, np.inf
         for i in range(m):
             own = length_of(points, first, last, shape, i, joints[i - 1 if i else m - 1, 1], joints[i, 0])
             if own < length:
-                shortest, length = i, own
-        if length >= max(_SHORTEST_WALL * finest, min_step):
+                worst, length = i, own
+        if length >= max(shortest, min_step):
             break
-        m = close_rows(first, last, kind, shape, m, shortest)
+        m = close_rows(first, last, kind, shape, m, worst)
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.assembly import WalledRing
+from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing
 from lidar_buildings.core.stages.regularisation.joints import swept
 from lidar_buildings.core.stages.regularisation.walls import CENTRE_X, CENTRE_Y, RADIUS, foot_on
 
@@ -29,14 +29,14 @@ class DrawnRing(NamedTuple):
     n_traced: int  #: number of walls that are drawn through their samples because fitted ones cross
 
 
-def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: float) -> DrawnRing:
+def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> DrawnRing:
     """
     Draw a ring, arcs in chords; where walls cross, draw them closer to their samples, as far as it takes.
     """
     m = len(walled.first)
     detail = np.zeros(m, dtype=np.int64)
     while m:
-        vertices, wall = _drawn(points, walled, chord_error, detail)
+        vertices, wall = _drawn(points, walled, fit, detail)
         if len(vertices) >= 3 and shapely.polygons(vertices).is_valid:
             return DrawnRing(vertices, wall, int(np.count_nonzero(detail)))
         crossing = _crossing_edges(vertices)
@@ -51,13 +51,19 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, chord_error: floa
 
 
 def arc_chords(
-    shape: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], chord_error: float
+    shape: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], fit: Fit
 ) -> NDArray[np.float64]:
-    """Return the vertices between the ends of an arc: equal chords that leave it by no more than an error."""
+    """
+    Return the vertices between the ends of an arc: equal chords that leave it by no more than an error.
+
+    They are no shorter than the shortest wall.
+    """
     radius = abs(float(shape[RADIUS]))
     sweep = float(swept(shape, start, end)) or 2.0 * math.pi
-    widest = 2.0 * math.acos(max(1.0 - chord_error / radius, 0.5))
+    widest = 2.0 * math.acos(max(1.0 - fit.chord_error / radius, 0.5))
     n_chords = max(math.ceil(sweep / widest), 2)
+    while n_chords > 2 and 2.0 * radius * math.sin(0.5 * sweep / n_chords) < fit.shortest:
+        n_chords -= 1
     middle = shape[[CENTRE_X, CENTRE_Y]]
     first = math.atan2(*(start - middle)[::-1])
     turns = first + math.copysign(sweep, shape[RADIUS]) * np.arange(1, n_chords) / n_chords
@@ -65,12 +71,12 @@ def arc_chords(
 
 
 def _drawn(
-    points: NDArray[np.float64], walled: WalledRing, chord_error: float, detail: NDArray[np.int64]
+    points: NDArray[np.float64], walled: WalledRing, fit: Fit, detail: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return all vertices in order and the wall of the edge that starts at each."""
     m = len(walled.first)
     if m == 1:
-        return _whole_circle(points, walled, chord_error)
+        return _whole_circle(points, walled, fit)
     vertices: list[NDArray[np.float64]] = []
     owners: list[int] = []
     for i in range(m):
@@ -78,7 +84,7 @@ def _drawn(
         if detail[i] == _FITTED:
             path = [start]
             if walled.shape[i, RADIUS] != 0:
-                path.extend(arc_chords(walled.shape[i], start, end, chord_error))
+                path.extend(arc_chords(walled.shape[i], start, end, fit))
         else:
             rows = np.arange(walled.first[i], walled.last[i]) % len(points)
             path = list(points[rows[:: max(len(rows) - 1, 1)] if detail[i] == _CHORD else rows])
@@ -108,11 +114,11 @@ def _ends(
 
 
 def _whole_circle(
-    points: NDArray[np.float64], walled: WalledRing, chord_error: float
+    points: NDArray[np.float64], walled: WalledRing, fit: Fit
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Draw a ring that is one circle."""
     start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
-    vertices = np.vstack([start, arc_chords(walled.shape[0], start, start, chord_error)])
+    vertices = np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
     return vertices, np.zeros(len(vertices), dtype=np.int64)
 
 

@@ -18,9 +18,9 @@ from lidar_buildings.core.stages.regularisation.walls import (
 PARALLEL = np.deg2rad(15.0)
 #: Straight walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
 _NO_CORNER = np.deg2rad(2.0)
-#: A corner may lie this far from where the ring turns by a right angle, in smallest steps or finest spacings,
+#: A corner may lie this far from where the ring turns by a right angle, in smallest steps or shortest walls,
 #: and farther where it turns by less: squared offsets of a wall beside the ring are length³ sin² turn / 3.
-_MAX_CORNER_SHIFT, _LEAST_CORNER_SHIFT = 2.5, 4.8
+_MAX_CORNER_SHIFT, _LEAST_CORNER_SHIFT = 2.5, 1.2
 #: Ends of an arc and its neighbour that lie closer to each other are one corner [smallest steps].
 _SMOOTH = 1.0
 
@@ -57,14 +57,14 @@ def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def find_joint(points, first, last, shape, i, k, min_step, finest, joint):  # type: ignore[no-untyped-def]
+def find_joint(points, first, last, shape, i, k, min_step, shortest, joint):  # type: ignore[no-untyped-def]
     """Write the corner between two walls twice, or the two ends of the step between them."""
     x, y = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
     is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
     if (PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - PARALLEL:
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
-        longest = max(_MAX_CORNER_SHIFT * min_step, _LEAST_CORNER_SHIFT * finest)
+        longest = max(_MAX_CORNER_SHIFT * min_step, _LEAST_CORNER_SHIFT * shortest)
         # The sharper a corner, the farther it would stick out beyond the points that speak for it.
         longest *= min(1.5 * np.sin(turn), 1.0) if turn > 0.5 * np.pi else np.sin(turn) ** (-2.0 / 3.0)
         if meet and np.hypot(mx - x, my - y) <= longest:

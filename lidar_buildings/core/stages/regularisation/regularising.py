@@ -31,6 +31,8 @@ from lidar_buildings.core.surfaces.ring_division.division import Division
 
 #: Fewest ring points that walls are fitted to: a rectangle has as many unknowns.
 _MIN_RING_POINTS = 5
+#: Shortest wall and chord [finest spacings].
+_SHORTEST_WALL = 4.0
 
 
 class _Fitted(NamedTuple):
@@ -98,18 +100,16 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         angles,
         config.direction_weight,
         config.min_step * spacing,
-        config.finest_spacing,
+        _SHORTEST_WALL * config.finest_spacing,
+        config.chord_error * spacing,
         config.line_cost(spacing),
     )
-    rings = [
-        _fitted(ring, division, fit, config.chord_error * spacing)
-        for ring, division in zip(samples, divisions, strict=True)
-    ]
+    rings = [_fitted(ring, division, fit) for ring, division in zip(samples, divisions, strict=True)]
     result = _result(traced, rings, centre, directions)
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
     empty = estimated_bias(samples, ring_spacing(checked))
-    corrected = [_corrected(ring, empty, fit, config.chord_error * spacing) for ring in rings]
+    corrected = [_corrected(ring, empty, fit) for ring in rings]
     moved = _result(traced, corrected, centre, directions)
     if moved.status is not BuildingStatus.OK:
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
@@ -161,18 +161,17 @@ def _checked(outline: Outline) -> Outline:
     return Outline(rings[0], tuple(rings[1:])).oriented()
 
 
-def _fitted(samples: RingSamples, division: Division, fit: Fit, chord_error: float) -> _Fitted:
+def _fitted(samples: RingSamples, division: Division, fit: Fit) -> _Fitted:
     """Fit one ring's walls and draw them."""
     bearing = assemble(samples, division, fit)
     walled = through_all_points(samples, bearing, fit)
-    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, chord_error))
+    return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, fit))
 
 
-def _corrected(ring: _Fitted, distance: float, fit: Fit, chord_error: float) -> _Fitted:
+def _corrected(ring: _Fitted, distance: float, fit: Fit) -> _Fitted:
     """Move one ring's walls out from the bearing points and draw them anew."""
     walled = offset_outwards(ring.samples, ring.bearing, fit, distance)
-    drawn = draw_ring(ring.samples.points, walled, chord_error)
-    return ring._replace(walled=walled, drawn=drawn)
+    return ring._replace(walled=walled, drawn=draw_ring(ring.samples.points, walled, fit))
 
 
 def _result(

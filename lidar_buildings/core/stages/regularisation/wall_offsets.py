@@ -38,7 +38,7 @@ def _drawn_anew(
     """Move each wall out by its distance [m], lay those in line on one line, and join them again."""
     moved = walled._replace(shape=_moved(samples.points, walled.first, walled.last, walled.shape, distances))
     shape = on_common_lines(samples, moved, fit)
-    joints = _joints(samples.points, *walled[:2], shape, fit.min_step, fit.finest)
+    joints = _joints(samples.points, *walled[:2], shape, fit.min_step, fit.shortest)
     return walled._replace(shape=shape, joints=joints)
 
 
@@ -75,10 +75,10 @@ def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-de
 
 
 @kernel
-def _joints(points, first, last, shape, min_step, finest):  # type: ignore[no-untyped-def]
+def _joints(points, first, last, shape, min_step, shortest):  # type: ignore[no-untyped-def]
     """Return the joints of walls that have moved."""
     m = len(first)
     joints = np.zeros((m, 2, 2))
     for i in range(m if m > 1 else 0):
-        find_joint(points, first, last, shape, i, (i + 1) % m, min_step, finest, joints[i])
+        find_joint(points, first, last, shape, i, (i + 1) % m, min_step, shortest, joints[i])
     return joints

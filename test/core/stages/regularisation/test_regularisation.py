@@ -101,15 +101,23 @@ def test_chords_leave_an_arc_by_no_more_than_asked_for():
     traced = trace_boundary(scene.points).outline
     counts = []
     for chord_error in (0.05, 0.2, 1.0):
-        result = regularise_outline(traced, RegularisationConfig(chord_error=chord_error))
+        config = RegularisationConfig(chord_error=chord_error, finest_spacing=0.0)
+        result = regularise_outline(traced, config)
         middles = 0.5 * (result.outline.exterior + np.roll(result.outline.exterior, -1, axis=0))
         (wall,) = result.walls
         sagitta = wall.radius - np.hypot(*(middles - wall.centre).T).min()
-        assert (
-            0 < sagitta <= chord_error * np.hypot(scene.spacing * 1.1, RegularisationConfig().finest_spacing)
-        )
+        assert 0 < sagitta <= chord_error * scene.spacing * 1.1
         counts.append(len(middles))
     assert counts[0] > counts[1] > counts[2]
+
+
+def test_chords_are_no_shorter_than_the_shortest_wall():
+    (scene,) = outline_scenes(names=["round_tower_8"], rotations=(0.0,))
+    traced = trace_boundary(scene.points).outline
+    ring = regularise_outline(traced, RegularisationConfig(chord_error=0.01)).outline.exterior
+    chords = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
+    assert (chords >= 1.0).all()
+    assert (chords < 1.1).all()
 
 
 def test_an_apse_is_an_arc_between_straight_walls_and_none_if_arcs_are_not_wanted():

@@ -168,7 +168,7 @@ def test_walls_move_away_from_the_building_on_their_left():
 def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
     ring = jagged_box(5)
     samples = sample_ring(ring - (15.0, 10.0), 1.0, LIMITS)
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 0.25, 0.0)
+    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 1.0, 0.1, 0.0)
     bearing = assemble(samples, divide_ring(samples.points, fit.angles, Costs(0.3, 10, 15, 10)), fit)
     assert len(bearing.first) == 4
     walled = through_all_points(samples, bearing, fit)
@@ -204,7 +204,7 @@ def test_a_sharp_corner_does_not_stick_out_beyond_its_points(turn_deg, is_corner
     shapes = np.array([fitted(up, FREE), fitted(away, FREE)])
     first, last = np.array([0, 11]), np.array([11, 22])
     joint = np.empty((2, 2))
-    find_joint(points, first, last, shapes, 0, 1, 1.0, 0.25, joint)
+    find_joint(points, first, last, shapes, 0, 1, 1.0, 1.0, joint)
     assert np.array_equal(*joint) == is_corner
     # A sharp corner would be 2.3 from the turn; its blunt end is beside the points.
     assert np.hypot(*(joint - (0.45, 9.8)).T).max() < 1.5
@@ -319,8 +319,8 @@ def test_the_division_is_the_best_of_all():
     assert len(walls.first) == 4
 
 
-@pytest.mark.parametrize(("finest", "n_walls"), [(0.25, 4), (0.15, 5)])
-def test_walls_shorter_than_four_finest_spacings_are_dropped(finest, n_walls):
+@pytest.mark.parametrize(("shortest", "n_walls"), [(1.0, 4), (0.6, 5)])
+def test_walls_that_are_too_short_are_dropped(shortest, n_walls):
     # a corner is cut off by 0.7 m
     corners = np.array([(0, 0), (10, 0), (10, 8.5), (9.5, 9), (0, 9)])
     ring = shapely.get_coordinates(shapely.segmentize(shapely.Polygon(corners), 0.1))[:-1]
@@ -329,5 +329,5 @@ def test_walls_shorter_than_four_finest_spacings_are_dropped(finest, n_walls):
     first = np.sort(away.argmin(axis=0))
     last = np.append(first[1:], first[0] + len(samples.points))
     kind = np.full(len(first), FREE)
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 0.1, finest, 0.0)
+    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 0.1, shortest, 0.1, 0.0)
     assert len(assemble(samples, Division(first, last, kind, 0.0), fit).first) == n_walls
