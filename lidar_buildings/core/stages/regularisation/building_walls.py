@@ -43,6 +43,8 @@ def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
 def _costs(spacing: float, config: RegularisationConfig) -> Costs:
     """
     Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
+
+    Walls that turn by a little hardly ever meet in a corner: they are parallel within the same tolerance.
     """
     return Costs(
         noise=config.noise * spacing,
@@ -50,6 +52,7 @@ def _costs(spacing: float, config: RegularisationConfig) -> Costs:
         own_direction=_OWN_DIRECTION_COST,
         step=config.wall_cost,
         arc=_ARC_COST if config.curved_walls else np.inf,
+        parallel=float(np.sin(np.deg2rad(config.angle_tolerance_deg))),
     )
 
 

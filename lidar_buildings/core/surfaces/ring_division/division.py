@@ -33,8 +33,9 @@ class Costs(NamedTuple):
     noise: float  #: standard deviation of a sample across its wall [m]
     wall: float  #: cost of a wall
     own_direction: float  #: added for a wall in none of the building's directions
-    step: float  #: added for the step between two consecutive walls of one direction
+    step: float  #: added for the step between two consecutive walls of nearly one direction
     arc: float = np.inf  #: added for an arc
+    parallel: float = 0.0  #: sine of the largest angle between directions that are nearly one
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ def divide_ring(
 
 
 @kernel
-def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
+def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc, parallel):  # type: ignore[no-untyped-def]
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 
@@ -108,6 +109,7 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
     starts = np.zeros(n + 1, dtype=np.int64)
     least = np.zeros(n + 1)
     n_starts = 1
+    is_step = np.abs(np.outer(cosines, sines) - np.outer(sines, cosines)) <= parallel
     for end in range(1, n + 1):
         for s in range(n_starts):
             start = starts[s]
@@ -133,7 +135,7 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
                     came_from[end, bow] = start
         for k in range(bow + 1):
             cheapest[end] = min(cheapest[end], best[end, k])
-        _enter(best[end], entry[end], before[end], free, wall, own_direction, step, arc)
+        _enter(best[end], entry[end], before[end], is_step, wall, own_direction, step, arc)
         # A start that is beaten by a wall from here can never win again.
         kept = 0
         for s in range(n_starts):
@@ -176,8 +178,9 @@ def _middle(sums, start, end):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
+def _enter(best, entry, before, is_step, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
     """Find, for each kind of wall that may start here, the kind of wall that it had best follow."""
+    free = len(is_step)
     for k in range(free + 2):
         for last in range(free + 2):
             cost = best[last] + wall
@@ -185,7 +188,7 @@ def _enter(best, entry, before, free, wall, own_direction, step, arc):  # type: 
                 cost += own_direction
             elif k > free:
                 cost += arc
-            elif k == last:
+            elif last < free and is_step[k, last]:
                 cost += step
             if cost < entry[k]:
                 entry[k] = cost
