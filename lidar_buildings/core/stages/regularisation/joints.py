@@ -16,8 +16,6 @@ from lidar_buildings.core.stages.regularisation.walls import (
 
 #: Walls whose directions differ by less go on in one direction, unless they are so long that it shows [rad].
 PARALLEL = np.deg2rad(15.0)
-#: Straight walls whose directions differ by less are parallel: they meet in a step, not in a corner [rad].
-_NO_CORNER = np.deg2rad(2.0)
 #: A corner may lie this far from where the ring turns by a right angle, in smallest steps or shortest walls,
 #: and farther where it turns by less: squared offsets of a wall beside the ring are length³ sin² turn / 3.
 _MAX_CORNER_SHIFT, _LEAST_CORNER_SHIFT = 2.5, 1.2
@@ -62,7 +60,7 @@ def find_joint(points, first, last, shape, i, k, min_step, shortest, joint):  # 
     x, y = turning_point(points, first, last, i, k)
     turn = turn_at(points, first, last, shape, i, k, x, y)
     is_bent = shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0
-    if (PARALLEL if is_bent else _NO_CORNER) < turn < np.pi - PARALLEL:
+    if (PARALLEL if is_bent else 0.0) < turn < np.pi - PARALLEL:
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
         longest = max(_MAX_CORNER_SHIFT * min_step, _LEAST_CORNER_SHIFT * shortest)
         # The sharper a corner, the farther it would stick out beyond the points that speak for it.
