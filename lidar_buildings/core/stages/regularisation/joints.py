@@ -64,7 +64,7 @@ def find_joint(points, first, last, shape, i, k, min_step, shortest, joint):  # 
         mx, my, meet = nearest_meeting(shape[i], shape[k], x, y)
         longest = max(_MAX_CORNER_SHIFT * min_step, _LEAST_CORNER_SHIFT * shortest)
         # The sharper a corner, the farther it would stick out beyond the points that speak for it.
-        longest *= min(1.5 * np.sin(turn), 1.0) if turn > 0.5 * np.pi else np.sin(turn) ** (-2.0 / 3.0)
+        longest *= min(2.0 * np.sin(turn), 1.0) if turn > 0.5 * np.pi else np.sin(turn) ** (-2.0 / 3.0)
         if meet and np.hypot(mx - x, my - y) <= longest:
             joint[:, 0], joint[:, 1] = mx, my
             return
