@@ -41,11 +41,7 @@ def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
 
 
 def _costs(spacing: float, config: RegularisationConfig) -> Costs:
-    """
-    Return what walls cost at a point spacing [m]; the step between two parallel ones costs another wall.
-
-    Walls that turn by a little hardly ever meet in a corner: they are parallel within the same tolerance.
-    """
+    """Return what walls cost at a point spacing [m]; a step between nearly parallel ones costs another."""
     return Costs(
         noise=config.noise * spacing,
         wall=config.wall_cost,

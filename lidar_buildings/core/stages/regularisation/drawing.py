@@ -53,11 +53,7 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> Draw
 def arc_chords(
     shape: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], fit: Fit
 ) -> NDArray[np.float64]:
-    """
-    Return the vertices between the ends of an arc: equal chords that leave it by no more than an error.
-
-    They are no shorter than the shortest wall.
-    """
+    """Return the vertices between an arc's ends: equal chords within an error, none under a shortest wall."""
     radius = abs(float(shape[RADIUS]))
     sweep = float(swept(shape, start, end)) or 2.0 * math.pi
     widest = 2.0 * math.acos(max(1.0 - fit.chord_error / radius, 0.5))
