@@ -83,7 +83,6 @@ setup(
         "pyproj>=3.6",
         "pyogrio>=0.9",
         "rasterio>=1.4",
-        "mapbox-earcut>=1.0",
         "pyyaml>=6",
         "tqdm>=4.66",
         "rosbags>=0.11",

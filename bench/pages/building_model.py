@@ -3,13 +3,13 @@
 import sys
 from pathlib import Path
 
-import mapbox_earcut
 import numpy as np
 from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from bench.pages.drawing import plt, save
 from bench.scenes import buildings as scenes
+from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.output_grid import gridded_outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
@@ -74,14 +74,6 @@ def shaded(colour, ring):
     return tuple(np.array(to_rgb(colour)) * (0.72 + 0.28 * light))
 
 
-def triangles(rings):
-    """Cut a face into triangles."""
-    corners = np.vstack(rings)
-    ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
-    rows = mapbox_earcut.triangulate_float64(corners[:, :2], ends).reshape(-1, 3)
-    return [corners[row] for row in rows]
-
-
 def draw_solid(axes, points, plane_id, outline, lod, title):
     """Draw one solid with the points on its roof."""
     solid = build_model(points, outline, plane_id=plane_id, ground_elevation=scenes.GROUND).solids[lod]
@@ -90,7 +82,7 @@ def draw_solid(axes, points, plane_id, outline, lod, title):
     for face, kind in zip(solid.faces, solid.semantics, strict=True):
         rings = solid.face_rings(face)
         if kind == ROOF_SURFACE:
-            pieces = triangles(rings)
+            pieces = [solid.vertices[list(rows)] for rows in face_pieces(solid.vertices, [face])[0]]
             polygons += pieces
             colours += [shaded(ROOF, rings[0])] * len(pieces)
         elif kind == WALL_SURFACE:

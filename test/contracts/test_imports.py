@@ -55,7 +55,6 @@ CORE_LIBRARIES = {
     "sklearn",
     "threadpoolctl",
     "shapely",
-    "mapbox_earcut",
 }
 
 

@@ -12,7 +12,6 @@ import lidar_buildings
 PYTHON_DEPENDENCIES = {
     "laspy": (None, "laspy"),
     "lazrs": (None, "lazrs"),
-    "mapbox_earcut": ("python3-mapbox-earcut-pip", "mapbox-earcut"),
     "numba": ("python3-numba", "numba"),
     "numpy": ("python3-numpy", "numpy"),
     "pkg_resources": ("python3-setuptools", "setuptools"),

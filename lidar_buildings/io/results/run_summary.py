@@ -23,8 +23,7 @@ _KINDS = {
     ),
 }
 _LIBRARIES = (
-    "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj",
-    "rasterio", "mapbox-earcut",
+    "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj", "rasterio",
 )  # fmt: skip
 
 
