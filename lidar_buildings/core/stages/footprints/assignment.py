@@ -16,8 +16,7 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import Footprints
-from lidar_buildings.core.stages.footprints.inside import last_outline_around
+from lidar_buildings.core.stages.footprints.footprints import Footprints, last_outline_around
 
 #: Classes of what may be a building that was not recognised as one.
 _STANDING = (0, 1, PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION, PointClass.HIGH_VEGETATION)

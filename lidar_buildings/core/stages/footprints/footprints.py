@@ -59,6 +59,21 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
     return Footprints(outlines, _unique_ids(anchors, order), bounds, area)
 
 
+def last_outline_around(xy: NDArray[np.float64], outlines: Sequence[Outline]) -> NDArray[np.int32]:
+    """Return for each point the last of the outlines that it lies in, or on the walls of, −1 for none."""
+    found = np.full(len(xy), -1, dtype=np.int32)
+    order = np.argsort(xy[:, 0], kind="stable")
+    x, y = np.ascontiguousarray(xy.take(order, axis=0).T)
+    for number, outline in enumerate(outlines):
+        polygon = outline.polygon
+        west, south, east, north = polygon.bounds
+        begin, end = np.searchsorted(x, west), np.searchsorted(x, east, side="right")
+        near = begin + np.flatnonzero((y[begin:end] >= south) & (y[begin:end] <= north))
+        shapely.prepare(polygon)
+        found[order[near[shapely.intersects_xy(polygon, x[near], y[near])]]] = number
+    return found
+
+
 def _unique_ids(anchors: NDArray[np.float64], order: NDArray[np.intp]) -> NDArray[np.uint32]:
     """Give every anchor its cell's id, or that of the next cell to the east that is free."""
     numbers = np.zeros(len(anchors), dtype=np.uint32)

@@ -11,6 +11,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.solids.output_grid import polygons_of
+
 #: Grid of the vertices [m]: finer than any survey, coarser than what another projection adds.
 _GRID = 1e-3
 #: Narrower or smaller pieces are left over from drawing, not buildings [m], [m²].
@@ -19,8 +21,6 @@ _MIN_WIDTH, _MIN_AREA = 0.05, 0.1
 _MIN_PIECE = 0.01
 #: Two footprints that share so much of what they cover together are the same one, drawn twice.
 _SAME = 0.98
-#: Vertices of the smallest ring, the first one again at its end.
-_MIN_RING = 4
 #: How often rounding may spoil a polygon and be tried again.
 _MAX_ROUNDS = 4
 
@@ -47,34 +47,24 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     found: list[shapely.Polygon] = []
     rows: list[int] = []
     n_repaired = 0
-    sound = _sound_as_they_are(geometries)
+    # Of most files all polygons need rounding alone.
+    plain = np.full(len(geometries), None, dtype=object)
+    whole = np.flatnonzero(shapely.get_type_id(geometries) == shapely.GeometryType.POLYGON)
+    whole = whole[shapely.is_valid(geometries[whole])]
+    rounded = _rounded(geometries[whole])
+    is_sound = _is_sound(rounded)
+    plain[whole[is_sound]] = rounded[is_sound]
     for row, geometry in enumerate(geometries):
-        if sound[row] is not None:
-            found.append(sound[row])
-            rows.append(row)
-            continue
-        pieces, is_repaired = _pieces(geometry, dropped)
+        pieces, is_repaired = ([plain[row]], False) if plain[row] else _pieces(geometry, dropped)
         n_repaired += is_repaired and bool(pieces)
         found += pieces
         rows += [row] * len(pieces)
-    polygons, row_of = _objects(found), np.array(rows, dtype=np.intp)
+    polygons, row_of = np.empty(len(found), dtype=object), np.array(rows, dtype=np.intp)
+    polygons[:] = found
     first = _first_of_its_kind(polygons)
     dropped["drawn twice"] += int(np.count_nonzero(~first))
-    return Repairs(polygons[first], row_of[first], _positive(dropped), n_repaired)
-
-
-def _sound_as_they_are(geometries: NDArray[Any]) -> NDArray[Any]:
-    """
-    Return those polygons rounded that need nothing else, None for all others: of most files that is all.
-    """
-    sound = np.full(len(geometries), None, dtype=object)
-    rows = np.flatnonzero(shapely.get_type_id(geometries) == shapely.GeometryType.POLYGON)
-    rows = rows[shapely.is_valid(geometries[rows])]
-    rounded = shapely.transform(shapely.force_2d(geometries[rows]), _carried)
-    kept = shapely.is_valid(rounded) & (shapely.area(rounded) >= _MIN_AREA)
-    kept &= 2.0 * shapely.area(rounded) >= _MIN_WIDTH * shapely.length(rounded)
-    sound[rows[kept]] = shapely.remove_repeated_points(rounded[kept], 0.0)
-    return sound
+    counted = {name: number for name, number in sorted(dropped.items()) if number}
+    return Repairs(polygons[first], row_of[first], counted, n_repaired)
 
 
 def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon], bool]:
@@ -86,24 +76,24 @@ def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon]
     if not np.isfinite(shapely.get_coordinates(flat)).all():
         dropped["with coordinates that are no numbers"] += 1
         return [], False
-    parts = _polygons_in(flat)
+    parts = polygons_of(flat)
     if not parts:
         dropped["no polygon"] += 1
     is_valid = bool(parts) and bool(shapely.is_valid(flat))
     # parts that touch or overlap are buildings of their own, so each is repaired by itself
-    pieces = [piece for part in parts for piece in _sound(part, dropped)]
+    pieces = [piece for part in parts for piece in _repaired(part, dropped)]
     return pieces, not is_valid
 
 
-def _sound(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Polygon]:
+def _repaired(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Polygon]:
     """Return a polygon as valid ones with vertices that messages and files can carry."""
-    pieces = [polygon]
+    pieces = _rounded(np.array([polygon]))
     for _ in range(_MAX_ROUNDS):
-        pieces = [rounded for piece in pieces if not (rounded := _rounded(piece)).is_empty]
-        if all(shapely.is_valid(piece) for piece in pieces):
+        if shapely.is_valid(pieces).all():
             break
-        pieces = [part for piece in pieces for part in _polygons_in(_made_valid(piece))]
-    sound = [piece for piece in pieces if shapely.is_valid(piece) and not _is_sliver(piece)]
+        whole = shapely.make_valid(pieces, method="structure", keep_collapsed=False)
+        pieces = _rounded(np.array([part for one in whole for part in polygons_of(one)], dtype=object))
+    sound = pieces[_is_sound(pieces)].tolist()
     largest = max((piece.area for piece in sound), default=0.0)
     sound = [piece for piece in sound if piece.area >= _MIN_PIECE * largest]
     if not sound:
@@ -111,45 +101,22 @@ def _sound(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Poly
     return sound
 
 
-def _rounded(polygon: shapely.Polygon) -> shapely.Polygon:
-    """Return a polygon with its vertices on the grid and in float32, none repeated."""
-
-    shell, *holes = [_ring(one) for one in (polygon.exterior, *polygon.interiors)]
-    if len(shell) < _MIN_RING:
-        return shapely.Polygon()
-    return shapely.Polygon(shell, [hole for hole in holes if len(hole) >= _MIN_RING])
-
-
-def _ring(ring: shapely.LinearRing) -> NDArray[np.float64]:
-    """Return a ring's vertices on the grid, closed."""
-    xy = _carried(shapely.get_coordinates(ring))
-    return xy[np.append(True, (xy[1:] != xy[:-1]).any(axis=1))]
+def _rounded(polygons: NDArray[Any]) -> NDArray[Any]:
+    """Return polygons in the plane with vertices on the grid and in float32, of valid ones none repeated."""
+    rounded: NDArray[Any] = shapely.transform(
+        shapely.force_2d(polygons),
+        lambda xy: (np.round(xy / _GRID) * _GRID).astype(np.float32).astype(np.float64),
+    )
+    is_valid = shapely.is_valid(rounded)
+    rounded[is_valid] = shapely.remove_repeated_points(rounded[is_valid], 0.0)
+    return rounded
 
 
-def _carried(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return positions on the grid as messages carry them."""
-    return (np.round(xy / _GRID) * _GRID).astype(np.float32).astype(np.float64)
-
-
-def _made_valid(polygon: shapely.Polygon) -> Any:
-    """Return what a polygon's rings enclose."""
-    return shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-
-
-def _polygons_in(geometry: Any) -> list[shapely.Polygon]:
-    """Return the polygons that are in a geometry, those in collections too."""
-    kind = shapely.get_type_id(geometry)
-    if kind == shapely.GeometryType.POLYGON:
-        return [] if shapely.is_empty(geometry) else [geometry]
-    if kind in (shapely.GeometryType.MULTIPOLYGON, shapely.GeometryType.GEOMETRYCOLLECTION):
-        return [one for part in shapely.get_parts(geometry) for one in _polygons_in(part)]
-    return []
-
-
-def _is_sliver(polygon: shapely.Polygon) -> bool:
-    """Whether a polygon is too small or too narrow to be a building."""
-    width = 2.0 * polygon.area / polygon.length if polygon.length else 0.0
-    return bool(polygon.area < _MIN_AREA or width < _MIN_WIDTH)
+def _is_sound(polygons: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether polygons are valid, and large and wide enough to be buildings."""
+    area = shapely.area(polygons)
+    is_wide = (area >= _MIN_AREA) & (2.0 * area >= _MIN_WIDTH * shapely.length(polygons))
+    return np.asarray(shapely.is_valid(polygons) & is_wide)
 
 
 def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
@@ -167,15 +134,3 @@ def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
     same = shared >= _SAME * (area[one] + area[other] - shared)
     is_first[other[same]] = False
     return is_first
-
-
-def _objects(polygons: list[shapely.Polygon]) -> NDArray[Any]:
-    """Put polygons into an array."""
-    array = np.empty(len(polygons), dtype=object)
-    array[:] = polygons
-    return array
-
-
-def _positive(counted: Counter[str]) -> dict[str, int]:
-    """Return what was counted at all, by name."""
-    return {name: number for name, number in sorted(counted.items()) if number}

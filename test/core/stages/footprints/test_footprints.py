@@ -10,8 +10,7 @@ from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.assignment import assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import footprints_of
-from lidar_buildings.core.stages.footprints.inside import last_outline_around
+from lidar_buildings.core.stages.footprints.footprints import footprints_of, last_outline_around
 from lidar_buildings.core.stages.footprints.repair import repaired_polygons
 
 HOUSE = shapely.box(10, 10, 20, 18)
@@ -157,15 +156,15 @@ def test_points_are_told_inside_from_outside_as_shapely_does():
     assert np.array_equal(last_outline_around(xy, outlines), expected)
 
 
-def test_a_shared_wall_divides_the_points_on_it():
-    slanted = [(20.0, 10.0), (21.0, 18.0)]
+def test_each_point_on_a_shared_wall_lies_in_one_at_least_and_those_beside_it_in_their_own():
+    slanted = np.array([(20.0, 10.0), (21.0, 18.0)])
     one = Outline(np.array([(10, 10), *slanted, (10, 18)], dtype=float))
     other = Outline(np.array([slanted[1], slanted[0], (30, 10), (30, 18)], dtype=float))
     share = np.linspace(0.01, 0.99, 999)[:, None]
-    xy = (1 - share) * np.array(slanted[0]) + share * np.array(slanted[1])
-    by_order = [last_outline_around(xy, pair) for pair in ([one, other], [other, one])]
-    assert (by_order[0] >= 0).all()
-    assert np.array_equal(by_order[0], 1 - by_order[1])
+    xy = (1 - share) * slanted[0] + share * slanted[1]
+    assert (last_outline_around(xy, [one, other]) >= 0).all()
+    for number, aside in enumerate((-1e-6, 1e-6)):
+        assert (last_outline_around(xy + np.array([aside, 0.0]), [one, other]) == number).all()
 
 
 def test_a_footprints_points_are_the_roof_points_within():
