@@ -8,6 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, JOINED, LEFT, LEVEL, START, X, Y
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
@@ -20,18 +21,8 @@ _MIN_STEPS = round(MIN_HEIGHT / GRID)
 @kernel
 def link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, within: float) -> None:
     """Find the half-edges around every vertex and the elevations there."""
-    first = np.zeros(len(vertices) + 1, dtype=np.int64)
-    for e in range(len(edges)):
-        first[edges[e, START] + 1] += 1
-    most = 0
-    for v in range(len(vertices)):
-        most = max(most, first[v + 1])
-        first[v + 1] += first[v]
-    fan, value = np.empty(most, dtype=np.int64), np.empty(most)
-    order, filled = np.empty(len(edges), dtype=np.int64), first.copy()
-    for e in range(len(edges)):
-        order[filled[edges[e, START]]] = e
-        filled[edges[e, START]] += 1
+    order, first = rows_by_group(edges[:, START], len(vertices))
+    fan, value = np.empty(len(order), dtype=np.int64), np.empty(len(order))
     for v in range(len(vertices)):
         n = first[v + 1] - first[v]
         for k in range(n):

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 
 #: Edges that turn by less run straight on: sine of the angle.
 _STRAIGHT = 0.02
@@ -17,19 +18,9 @@ _ONE_CORNER = 0.02
 @inner_kernel
 def grouped(owners, n):  # type: ignore[no-untyped-def]
     """Return where each owner's places begin, and the rows of `owners` by owner; -1 owns none."""
-    first, rows = np.zeros(n + 1, np.int64), np.empty(owners.size, np.int64)
-    for e in range(len(owners)):
-        for side in range(2):
-            if owners[e, side] >= 0:
-                first[owners[e, side]] += 1
-    for k in range(n):
-        first[k + 1] += first[k]
-    for e in range(len(owners) - 1, -1, -1):
-        for side in range(2):
-            if owners[e, side] >= 0:
-                first[owners[e, side]] -= 1
-                rows[first[owners[e, side]]] = e
-    return first, rows
+    flat = owners.reshape(-1)
+    places, first = rows_by_group(np.where(flat < 0, n, flat), n + 1)
+    return first, places >> 1
 
 
 @inner_kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 
@@ -84,17 +84,9 @@ def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
 @kernel
 def _drop_straight(vertices, borders, fixed, kept):  # type: ignore[no-untyped-def]
     """Clear `kept` of the vertices to leave out, one after the other by rising x, then y."""
-    first = np.zeros(len(vertices) + 1, np.int64)
-    near = np.empty(2 * len(borders), np.int64)
-    for e in range(len(borders)):
-        first[borders[e, 0]] += 1
-        first[borders[e, 1]] += 1
-    for v in range(len(vertices)):
-        first[v + 1] += first[v]
-    for e in range(len(borders)):
-        for end in range(2):
-            first[borders[e, end]] -= 1
-            near[first[borders[e, end]]] = borders[e, 1 - end]
+    ends = borders.reshape(-1)
+    rows, first = rows_by_group(ends, len(vertices))
+    near = ends[rows ^ 1]
     for here in range(len(vertices)):
         at = first[here]
         if first[here + 1] - at != 2 or fixed[here]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.building_model.line_tiles import (
     MARGIN,
@@ -230,18 +230,11 @@ def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-de
 def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-untyped-def]
     """Write the links of all lines by way of the vertices whose squares they pass; return how many."""
     n_rows = int(tiles[4])
-    start = np.zeros(int(tiles[3]) * n_rows + 1, np.int64)
     tile = np.empty(len(vertices), np.int64)
-    items = np.empty(len(vertices), np.int64)
     for v in range(len(vertices)):
         column = tile_of(vertices[v, 0] / _SCALE, tiles[0], tiles[2], int(tiles[3]))
         tile[v] = column * n_rows + tile_of(vertices[v, 1] / _SCALE, tiles[1], tiles[2], n_rows)
-        start[tile[v]] += 1
-    for k in range(1, len(start)):
-        start[k] += start[k - 1]
-    for v in range(len(vertices)):
-        start[tile[v]] -= 1
-        items[start[tile[v]]] = v
+    items, start = rows_by_group(tile, int(tiles[3]) * n_rows)
     passed = np.empty(len(vertices), np.int64)
     along = np.empty(len(vertices))
     n = 0

@@ -14,7 +14,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import IntArray
-from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import link, root
 
 
@@ -89,9 +89,8 @@ def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
 @inner_kernel
 def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
     """Sort the half-edges of a graph round its vertices: see `Rotation`."""
-    first = np.zeros(len(vertices) + 1, np.int64)
-    n = 2 * len(edges)
-    order, place, angle = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    order, first = rows_by_group(edges.reshape(-1), len(vertices))
+    place, angle = np.empty(len(order), np.int64), np.empty(len(order))
     for e in range(len(edges)):
         a, b = edges[e, 0], edges[e, 1]
         angle[2 * e] = math.atan2(
@@ -99,14 +98,6 @@ def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
         )
         # The way back lies opposite: one rounding for both.
         angle[2 * e + 1] = angle[2 * e] - math.pi if angle[2 * e] > 0.0 else angle[2 * e] + math.pi
-        first[a] += 1
-        first[b] += 1
-    for v in range(len(vertices)):
-        first[v + 1] += first[v]
-    for half in range(2 * len(edges) - 1, -1, -1):
-        v = edges[half >> 1, half & 1]
-        first[v] -= 1
-        order[first[v]] = half
     for v in range(len(vertices)):
         for m in range(first[v] + 1, first[v + 1]):
             half, k = order[m], m

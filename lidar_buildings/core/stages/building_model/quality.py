@@ -10,6 +10,7 @@ import numpy as np
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
@@ -111,20 +112,12 @@ def _count(
     extent = max(x[-1] - west, y[-1] - south) + reach
     size = max(reach, extent / _MAX_CELLS)
     n_columns, n_rows = int((x[-1] + reach - west) / size) + 1, int((y[-1] + reach - south) / size) + 1
-    first = np.zeros(n_columns * n_rows + 1, dtype=np.int64)
-    cell = np.full(len(xy), -1)
+    cell = np.full(len(xy), n_columns * n_rows)
     for i in range(len(xy)):
         u, v = (xy[i, 0] - west) / size, (xy[i, 1] - south) / size
         if 0.0 <= u < n_columns and 0.0 <= v < n_rows:
             cell[i] = int(v) * n_columns + int(u)
-            first[cell[i] + 1] += 1
-    for c in range(n_columns * n_rows):
-        first[c + 1] += first[c]
-    place, order = first.copy(), np.empty(first[-1], dtype=np.int64)
-    for i in range(len(xy)):
-        if cell[i] >= 0:
-            order[place[cell[i]]] = i
-            place[cell[i]] += 1
+    order, first = rows_by_group(cell, n_columns * n_rows + 1)
     crossed = np.empty(len(edges), dtype=np.int64)
     for row in range(len(y)):
         n = 0
