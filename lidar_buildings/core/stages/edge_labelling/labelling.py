@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
+from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.edge_labelling.clusters import (
     OK,
@@ -135,7 +136,7 @@ def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingCon
     """Sort the points into cells where roofs or rims have to be found."""
     if config.thinning == "none" and config.scope != "roof":
         return None
-    return sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+    return build_grid(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
 
 
 def _groups(

@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours import union_find
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 
-#: Steps north and east to half of the cells round one; the others see it among theirs.
-_BESIDE = ((0, 1), (1, -1), (1, 0), (1, 1))
-
 
 def set_apart(
     points: NDArray[np.float64], roof_id: NDArray[np.int64] | None, reach: float
@@ -44,17 +41,15 @@ def numbered(roof_id: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def roofs_in_plan(cells: CellGrid) -> NDArray[np.int64]:
-    """Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one."""
-    n = len(cells.numbers)
-    column, pairs = cells.numbers % cells.n_columns, []
-    for north, east in _BESIDE:
-        wanted = cells.numbers + (north * cells.n_columns + east)
-        place = np.minimum(np.searchsorted(cells.numbers, wanted), n - 1)
-        is_there = (column + east >= 0) & (column + east < cells.n_columns)
-        one = np.flatnonzero(is_there & (cells.numbers[place] == wanted))
-        pairs.append((one, place[one]))
-    one, other = (np.concatenate(ends) for ends in zip(*pairs, strict=True))
-    number = union_find.numbered(union_find.sets_of_pairs(n, one, other))
+    """
+    Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one.
+
+    Cells are those of `build_grid`.
+    """
+    one, beside = np.nonzero(cells.adjacent >= 0)
+    number = union_find.numbered(
+        union_find.sets_of_pairs(len(cells.numbers), one, cells.adjacent[one, beside])
+    )
     roof = np.empty(len(cells.points), dtype=np.int64)
     roof[cells.rows] = np.repeat(number, np.diff(cells.first))
     return roof

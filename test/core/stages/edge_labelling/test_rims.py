@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.stages.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
 from lidar_buildings.core.stages.edge_labelling.roofs import roofs_in_plan
@@ -18,7 +18,7 @@ def cloud(n=3000, seed=0):
 
 
 def rims(points, band=None, roof_id=None, *, radius=1.0, reach=0.0, max_step=np.inf):
-    cells = sort_by_cell(points, max(2 * radius, reach))
+    cells = build_grid(points, max(2 * radius, reach))
     band = np.ones(len(points), dtype=bool) if band is None else band
     return on_rims(cells, band, roof_id, radius=radius, reach=reach, max_step=max_step)
 
@@ -109,7 +109,7 @@ def test_sectors_looked_up_are_those_that_a_neighbour_blocks():
 @pytest.mark.parametrize("size", [0.3, 1.0, 7.0])
 def test_roofs_are_the_connected_cells(size):
     points = cloud(400)
-    cells = sort_by_cell(points, size)
+    cells = build_grid(points, size)
     corner = np.floor(cells.points[cells.first[:-1], :2] / size)
     touching = np.abs(corner[:, None] - corner[None]).max(axis=2) <= 1
     expected = connected_components(touching)[1]
@@ -124,7 +124,7 @@ def test_roofs_are_the_connected_cells(size):
 
 def test_points_nearer_than_a_cell_are_of_one_roof_and_distant_ones_are_not():
     points = np.vstack([cloud(600) + np.array([x, 0, 0]) for x in (0, 66, 140)])
-    roof = roofs_in_plan(sort_by_cell(points, 2.0))
+    roof = roofs_in_plan(build_grid(points, 2.0))
     part = connected_parts(points, 2.0, in_plan=True)
     for number in np.unique(part):
         assert len(np.unique(roof[part == number])) == 1
