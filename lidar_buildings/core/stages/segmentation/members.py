@@ -7,15 +7,13 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.ids import building_id
-from lidar_buildings.core.neighbours.cell_grid import cell_numbers
-from lidar_buildings.core.neighbours.few_rows import rows_by_group
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.surfaces.surface_patches import plan_areas
 
 #: Share of cells of the spacing's size that random points fill: 1 − 1/e.
 FILLED_SHARE = 0.632
 #: Ids are drawn from 1 to this number.
 LARGEST_ID = 2**32 - 1
-#: Up to so many cells a point have an entry each in a table; numbers are ranked where there are more.
-MAX_TABLE_CELLS = 64
 
 
 def sizes(component: NDArray[np.int64], n_components: int) -> NDArray[np.int64]:
@@ -32,13 +30,8 @@ def occupied_areas(
     Points that fall into one cell of the spacing's size count once, so that overlapping strips do not add to
     the area; a cell that random points leave empty is made up for by the share of cells that they fill.
     """
-    numbers = cell_numbers(points, spacing)
-    n_cells = int(numbers.max(initial=-1)) + 1
-    if n_cells > MAX_TABLE_CELLS * (len(points) + 1024):
-        ranked, numbers = np.unique(numbers, return_inverse=True)
-        n_cells = len(ranked)
-    count = _cells_of_each(numbers, n_cells, *rows_by_group(component, n_components))
-    return count * (spacing**2 / FILLED_SHARE)
+    cells = rows_by_cell(points, spacing)
+    return plan_areas(component[cells.rows], n_components, cells.first, spacing) / FILLED_SHARE
 
 
 @kernel
@@ -87,17 +80,3 @@ def _comes_first(p, q):  # type: ignore[no-untyped-def]
         if p[axis] != q[axis]:
             return p[axis] < q[axis]
     return False
-
-
-@kernel
-def _cells_of_each(numbers, n_cells, rows, first):  # type: ignore[no-untyped-def]
-    """Count the different cells of every component."""
-    last = np.full(n_cells, -1, dtype=np.int32)
-    count = np.zeros(len(first) - 1, dtype=np.int64)
-    for k in range(len(count)):
-        for m in range(first[k], first[k + 1]):
-            number = numbers[rows[m]]
-            if last[number] != k:
-                last[number] = k
-                count[k] += 1
-    return count
