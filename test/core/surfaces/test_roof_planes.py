@@ -6,7 +6,7 @@ import pytest
 from bench.scenes.models import model_scene
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex, adjust, common_point
 from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
-from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
+from lidar_buildings.core.surfaces.roof_planes.normal_equations import multipliers
 
 
 def adjusted(points, plane_id):
@@ -124,16 +124,13 @@ def test_moments_are_those_of_numpy():
     assert moments.sums[1, 6] == pytest.approx((about[:, 0] * about[:, 2]).sum(), rel=1e-3)
 
 
-def test_the_sparse_solution_is_that_of_the_bordered_system():
+def test_multipliers_are_those_of_the_bordered_system():
     random = np.random.default_rng(0)
-    root = random.normal(size=(8, 8)) * (random.random((8, 8)) < 0.4) + 2 * np.eye(8)
-    normal, target = root @ root.T, random.normal(size=8)
-    rows, values = random.normal(size=(3, 8)), random.normal(size=3)
+    root = random.normal(size=(8, 8)) + 2 * np.eye(8)
+    normal, target, rows = root @ root.T, random.normal(size=8), random.normal(size=(3, 8))
     system = np.block([[normal, rows.T], [rows, np.zeros((3, 3))]])
-    expected = np.linalg.solve(system, np.append(target, values))
+    expected = np.linalg.solve(system, np.append(target, np.zeros(3)))
     doubled = np.vstack([rows, rows[0] - rows[1]])
-    x, multipliers = constrained_minimum(
-        normal.copy(), target, doubled, np.append(values, values[0] - values[1])
-    )
-    assert x == pytest.approx(expected[:8])
-    assert multipliers == pytest.approx(np.append(expected[8:], 0.0))
+    nearest = np.linalg.solve(normal, target)
+    found = multipliers(doubled, doubled @ np.linalg.inv(normal), nearest)
+    assert found == pytest.approx(np.append(expected[8:], 0.0))

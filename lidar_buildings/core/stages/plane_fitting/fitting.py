@@ -8,18 +8,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.point_array import checked_points, extent_of
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
-from lidar_buildings.core.stages.plane_fitting.adjusted import (
-    adjusted_planes,
-    numbered_by_size,
-    why_degenerate,
-)
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.connected import connected_planes
+from lidar_buildings.core.stages.plane_fitting.model_selection import plane_sums
 from lidar_buildings.core.stages.plane_fitting.ransac import ransac_planes
-from lidar_buildings.core.surfaces.roof_planes import RoofPlane
+from lidar_buildings.core.surfaces.roof_planes import RoofPlane, fitted_planes
+from lidar_buildings.core.surfaces.roof_planes.moments import centroids_and_scatters
+
+#: The largest number that `plane_id` can hold.
+MAX_PLANES = 65535
+#: Points whose variance across a line is no larger than this, relative to that along, are on it.
+_LINE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +70,12 @@ def fit_roof_planes(
     Order of points does not matter, nor do repetitions. Time grows with the number of points.
     """
     given = checked_points(points)
-    reason = why_degenerate(given)
+    reason = _why_degenerate(given)
     if reason:
         nothing = np.zeros(len(given), dtype=np.uint16)
         return RoofPlanes(nothing, (), BuildingStatus.DEGENERATE, reason)
     plane_id = number_planes(given, config, point_spacing=point_spacing)
-    planes = adjusted_planes(given, plane_id)
+    planes = fitted_planes(given, plane_id)
     return RoofPlanes(plane_id, planes, reason="" if planes else "no plane has enough points")
 
 
@@ -84,10 +87,37 @@ def number_planes(
     given = checked_points(points)
     if point_spacing is not None and not (math.isfinite(point_spacing) and point_spacing > 0.0):
         raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
-    if why_degenerate(given):
+    if _why_degenerate(given):
         return np.zeros(len(given), dtype=np.uint16)
     near = given - extent_of(given)[0]
     spacing = point_spacing or measure_spacing(near, FEW_PROBES)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
     find = ransac_planes if config.method == "ransac" else connected_planes
-    return numbered_by_size(near, find(near, spacing, min_points, config))
+    return _numbered_by_size(near, find(near, spacing, min_points, config))
+
+
+def _why_degenerate(points: FloatArray) -> str:
+    """Say in words why no plane can be fitted to points in any order, nothing if it can."""
+    n_distinct = min(len(points), 1) + int(bool((points[1:] != points[:1]).any()))
+    if n_distinct < 2 or len(points) < 3:
+        return f"{n_distinct} distinct points: a plane needs 3"
+    moments = plane_sums(points - points[0], np.ones(len(points), dtype=np.int32), 2)[1:]
+    spread = np.linalg.eigvalsh(centroids_and_scatters(moments)[1][0])
+    return f"all {len(points)} points lie on a line" if spread[1] <= _LINE * spread[2] else ""
+
+
+def _numbered_by_size(points: FloatArray, labels: NDArray[np.int32]) -> NDArray[np.uint16]:
+    """
+    Number planes from the largest on, equal ones by their westernmost, southernmost and lowest coordinates.
+    """
+    size = int(labels.max(initial=0)) + 1
+    count = np.bincount(labels, minlength=size)
+    count[0] = 0
+    low = np.full((size, 3), np.inf)
+    for axis in range(3):
+        np.minimum.at(low[:, axis], labels, points[:, axis])
+    order = np.lexsort((low[:, 2], low[:, 1], low[:, 0], -count))
+    order = order[count[order] > 0][:MAX_PLANES]
+    number = np.zeros(size, dtype=np.uint16)
+    number[order] = np.arange(1, len(order) + 1)
+    return number[labels]

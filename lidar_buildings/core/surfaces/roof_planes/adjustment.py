@@ -91,12 +91,18 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
     Pieces of one level plane get one height. Planes are numbered without gaps, 0 = none; of very many each
     stays by itself.
     """
-    n_planes = int(plane_id.max()) if len(plane_id) else 0
+    n_planes = int(plane_id.max(initial=0))
     free = free_planes(plane_moments(points, plane_id, n_planes))
     if n_planes > _MOST_PLANES:
         return Adjustment(free, np.full(n_planes, -1), False, free.coefficients)
     surface = level_planes(free)
     return Adjustment(free, surface, True, solve(free, surface, (), free.coefficients[:, :2])[0])
+
+
+def fitted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
+    """Fit every plane to its points by orthogonal least squares, each by itself, numbered as in `adjust`."""
+    free = free_planes(plane_moments(points, plane_id, int(plane_id.max(initial=0))))
+    return _roof_planes(free, free.coefficients)
 
 
 def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:

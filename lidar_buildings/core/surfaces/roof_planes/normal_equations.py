@@ -11,10 +11,11 @@ import numpy as np
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes.free_planes import FreePlanes
-from lidar_buildings.core.surfaces.roof_planes.sparse_least_squares import constrained_minimum
 
 #: A plane smoother than this counts for no more [m].
 _LEAST_RMS = 0.02
+#: Pivots below this share of the diagonal belong to equations that follow from others.
+_DEPENDENT = 1e-6
 
 
 class CommonVertex(NamedTuple):
@@ -32,67 +33,81 @@ def solve(
     """
     Find the planes nearest to the free ones that are level and meet where they should, about the centre.
 
-    Least squares with equality constraints: the normal equations bordered by the constraints' (KKT system).
+    Least squares under R x = 0: without R, x is what each plane, or level surface, is by itself, with a
+    covariance N⁻¹ of its own; the multipliers f follow from R N⁻¹ Rᵀ f = R x, and move x by - N⁻¹ Rᵀ f.
     `slopes` are approximate gradients, for vertices whose position is not given. Returned is also by how much
     each vertex alone moves each plane at its points, roughly [m], shape (n_vertices, n_planes).
     """
     weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
-    terms = _terms(vertices, slopes, planes.moments.centre) if len(vertices) else _NO_TERMS
-    give = np.linalg.inv(planes.cost) if len(vertices) else planes.cost
+    level, n_surfaces = surface >= 0, int(surface.max(initial=-1)) + 1
+    found, rows = planes.coefficients.copy(), weight[level, None] * planes.cost[level, 2]
+    stiff = np.bincount(surface[level], rows[:, 2])
+    lift = np.bincount(surface[level], (rows * found[level]).sum(axis=1))
+    found[level] = 0.0
+    found[level, 2] = (lift / stiff)[surface[level]]
     pull = np.zeros((len(vertices), len(weight)))
-    level = surface >= 0
-    n_surfaces = surface.max(initial=-1) + 1
-    first = np.where(level, surface, n_surfaces + 3 * (np.cumsum(~level) - 1))
-    n = n_surfaces + 3 * np.count_nonzero(~level)
-    coefficients = _solved(
-        planes.cost, give, weight, planes.counts, level, first, n, planes.coefficients, *terms, pull
-    )
-    return coefficients, pull
+    if not len(vertices):
+        return found, pull
+    plane, owner, equation, factor = _terms(vertices, slopes, planes.moments.centre)
+    # Unknown are c of each level surface, and a, b, c of each plane that is not level.
+    own = np.where(level, surface, n_surfaces + np.cumsum(~level) - 1)
+    give = np.linalg.inv(planes.cost)
+    gives, x = np.zeros((own.max() + 1, 3, 3)), np.zeros((own.max() + 1, 3))
+    gives[own[~level]] = give[~level] / weight[~level, None, None]
+    gives[:n_surfaces, 2, 2] = 1.0 / stiff
+    x[own] = found
+    equations = np.zeros((equation[-1] + 1, *x.shape))
+    np.add.at(equations, (equation, own[plane]), factor)
+    equations[:, :n_surfaces, :2] = 0.0
+    response = np.einsum("egi,gij->egj", equations, gives)
+    size = (len(equations), x.size)
+    force = multipliers(equations.reshape(size), response.reshape(size), x.reshape(-1))
+    x -= np.einsum("e,egj->gj", force, response)
+    # By how much the multipliers of each vertex' equations would move each plane if it were free.
+    moved = np.einsum("ti,tij,tj->t", factor, give[plane], factor)
+    moved = np.sqrt(np.maximum(moved, 0.0) / planes.counts[plane]) * np.abs(force[equation])
+    np.add.at(pull, (owner, plane), moved / weight[plane])
+    return x[own], pull
 
 
 @kernel
-def _solved(  # type: ignore[no-untyped-def]
-    cost, give, weight, counts, level, first, n, wanted, plane, owner, equation, factor, pull
-):  # fmt: skip
+def multipliers(rows, response, nearest):  # type: ignore[no-untyped-def]
     """
-    Return the coefficients, and add to each vertex' pull at each plane.
+    Return f of R N⁻¹ Rᵀ f = R x, given R, R N⁻¹ and x; equations that follow from earlier ones have 0.
 
-    The unknowns of plane k are its coefficients, from number ``first[k]`` on; c alone, which it may share,
-    if it is level.
+    By Cholesky, written out rather than left to LAPACK: its threads show in the last digits.
     """
-    normal, target = np.zeros((n, n)), np.zeros(n)
-    n_equations = equation[-1] + 1 if len(equation) > 0 else 0
-    rows, values = np.zeros((n_equations, n)), np.zeros(n_equations)
-    for k in range(len(cost)):
-        low = 2 if level[k] else 0
-        for i in range(low, 3):
-            row = first[k] + i - low
-            for m in range(3):
-                target[row] += weight[k] * cost[k, i, m] * wanted[k, m]
-            for j in range(low, 3):
-                normal[row, first[k] + j - low] += weight[k] * cost[k, i, j]
-    for k in range(n):
-        normal[k, k] += 1e-9 * (1.0 + normal[k, k])
-    for t in range(len(plane)):
-        low = 2 if level[plane[t]] else 0
-        for i in range(low, 3):
-            rows[equation[t], first[plane[t]] + i - low] += factor[t, i]
-    solution, force = constrained_minimum(normal, target, rows, values)
-    coefficients = np.zeros((len(cost), 3))
-    for k in range(len(cost)):
-        low = 2 if level[k] else 0
-        for i in range(low, 3):
-            coefficients[k, i] = solution[first[k] + i - low]
-    # By how much the multipliers of each vertex's equations would move each plane if it were free.
-    for t in range(len(plane)):
-        k = plane[t]
-        moved = 0.0
-        for i in range(3):
-            for j in range(3):
-                moved += factor[t, i] * give[k, i, j] * factor[t, j]
-        moved = math.sqrt(max(moved, 0.0) / counts[k])
-        pull[owner[t], k] += moved * abs(force[equation[t]]) / weight[k]
-    return coefficients
+    n = len(rows)
+    lower, kept, x = np.zeros((n, n)), np.ones(n, dtype=np.bool_), np.zeros(n)
+    for i in range(n):
+        total = 0.0
+        for k in range(rows.shape[1]):
+            if rows[i, k] != 0.0:
+                total += rows[i, k] * nearest[k]
+                for j in range(i + 1):
+                    lower[i, j] += rows[i, k] * response[j, k]
+        diagonal = lower[i, i]
+        for j in range(i):
+            if kept[j]:
+                for k in range(j):
+                    lower[i, j] -= lower[i, k] * lower[j, k]
+                lower[i, j] /= lower[j, j]
+            else:
+                lower[i, j] = 0.0
+            lower[i, i] -= lower[i, j] ** 2
+            total -= lower[i, j] * x[j]
+        kept[i] = lower[i, i] > _DEPENDENT * diagonal
+        if kept[i]:
+            lower[i, i] = math.sqrt(lower[i, i])
+            x[i] = total / lower[i, i]
+        else:
+            lower[i] = 0.0
+    for i in range(n - 1, -1, -1):
+        if kept[i]:
+            for k in range(i + 1, n):
+                x[i] -= lower[k, i] * x[k]
+            x[i] /= lower[i, i]
+    return x
 
 
 class _Terms(NamedTuple):
@@ -104,10 +119,6 @@ class _Terms(NamedTuple):
     owner: IntArray
     equation: IntArray
     factor: FloatArray  #: of a, b, c, shape (n_terms, 3)
-
-
-_NOTHING = np.zeros(0, dtype=np.int64)
-_NO_TERMS = _Terms(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 3)))
 
 
 def _terms(vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatArray) -> _Terms:

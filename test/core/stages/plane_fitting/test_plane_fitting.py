@@ -96,7 +96,8 @@ def test_planes_carry_the_least_squares_plane_of_their_points():
         own = points[result.plane_id == number]
         distance = (own - plane.centroid) @ plane.normal
         assert plane.n_points == len(own)
-        assert plane.rms == pytest.approx(np.sqrt(np.mean(distance**2)))
+        # Sums are of coordinates in eighths of a millimetre.
+        assert plane.rms == pytest.approx(np.sqrt(np.mean(distance**2)), abs=1e-5)
         # Noise is 0.03 m along z: the planes must not be worse.
         assert plane.rms < 0.035
         assert plane.normal[2] > 0
