@@ -65,9 +65,9 @@ def task_of(points: NDArray[np.float64], radii: Sequence[float]) -> Task:
     return Task(points, np.asarray(radii), int(widest.n_neighbours.max(initial=1)))
 
 
-def own_features(task: Task, entropy: str = "dimensionality") -> EigenFeatures:
+def own_features(task: Task) -> EigenFeatures:
     """Run this package."""
-    return eigen_features(task.points, list(task.radii), min_neighbours=MIN_NEIGHBOURS, entropy=entropy)
+    return eigen_features(task.points, list(task.radii), min_neighbours=MIN_NEIGHBOURS)
 
 
 def jakteristics_features(task: Task) -> dict[str, NDArray[np.float32]]:
@@ -143,9 +143,6 @@ FIXED = {
 #: Libraries that choose the size of the neighbourhood.
 CHOSEN = {
     OWN: FIXED[OWN],
-    f"{OWN} eigenentropy": Library(
-        "lidar_buildings", None, lambda task, _: own_features(task, "eigenentropy")
-    ),
     "pgeof optimal": Library("pgeof", pgeof_neighbours, pgeof_optimal),
 }
 

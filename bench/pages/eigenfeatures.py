@@ -18,22 +18,19 @@ LOW, HIGH, CLOSER = np.array([5.0, 85.0]), np.array([100.0, 115.0]), 28.0
 
 
 def main(picture: Path) -> None:
-    """Draw linearity with a small, a large and a chosen radius, and the radii chosen by either entropy."""
+    """Draw linearity with a small, a large and a chosen radius, and the radii chosen."""
     points = roof_points()
     radii = np.geomspace(1.6, 5.0, 12) * quantised_spacing(points)
     fixed = {
         f"linearity, radius {radius:.1f} m": eigen_features(points, [radius]) for radius in radii[[0, -1]]
     }
     by_shape = eigen_features(points, radii, min_neighbours=9)
-    by_eigenvalues = eigen_features(points, radii, min_neighbours=9, entropy="eigenentropy")
     panels = {
         **{title: (found.linearity, "viridis", 1.0) for title, found in fixed.items()},
-        "linearity, radius by least dimensionality entropy": (by_shape.linearity, "viridis", 1.0),
+        "linearity, radius by least entropy": (by_shape.linearity, "viridis", 1.0),
         "that radius [m]": (by_shape.radius, "magma", radii[-1]),
-        "failure: radius by least eigenentropy [m]": (by_eigenvalues.radius, "magma", radii[-1]),
-        "failure: linearity with it": (by_eigenvalues.linearity, "viridis", 1.0),
     }
-    figure, axes = plt.subplots(3, 2, figsize=(13.0, 11.0), dpi=75, layout="constrained")
+    figure, axes = plt.subplots(2, 2, figsize=(13.0, 7.4), dpi=75, layout="constrained")
     for panel, (title, (values, colours, highest)) in zip(axes.flat, panels.items(), strict=True):
         drawn = panel.scatter(
             points[:, 0], points[:, 1], c=values, s=5.0, cmap=colours, vmin=0.0, vmax=highest, linewidths=0

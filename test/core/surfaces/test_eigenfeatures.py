@@ -100,32 +100,21 @@ def test_neighbours_at_the_very_radius_count_on_a_lattice():
         assert eigen_features(lattice, [radius]).n_neighbours.tolist() == expected.tolist()
 
 
-def entropy_of(values, kind):
+def entropy_of(values):
     s = np.sqrt(values)
-    of = (
-        values / values.sum() if kind == "eigenentropy" else np.array([s[0] - s[1], s[1] - s[2], s[2]]) / s[0]
-    )
-    return -sum(a * np.log(a) for a in of if a > 0)
+    return -sum(a * np.log(a) for a in np.array([s[0] - s[1], s[1] - s[2], s[2]]) / s[0] if a > 0)
 
 
-@pytest.mark.parametrize("kind", ["dimensionality", "eigenentropy"])
-def test_the_chosen_radius_is_the_one_of_least_entropy(kind):
+def test_the_chosen_radius_is_the_one_of_least_entropy():
     points, radii = wavy_cloud(), [0.7, 1.0, 1.4, 2.0, 2.8]
-    chosen = eigen_features(points, radii, min_neighbours=6, entropy=kind)
+    chosen = eigen_features(points, radii, min_neighbours=6)
     each = [eigen_features(points, [radius]) for radius in radii]
     for i in range(0, len(points), 97):
         allowed = [one for one in each if one.n_neighbours[i] >= 6 or one is each[-1]]
-        best = min(allowed, key=lambda one: entropy_of(one.eigenvalues[i], kind))
+        best = min(allowed, key=lambda one: entropy_of(one.eigenvalues[i]))
         assert chosen.radius[i] == pytest.approx(best.radius[i])
         assert chosen.eigenvalues[i] == pytest.approx(best.eigenvalues[i], rel=1e-9)
     assert len(np.unique(chosen.radius)) == len(radii)
-
-
-def test_the_two_entropies_choose_differently():
-    points, radii = wavy_cloud(), [0.7, 1.4, 2.8]
-    by_eigenvalues = eigen_features(points, radii, entropy="eigenentropy")
-    by_shape = eigen_features(points, radii)
-    assert (by_eigenvalues.radius != by_shape.radius).mean() > 0.1
 
 
 def test_radii_that_hold_too_few_points_are_passed_over_but_for_the_largest():
@@ -159,14 +148,12 @@ def assert_same_bits(found, rows, expected, expected_rows):
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.integers(1, 500), st.integers(0, 2**32 - 1), st.sampled_from(["dimensionality", "eigenentropy"]))
-def test_the_order_of_rows_does_not_change_a_bit(n, seed, kind):
+@given(st.integers(1, 500), st.integers(0, 2**32 - 1))
+def test_the_order_of_rows_does_not_change_a_bit(n, seed):
     points = np.repeat(wavy_cloud(n, seed), 1 + seed % 3, axis=0)
     shuffle = np.random.default_rng(seed).permutation(len(points))
-    straight = eigen_features(points, [1.0, 1.5, 2.0], entropy=kind)
-    assert_same_bits(
-        eigen_features(points[shuffle], [1.0, 1.5, 2.0], entropy=kind), slice(None), straight, shuffle
-    )
+    straight = eigen_features(points, [1.0, 1.5, 2.0])
+    assert_same_bits(eigen_features(points[shuffle], [1.0, 1.5, 2.0]), slice(None), straight, shuffle)
 
 
 @pytest.mark.parametrize("n_threads", [1, 2, 7])
@@ -272,12 +259,6 @@ def test_a_coordinate_that_is_not_a_number_is_refused_by_name():
     points[3, 1] = np.nan
     with pytest.raises(ValueError, match=r"points\[3\]"):
         eigen_features(points, [1.0])
-
-
-@pytest.mark.parametrize("entropy", ["shannon", "", None])
-def test_an_entropy_that_is_not_known_is_refused_by_name(entropy):
-    with pytest.raises(ValueError, match=r"entropy = .*dimensionality, eigenentropy"):
-        eigen_features(np.zeros((3, 3)), [1.0], entropy=entropy)
 
 
 def test_a_neighbourhood_of_no_points_is_refused_by_name():

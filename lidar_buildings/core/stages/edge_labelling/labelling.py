@@ -129,7 +129,7 @@ def _features(
     largest = max(config.max_radius, MIN_RADIUS)
     radii = np.unique(np.geomspace(MIN_RADIUS, largest, config.n_radii)) * spacing
     apart = set_apart(points, roofs, float(radii[-1]))
-    return eigen_features(apart, list(radii), min_neighbours=MIN_NEIGHBOURS, entropy=config.entropy)
+    return eigen_features(apart, list(radii), min_neighbours=MIN_NEIGHBOURS)
 
 
 def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> CellGrid | None:

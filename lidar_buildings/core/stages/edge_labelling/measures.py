@@ -30,10 +30,3 @@ def measures_of(found: EigenFeatures, features: str) -> NDArray[np.float64]:
     if features == "eigenvalues":
         return eigenvalues_by_area(found)
     return np.column_stack([getattr(found, name) for name in features.split("_")])
-
-
-def centres_of(features: str, given: tuple[float, ...]) -> NDArray[np.float64]:
-    """Return the centres of surfaces and edges, shape (2, n_features): as given, else typical ones."""
-    if given:
-        return np.array(given).reshape(2, -1)
-    return np.array(TYPICAL_CENTRES[features])

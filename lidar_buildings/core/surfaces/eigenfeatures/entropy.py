@@ -9,8 +9,6 @@ import numpy as np
 from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
 from lidar_buildings.core.surfaces.symmetric_eigen import SMALLEST, eigenvalues_3x3
 
-#: How the entropy is counted: of the shares of line, plane and volume, or of the eigenvalues.
-ENTROPIES = ("dimensionality", "eigenentropy")
 LN_2 = math.log(2.0)
 #: The bits of √½, from which on a number's exponent is counted: what is left lies between √½ and √2.
 SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
@@ -20,32 +18,25 @@ SERIES = tuple(2.0 / power for power in range(17, 0, -2))
 
 @inlined
 @kernel
-def entropy_of_shape(dimensionality, xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
+def entropy_of_shape(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
     Return the entropy of a covariance or any multiple of it, infinite where all neighbours coincide.
 
-    Parameters
-    ----------
-    dimensionality : bool
-        Whether of a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ (Demantké and others, 2011),
-        or of the eigenvalues divided by their sum (Weinmann and others, 2015).
-    xx, xy, xz, yy, yz, zz : float
-        The covariance.
+    That of a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ (Demantké and others, 2011).
     """
-    trace = xx + yy + zz
     first, second, third = eigenvalues_3x3(xx, xy, xz, yy, yz, zz)
     s1, s2, s3 = math.sqrt(first), math.sqrt(second), math.sqrt(third)
-    scale = 1.0 / max(s1 if dimensionality else trace, SMALLEST)
-    a1, x1, e1 = _parts((s1 - s2 if dimensionality else first) * scale)
-    a2, x2, e2 = _parts((s2 - s3 if dimensionality else second) * scale)
-    a3, x3, e3 = _parts((s3 if dimensionality else third) * scale)
+    scale = 1.0 / max(s1, SMALLEST)
+    a1, x1, e1 = _parts((s1 - s2) * scale)
+    a2, x2, e2 = _parts((s2 - s3) * scale)
+    a3, x3, e3 = _parts(s3 * scale)
     # One division for three: each logarithm needs (x − 1)/(x + 1).
     y1, y2, y3 = x1 + 1.0, x2 + 1.0, x3 + 1.0
     scale = 1.0 / (y1 * y2 * y3)
     entropy = -a1 * _log((x1 - 1.0) * (y2 * y3 * scale), e1)
     entropy -= a2 * _log((x2 - 1.0) * (y1 * y3 * scale), e2)
     entropy -= a3 * _log((x3 - 1.0) * (y1 * y2 * scale), e3)
-    return entropy if trace > 0.0 else np.inf
+    return entropy if xx + yy + zz > 0.0 else np.inf
 
 
 @inlined

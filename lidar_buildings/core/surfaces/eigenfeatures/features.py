@@ -13,7 +13,6 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.surfaces.eigenfeatures.entropy import ENTROPIES
 from lidar_buildings.core.surfaces.eigenfeatures.moments import shell_lookup
 from lidar_buildings.core.surfaces.eigenfeatures.spheres import BATCH_ROWS, WINDOW_REACH, describe_cells
 
@@ -67,17 +66,14 @@ class EigenFeatures:
         return 1.0 - self.normals[:, 2]
 
 
-def eigen_features(
-    points: ArrayLike, radii: Sequence[float], *, min_neighbours: int = 4, entropy: str = "dimensionality"
-) -> EigenFeatures:
+def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours: int = 4) -> EigenFeatures:
     """
     Describe each point's spherical neighbourhood, its radius chosen by least entropy.
 
     For every radius the covariance of the points within it about their mean gives λ1 ≥ λ2 ≥ λ3; the one is
     taken at which the shape is least ambiguous: the entropy of the shares of line, plane and volume,
-    a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ, is smallest (Demantké and others, 2011), or
-    that of the eigenvalues divided by their sum (Weinmann and others, 2015). One pass over the neighbours of
-    the largest radius serves all of them: moments are summed in shells.
+    a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ, is smallest (Demantké and others, 2011). One
+    pass over the neighbours of the largest radius serves all of them: moments are summed in shells.
 
     Parameters
     ----------
@@ -87,8 +83,6 @@ def eigen_features(
         Rising [m], > 0, at most `BATCH_ROWS`; a single one fixes the radius.
     min_neighbours : int
         Radii with fewer points are passed over, but for the largest one; ≥ 1.
-    entropy : str
-        ``"dimensionality"`` or ``"eigenentropy"``; the second one favours lines.
 
     Returns
     -------
@@ -109,15 +103,13 @@ def eigen_features(
     squares = _checked_radii(radii) ** 2
     if min_neighbours < 1:
         raise ValueError(f"min_neighbours = {min_neighbours!r}: must be at least 1")
-    if entropy not in ENTROPIES:
-        raise ValueError(f"entropy = {entropy!r}: must be one of {', '.join(ENTROPIES)}")
     cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]) / WINDOW_REACH)
-    lookup, of_dimensions = shell_lookup(squares), entropy == ENTROPIES[0]
+    lookup = shell_lookup(squares)
     n = len(cloud.points)
     eigenvalues, normals = np.empty((2, n, 3))
     outputs = (eigenvalues, normals, np.empty(n), np.empty(n, dtype=np.int64))
     for_row_blocks(
-        lambda a, b: describe_cells(cloud, squares, lookup, min_neighbours, of_dimensions, outputs, a, b),
+        lambda a, b: describe_cells(cloud, squares, lookup, min_neighbours, outputs, a, b),
         len(cloud.numbers),
         CELLS_A_BLOCK,
     )

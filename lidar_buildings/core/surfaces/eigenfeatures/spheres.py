@@ -35,7 +35,7 @@ N_COVARIANCE = 6
 
 @kernel
 @packed
-def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found, begin, end):  # type: ignore[no-untyped-def]
+def describe_cells(cloud, squares, lookup, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
     """
     Describe the neighbourhoods of the points in some cells.
 
@@ -49,8 +49,6 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
         What `shell_lookup` says of them.
     min_neighbours : int
         Radii with fewer points are passed over, but for the largest one.
-    dimensionality : bool
-        Which entropy, see `entropy_of_shape`.
     found : tuple of arrays
         One row per input row, in the order of the attributes of `EigenFeatures`.
     begin, end : int
@@ -81,9 +79,9 @@ def describe_cells(cloud, squares, lookup, min_neighbours, dimensionality, found
                 waiting[n_waiting] = cloud.rows[i]
                 n_waiting += 1
                 if n_waiting == len(waiting):
-                    _finish(batch, waiting, squares, min_neighbours, dimensionality, found)
+                    _finish(batch, waiting, squares, min_neighbours, found)
                     n_waiting = 0
-    _finish(batch, waiting[:n_waiting], squares, min_neighbours, dimensionality, found)
+    _finish(batch, waiting[:n_waiting], squares, min_neighbours, found)
 
 
 @inner_kernel
@@ -108,10 +106,10 @@ def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # type: ignore[no-untyped-def]
+def _finish(batch, waiting, squares, min_neighbours, found):  # type: ignore[no-untyped-def]
     """Choose the radius of each point of a batch and write what is found there."""
     n_radii = len(squares)
-    _judge(batch, len(waiting) * n_radii, dimensionality)
+    _judge(batch, len(waiting) * n_radii)
     chosen = np.empty(len(waiting), dtype=np.int64)
     for slot in range(len(waiting)):
         chosen[slot] = slot * n_radii + _least_entropy(batch, slot * n_radii, n_radii, min_neighbours)
@@ -127,10 +125,10 @@ def _finish(batch, waiting, squares, min_neighbours, dimensionality, found):  # 
 
 
 @inner_kernel
-def _judge(batch, n_rows, dimensionality):  # type: ignore[no-untyped-def]
+def _judge(batch, n_rows):  # type: ignore[no-untyped-def]
     """Put the entropy of the batch's rows behind their sums."""
     for row in range(n_rows):
-        entropy = entropy_of_shape(dimensionality, *_covariance(batch, row))
+        entropy = entropy_of_shape(*_covariance(batch, row))
         batch[N_MOMENTS * BATCH_ROWS + row] = entropy
 
 

@@ -137,35 +137,6 @@ def test_points_on_a_line_are_all_edges():
     assert found.edge.all()
 
 
-def test_clusters_of_one_tile_can_be_given_to_the_next():
-    first, _ = roof_and_truth("l_shape", density=8.0)
-    (clusters,) = label_edges(first, EdgeLabellingConfig(scope="tile")).clusters
-    words = " ".join(repr(float(number)) for number in clusters.centres.ravel())
-    given = label_edges(first, EdgeLabellingConfig(scope="given", centres=words))
-    assert np.array_equal(given.edge, label_edges(first, EdgeLabellingConfig(scope="tile")).edge)
-    assert np.array_equal(given.clusters[0].centres, clusters.centres)
-
-
-@pytest.mark.parametrize(
-    ("features", "centres"),
-    [
-        ("linearity_planarity", "0.6 0.3 0.1 0.8"),
-        ("linearity", "0.4 0.4"),
-        ("eigenvalues", "0.7 0.2 0.1 0.5 0.5 0.0"),
-        ("eigenvalues", "0 0 0 0 0 0"),
-    ],
-)
-def test_centres_of_edges_have_to_be_the_more_linear_ones(features, centres):
-    with pytest.raises(ParameterError, match="that of edges, must be more linear"):
-        EdgeLabellingConfig(features=features, centres=centres)
-
-
-@pytest.mark.parametrize("centres", ["0.1 0.9 0.6", "0.1 0.9 0.6 much", "0.1 0.9 0.6 nan", "0.1 0.9 0.6 3"])
-def test_centres_that_do_not_fit_the_features_are_refused(centres):
-    with pytest.raises(ParameterError, match=r"edge_labelling\.centres.*4 numbers within 0 to 1"):
-        EdgeLabellingConfig(centres=centres)
-
-
 def test_what_is_no_number_is_refused_by_name():
     with pytest.raises(ValueError, match="points"):
         label_edges([[0, 0, np.nan]])
