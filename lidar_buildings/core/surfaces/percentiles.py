@@ -11,8 +11,3 @@ def percentile_of(rising: FloatArray, share: float) -> float:
     low, high = float(rising[int(at)]), float(rising[min(int(at) + 1, len(rising) - 1)])
     part = at - int(at)
     return low + (high - low) * part if part < 0.5 else high - (high - low) * (1.0 - part)
-
-
-def middle_of(rising: FloatArray, share: float) -> tuple[float, float]:
-    """Return from where to where rising numbers reach without a share at either end."""
-    return percentile_of(rising, share), percentile_of(rising, 1.0 - share)

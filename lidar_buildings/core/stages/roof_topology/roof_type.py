@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.result import (
     HIP,
@@ -19,8 +19,6 @@ from lidar_buildings.core.stages.roof_topology.result import (
     IntersectionSegment,
     StepEdge,
 )
-from lidar_buildings.core.stages.roof_topology.wings import in_planes, l_or_t
-from lidar_buildings.core.surfaces.percentiles import middle_of
 
 #: Faces less steep are flat: water runs off, the eye sees none of it [deg].
 _FLAT_DEG = 8.0
@@ -30,14 +28,15 @@ _TOLERANCE_DEG = 20.0
 _DETAIL_SHARE, _DETAIL_OF_LARGEST = 0.08, 0.3
 #: A roof with more of its points on one detail is complex.
 _MOST_DETAIL = 0.1
-#: Without this share of the points in planes nothing can be said.
-_MIN_EXPLAINED = 0.5
-#: Planes are pieces of one face if their gradients [m/m] and their heights there [m] differ by less.
+#: Planes are pieces of one face if their gradients differ by less [m/m], and by less than twice the height at
+#: the centre; lower steps are none [m].
 _SAME_GRADIENT, _SAME_HEIGHT = 0.06, 0.3
 #: Lines shorter than this share of the roof's size (√area) do not count.
 _LEAST_LINE = 0.08
 #: A hip that ends this share of the roof's height above the eaves is a half-hip.
 _HALF_HIP = 0.25
+#: A wing whose axis is nearer than this share of its width to the end of the other is at the corner.
+_AT_CORNER = 0.75
 
 
 class Faces(NamedTuple):
@@ -95,12 +94,12 @@ def roof_type(
     str
         ``flat`` (at one level or several), ``shed``, ``gable``, ``hip``, ``half-hip`` (hips that end above
         the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
-        ``complex`` for anything else, ``unknown`` where too few points lie in planes. Details such as
+        ``complex`` for anything else, ``unknown`` where no points lie in planes. Details such as
         dormers and chimneys do not count.
     """
     counts = np.bincount(plane_id, minlength=len(coefficients) + 1)[1:]
     n_planar = int(counts.sum())
-    if n_planar == 0 or n_planar < _MIN_EXPLAINED * len(plane_id):
+    if n_planar == 0:
         return "unknown"
     large = _large_planes(counts, intersections)
     faces = _faces(large, coefficients, intersections, steps, spacing * math.sqrt(n_planar))
@@ -112,7 +111,7 @@ def roof_type(
     if any(flat) or faces.pairs(STEP) or _largest_detail(counts, large, intersections) > _MOST_DETAIL:
         return "complex"
     if faces.pairs(VALLEY):
-        return l_or_t(points, plane_id, faces.planes, faces.pairs(VALLEY), intersections)
+        return _l_or_t(points, plane_id, faces)
     return _without_valleys(points, plane_id, faces)
 
 
@@ -152,7 +151,7 @@ def _faces(
     known = coefficients.tolist()
     for number in large:
         for face in planes:
-            if _same_face(known[face[0] - 1], known[number - 1], size):
+            if _same_face(known[face[0] - 1], known[number - 1]):
                 face.append(number)
                 break
         else:
@@ -170,10 +169,10 @@ def _faces(
     return Faces(planes, [known[face[0] - 1][:2] for face in planes], lines, size)
 
 
-def _same_face(one: Sequence[float], other: Sequence[float], size: float) -> bool:
-    """Whether two planes are nearly one, as far as half the roof's size from the centre."""
-    turn = math.hypot(one[0] - other[0], one[1] - other[1])
-    return turn < _SAME_GRADIENT and abs(one[2] - other[2]) + 0.5 * size * turn < 2 * _SAME_HEIGHT
+def _same_face(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether two planes are nearly one."""
+    is_turned = math.hypot(one[0] - other[0], one[1] - other[1]) >= _SAME_GRADIENT
+    return not is_turned and abs(one[2] - other[2]) < 2 * _SAME_HEIGHT
 
 
 def _without_valleys(points: FloatArray, plane_id: NDArray[np.uint16], faces: Faces) -> str:
@@ -183,8 +182,7 @@ def _without_valleys(points: FloatArray, plane_id: NDArray[np.uint16], faces: Fa
         opposite = faces.turned(0, 1) >= 180.0 - _TOLERANCE_DEG
         return "gable" if (ridges or hips) and opposite else "complex"
     if not ridges and len(hips) >= n >= 3:
-        # Near the point of a spire faces seem to touch others than their neighbours: the longest hips count.
-        return "pyramid" if _is_ring(hips[:n], n) else "complex"
+        return "pyramid"
     if len(ridges) != 1 or n not in (3, 4) or len(hips) != 2 * (n - 2):
         return "complex"
     i, j = ridges[0]
@@ -192,27 +190,42 @@ def _without_valleys(points: FloatArray, plane_id: NDArray[np.uint16], faces: Fa
     across = all(abs(faces.turned(i, k) - 90.0) <= _TOLERANCE_DEG for k in ends)
     if faces.turned(i, j) < 180.0 - _TOLERANCE_DEG or not across:
         return "complex"
-    low, high = _heights(points, plane_id, [*faces.planes[i], *faces.planes[j]])
-    lifted = [_heights(points, plane_id, faces.planes[k])[0] - low for k in ends]
+    low, high = _heights(points, plane_id, faces, (i, j))
+    lifted = [_heights(points, plane_id, faces, (k,))[0] - low for k in ends]
     return "half-hip" if max(lifted) >= _HALF_HIP * (high - low) else "hip"
 
 
-def _is_ring(pairs: list[tuple[int, int]], n: int) -> bool:
-    """Whether each of n faces meets two others, all in one ring."""
-    neighbours: dict[int, list[int]] = {k: [] for k in range(n)}
-    for i, j in pairs:
-        neighbours[i].append(j)
-        neighbours[j].append(i)
-    seen, pending = {0}, [0]
-    while pending:
-        new = [k for k in neighbours[pending.pop()] if k not in seen]
-        seen.update(new)
-        pending.extend(new)
-    return len(seen) == n and all(len(near) == 2 for near in neighbours.values())
+def _l_or_t(points: FloatArray, plane_id: NDArray[np.uint16], faces: Faces) -> str:
+    """Tell roofs of two wings, ``L`` or ``T``, from one another and from more complex ones."""
+    ridges, n_valleys = faces.pairs(RIDGE), len(faces.pairs(VALLEY))
+    # Two valleys: where a wing meets the middle of the other; one: where two equal wings meet.
+    if len(ridges) != 2 or n_valleys > 2:
+        return "complex"
+    fall = np.array([np.subtract(faces.gradient[i], faces.gradient[j]) for i, j in ridges])
+    across = fall / np.hypot(*fall.T)[:, None]
+    if abs(float(across[0] @ across[1])) > math.sin(math.radians(_TOLERANCE_DEG)):
+        return "complex"
+    if n_valleys == 1:
+        return "L"
+    wings = [points[_in_faces(plane_id, faces, pair), :2] for pair in ridges]
+    for k in range(2):
+        # Seen along the ridge of the one, the other is a wing: it is narrower, and its axis is its middle.
+        along = across[1 - k]
+        (low, high), (left, right) = (np.percentile(wings[m] @ along, (1, 99)) for m in (k, 1 - k))
+        axis = 0.5 * (left + right)
+        if 0.0 < min(axis - low, high - axis) < _AT_CORNER * (right - left):
+            return "L"
+    return "T"
 
 
-def _heights(points: FloatArray, plane_id: NDArray[np.uint16], planes: list[int]) -> tuple[float, float]:
-    """
-    Return the elevations near the eaves and the ridge of planes [m]: percentiles, as a few points may be off.
-    """
-    return middle_of(np.sort(points[in_planes(plane_id, planes), 2]), 0.02)
+def _heights(
+    points: FloatArray, plane_id: NDArray[np.uint16], faces: Faces, chosen: Sequence[int]
+) -> tuple[float, float]:
+    """Return the elevations near the eaves and the ridge [m]: percentiles, as a few points may be off."""
+    low, high = np.percentile(points[_in_faces(plane_id, faces, chosen), 2], (2, 98))
+    return float(low), float(high)
+
+
+def _in_faces(plane_id: NDArray[np.uint16], faces: Faces, chosen: Sequence[int]) -> BoolArray:
+    """Whether each point is in one of some faces."""
+    return np.isin(plane_id, [number for k in chosen for number in faces.planes[k]])
