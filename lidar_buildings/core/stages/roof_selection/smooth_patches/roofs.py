@@ -91,16 +91,10 @@ def _without_narrow(
     Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
     """
     label, n = _levels(candidates, roof, config)
-    building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
-    ends = _ending(candidates, building, n_buildings)
+    ends = _ending(candidates, *candidates.buildings(label >= 0, config.min_building_area))
     label = np.where(ends, label, -1)
     is_large = np.append(candidates.areas(label, n) >= LARGE_PATCH_AREA, False)
-    found = _ending(candidates, label, n) | is_large[label]
-    # What remains of buildings that have lost levels may be too small.
-    has_lost = np.zeros(n_buildings + 1, dtype=bool)  # the last one is none
-    has_lost[building[ends & ~found]] = True
-    rest = found & has_lost[building]
-    return (found & ~rest) | candidates.of_buildings(rest, config.min_building_area)
+    return _ending(candidates, label, n) | is_large[label]
 
 
 def _levels(
