@@ -143,55 +143,24 @@ def valley_between_modes(values: NDArray[np.floating]) -> float | None:
     """
     Find the brightness that parts a dark mode from a bright one; None for one mode, or too little to tell.
 
-    Thresholds that part two groups best exist whether there are two or not: Otsu's (1979), and that of least
-    error (Kittler and Illingworth, 1986) for a small group beside a large one. Here they only say on which
-    side to look for either peak of the smoothed histogram; if the floor between the peaks is clearly lower
-    than both, there are two modes, and the middle of that floor parts them.
+    Thresholds that part two groups best exist whether there are two or not (Otsu, 1979). Here the floor
+    between two peaks of the smoothed histogram has to be clearly lower than both; the middle of the deepest
+    such floor parts them.
     """
     if len(values) < MIN_VALUES:
         return None
     edges = np.arange(0.0, BRIGHTEST + BIN, BIN)
     counts = np.histogram(values, edges)[0].astype(float)
-    for parting in (_otsu(counts), _least_error(counts)):
-        limit = _valley_around(parting, counts, edges)
-        if limit is not None and MIN_SHARE <= np.mean(values <= limit) <= 1 - MIN_SHARE:
-            return limit
-    return None
-
-
-def _valley_around(parting: int, counts: NDArray[np.float64], edges: NDArray[np.float64]) -> float | None:
-    """Return the middle of the valley between the highest peaks on both sides of a bin, if there is one."""
     smooth = ndimage.gaussian_filter1d(counts, SMOOTHING / BIN, mode="constant")
-    dark, bright = int(np.argmax(smooth[: parting + 1])), parting + 1 + int(np.argmax(smooth[parting + 1 :]))
-    between = smooth[dark : bright + 1]
-    floor, peak = between.min(), min(smooth[dark], smooth[bright])
+    # The lower one of the highest peaks on both sides of each bin.
+    peak = np.minimum(np.maximum.accumulate(smooth), np.maximum.accumulate(smooth[::-1])[::-1])
+    depth, share = peak - smooth, np.cumsum(counts) / len(values)
     # Smoothing averages some bins, so that its counts scatter less than Poisson's.
-    scatter = VALLEY_CERTAINTY * np.sqrt(peak / (2 * np.sqrt(np.pi) * SMOOTHING / BIN))
-    if floor > MAX_VALLEY * peak or floor > peak - scatter:
+    scatter = np.sqrt(peak / (2.0 * np.sqrt(np.pi) * SMOOTHING / BIN))
+    is_valley = (smooth <= MAX_VALLEY * peak) & (depth >= VALLEY_CERTAINTY * scatter)
+    is_valley &= (share >= MIN_SHARE) & (share <= 1.0 - MIN_SHARE)
+    if not is_valley.any():
         return None
-    lowest = dark + np.flatnonzero(between <= floor + 0.05 * (peak - floor))
-    return float(edges[lowest].mean() + BIN / 2)
-
-
-def _otsu(counts: NDArray[np.float64]) -> int:
-    """Return the last bin of the darker class, the variance between classes being largest (Otsu, 1979)."""
-    place = np.arange(len(counts))
-    below, total = np.cumsum(counts), counts.sum()
-    moment = np.cumsum(counts * place)
-    both = below * (total - below)
-    apart = (moment[-1] * below - total * moment) ** 2
-    between = np.divide(apart, both, out=np.zeros(len(both)), where=both > 0)
-    return min(int(np.argmax(between)), len(counts) - 2)
-
-
-def _least_error(counts: NDArray[np.float64]) -> int:
-    """Return the last bin of the darker of two normal classes (Kittler and Illingworth, 1986, eq. 15)."""
-    place = np.arange(len(counts))
-    sums = np.cumsum(np.stack([counts, counts * place, counts * place**2]), axis=1)
-    criterion = np.zeros(len(counts))
-    for n, first, second in (sums, sums[:, -1:] - sums):
-        n_safe = np.maximum(n, 1.0)
-        # A class of one bin has the variance of an even spread over it.
-        variance = np.maximum(second / n_safe - (first / n_safe) ** 2, 1 / 12)
-        criterion += n / sums[0, -1] * (np.log(variance) - 2 * np.log(n_safe / sums[0, -1]))
-    return min(int(np.argmin(np.where(criterion == 0, np.inf, criterion))), len(counts) - 2)
+    deepest = int(np.argmax(np.where(is_valley, depth, -1.0)))
+    floor = is_valley & (peak == peak[deepest]) & (depth >= 0.95 * depth[deepest])
+    return float(edges[:-1][floor].mean() + BIN / 2.0)
