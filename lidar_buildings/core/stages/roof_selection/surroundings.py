@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.roof_selection.sectors import sector_of
+from lidar_buildings.core.neighbours.sectors import sector_of
 
 #: Points more nearly on a line than this span no plane: cables, single scan lines.
 MAX_LINEARITY = 0.95

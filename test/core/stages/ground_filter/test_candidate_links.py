@@ -1,21 +1,21 @@
 import numpy as np
 import pytest
 
+from lidar_buildings.core.neighbours.sectors import N_SECTORS
 from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
     ROWS_A_BLOCK,
-    SECTORS,
     nearest_by_sector,
 )
 
 
 def nearest_by_brute_force(candidates, rows, reach):
     """What `nearest_by_sector` returns, by looking at every pair."""
-    found = np.full((len(rows), SECTORS), -1)
+    found = np.full((len(rows), N_SECTORS), -1)
     for r, row in enumerate(rows):
         dx, dy = (candidates[:, :2] - candidates[row, :2]).T
         away = np.hypot(dx, dy)
-        sector = np.floor((np.arctan2(dy, dx) + np.pi) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
-        for s in range(SECTORS):
+        sector = np.floor(np.arctan2(dy, dx) % (2 * np.pi) / (2 * np.pi) * N_SECTORS).astype(int) % N_SECTORS
+        for s in range(N_SECTORS):
             those = np.flatnonzero((sector == s) & (away > 0) & (away <= reach))
             if len(those):
                 found[r, s] = those[np.argmin(away[those])]
@@ -85,7 +85,7 @@ def test_neighbours_are_found_where_one_stray_is_enormously_far_off():
 @pytest.mark.parametrize("n", [0, 1])
 def test_none_and_one_alone_have_no_neighbours(n):
     found = nearest_by_sector(np.zeros((n, 3)), np.arange(n), 1.0)
-    np.testing.assert_array_equal(found, np.full((n, SECTORS), -1))
+    np.testing.assert_array_equal(found, np.full((n, N_SECTORS), -1))
 
 
 def test_two_are_each_other_s_only_neighbours():

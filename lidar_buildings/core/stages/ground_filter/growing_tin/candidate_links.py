@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.neighbours.union_find import flatten, link
 
-#: Directions in which a candidate looks for its neighbours.
-SECTORS = 8
-#: So near the border of two sectors, relative to the larger offset, rounding decides: left to the angle.
-BORDER = 1e-9
 #: Rows a block of work; wide margin, the result does not depend on it.
 ROWS_A_BLOCK = 1024
 
@@ -29,7 +26,7 @@ def nearest_by_sector(
     At most one candidate a place; none farther away in plan than `reach` [m].
     """
     cells = by_column(candidates, reach)
-    found = np.full((len(rows), SECTORS), -1, dtype=np.int32)
+    found = np.full((len(rows), N_SECTORS), -1, dtype=np.int32)
     runs = cells.first[cells.around(reach)]
     cell = np.empty(len(candidates), dtype=np.int64)
     cell[cells.rows] = cells.column
@@ -77,7 +74,7 @@ def _look_around(candidates, rows, cell, runs, points, origin, reach, found, beg
 
     `runs` say between which of them the cells around lie, south, level and north: (n_cells, 3, 2).
     """
-    nearest = np.empty(SECTORS)
+    nearest = np.empty(N_SECTORS)
     for r in range(begin, end):
         x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
         nearest[:] = reach * reach
@@ -87,19 +84,7 @@ def _look_around(candidates, rows, cell, runs, points, origin, reach, found, beg
                 squared = dx * dx + dy * dy
                 if squared == 0.0 or squared > reach * reach:
                     continue
-                sector = _sector(dx, dy)
+                sector = sector_of(dx, dy)
                 if squared < nearest[sector]:
                     nearest[sector] = squared
                     found[r, sector] = origin[i]
-
-
-@inner_kernel
-def _sector(dx, dy):  # type: ignore[no-untyped-def]
-    """Return in which eighth of the circle an offset points, counted from west anticlockwise."""
-    across, up = abs(dx), abs(dy)
-    if min(across, up, abs(across - up)) <= BORDER * max(across, up):
-        return int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * SECTORS) % SECTORS
-    steep = 1 if up > across else 0
-    if dy < 0.0:
-        return steep if dx < 0.0 else 3 - steep
-    return 4 + steep if dx > 0.0 else 7 - steep

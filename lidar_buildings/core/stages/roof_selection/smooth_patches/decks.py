@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import gathered
-from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 
 #: Surfaces and ground are compared in cells of this side [m], or of the side in which areas are counted.
 CELL = 1.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.roof_selection.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 1.0, 44.9, 45.0, 60.0, 90.0, 135.0, 179.9])
