@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from lidar_buildings.core.stages.edge_labelling.k_means import in_second, two_means
+from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
 from lidar_buildings.core.stages.edge_labelling.measures import eigenvalues_by_area
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
@@ -65,8 +65,8 @@ def draw(folder: Path) -> None:
     points = cube_points()
     found = cube_features(points)
     eigenvalues = eigenvalues_by_area(found)
-    centres = two_means(eigenvalues, found.linearity)
-    edge = in_second(eigenvalues, centres)
+    centres = two_means(eigenvalues, found.linearity, "euclidean")
+    edge = in_second(eigenvalues, centres, metric_of(eigenvalues, "euclidean"))
     colours = np.where(edge, "tab:blue", "lightgrey")
     figure = plt.figure(figsize=(20, 5))
     figure.suptitle("Santos, Galo and others: Figure 2, Figure 3 a, b and c")

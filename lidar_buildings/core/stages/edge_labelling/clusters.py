@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.core.stages.edge_labelling.k_means import in_second, two_means
+from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
 from lidar_buildings.core.stages.edge_labelling.measures import TYPICAL_CENTRES
 from lidar_buildings.core.stages.edge_labelling.roofs import numbered
 
@@ -93,19 +94,23 @@ def _cluster(
         return np.zeros(len(features), dtype=np.bool_), Clusters(
             number, len(features), TOO_FEW_POINTS, nothing
         )
-    centres, status = _centres(features, linearity, config)
-    return in_second(features, centres), Clusters(number, len(features), status, centres)
+    metric = metric_of(features, config.distance)
+    centres, status = _centres(features, linearity, metric, config)
+    return in_second(features, centres, metric), Clusters(number, len(features), status, centres)
 
 
 def _centres(
-    features: NDArray[np.float64], linearity: NDArray[np.float64], config: EdgeLabellingConfig
+    features: NDArray[np.float64],
+    linearity: NDArray[np.float64],
+    metric: dict[str, Any],
+    config: EdgeLabellingConfig,
 ) -> tuple[NDArray[np.float64], str]:
     """Return the centres of surfaces and edges, and whether they are the points' own."""
     typical = np.array(TYPICAL_CENTRES[config.features])
     if len(features) < MIN_ROOF_POINTS and config.scope == "roof":
         return typical, TOO_FEW_POINTS
-    centres = two_means(features, linearity)
-    second = in_second(features, centres)
+    centres = two_means(features, linearity, config.distance)
+    second = in_second(features, centres, metric)
     if not second.any() or linearity[second].mean() - linearity[~second].mean() < MIN_LINEARITY_GAP:
         return typical, ONE_CLUSTER
     return centres, OK

@@ -25,6 +25,12 @@ class EdgeLabellingConfig(StageConfig):
         "What k-means clusters the points by; eigenvalues find more edges, of which fewer are right.",
         choices=("eigenvalues", "linearity_planarity", "linearity"),
     )
+    distance: str = advanced(
+        "euclidean",
+        "Distance of k-means: Manhattan takes medians for centres, Mahalanobis weighs by the features' "
+        "covariance.",
+        choices=("euclidean", "manhattan", "mahalanobis"),
+    )
     scope: str = advanced(
         "roof",
         "Which points share their clusters: those of a roof, or all of a tile.",

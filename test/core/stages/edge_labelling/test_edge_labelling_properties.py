@@ -17,6 +17,8 @@ CONFIGS = {
     "published": AS_PUBLISHED,
     "eigenvalues": EdgeLabellingConfig(features="eigenvalues"),
     "linearity": EdgeLabellingConfig(features="linearity"),
+    "manhattan": EdgeLabellingConfig(distance="manhattan"),
+    "mahalanobis": EdgeLabellingConfig(distance="mahalanobis"),
     "discriminant": EdgeLabellingConfig(method="discriminant_analysis"),
     "surface": EdgeLabellingConfig(thinning="surface"),
 }
@@ -61,7 +63,7 @@ def test_the_number_of_threads_does_not_change_a_label(monkeypatch, config, n_th
     assert_same(label_edges(points, config), expected)
 
 
-@pytest.mark.parametrize("name", ["default", "eigenvalues", "discriminant"])
+@pytest.mark.parametrize("name", ["default", "eigenvalues", "mahalanobis", "discriminant"])
 def test_a_roof_that_is_whole_in_two_tiles_has_the_same_labels_in_both(name):
     # As tiles carry them: float32 in the map frame.
     houses = [level_roof((x, x + 12), (3, 14), 9.0 + x / 10, seed=x + 40) for x in (-40, -20, 0, 20, 40)]

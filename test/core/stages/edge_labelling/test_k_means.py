@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from sklearn.cluster import KMeans
 
-from lidar_buildings.core.stages.edge_labelling.k_means import in_second, two_means
+from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
 
 
 def points_of(n_features, seed=0):
@@ -23,26 +23,47 @@ def inertia(features, centres):
 @pytest.mark.parametrize("seed", range(4))
 def test_euclidean_clusters_are_as_good_as_those_of_the_best_of_ten_random_starts(n_features, seed):
     features, linearity = points_of(n_features, seed)
-    centres = two_means(features, linearity)
+    centres = two_means(features, linearity, "euclidean")
     best = KMeans(n_clusters=2, n_init=10, random_state=0, tol=0).fit(features)
     assert inertia(features, centres) <= best.inertia_ * (1 + 1e-6)
     expected = best.cluster_centers_[np.argsort(best.cluster_centers_[:, 0])]
     assert np.abs(centres - expected).max() < 1e-3
 
 
+def test_manhattan_centres_are_the_medians_of_their_clusters():
+    features, linearity = points_of(2)
+    centres = two_means(features, linearity, "manhattan")
+    nearest = np.abs(features[:, None] - centres).sum(axis=2).argmin(axis=1)
+    for k in range(2):
+        assert np.allclose(np.median(features[nearest == k], axis=0), centres[k], atol=1e-4)
+    assert np.array_equal(nearest == 1, in_second(features, centres, metric_of(features, "manhattan")))
+
+
+def test_mahalanobis_does_not_mind_the_features_units():
+    features, linearity = points_of(2)
+    stretched = features * [1.0, 0.1]
+    labels = [
+        in_second(each, two_means(each, linearity, "mahalanobis"), metric_of(each, "mahalanobis"))
+        for each in (features, stretched)
+    ]
+    assert np.mean(labels[0] == labels[1]) > 0.999
+
+
+@pytest.mark.parametrize("distance", ["euclidean", "manhattan", "mahalanobis"])
 @pytest.mark.parametrize("n", [1, 2, 50])
-def test_points_with_the_same_features_are_one_cluster(n):
+def test_points_with_the_same_features_are_one_cluster(distance, n):
     features = np.full((n, 2), 0.4)
-    centres = two_means(features, features[:, 0])
+    centres = two_means(features, features[:, 0], distance)
     assert np.allclose(centres, 0.4, atol=1e-4)
-    assert not in_second(features, centres).any()
+    assert not in_second(features, centres, metric_of(features, distance)).any()
 
 
-def test_features_that_are_functions_of_one_another_are_clustered():
+@pytest.mark.parametrize("distance", ["euclidean", "manhattan", "mahalanobis"])
+def test_features_that_are_functions_of_one_another_are_clustered(distance):
     _, linearity = points_of(1)
     features = np.column_stack([linearity, 1 - linearity])
-    centres = two_means(features, linearity)
-    second = in_second(features, centres)
+    centres = two_means(features, linearity, distance)
+    second = in_second(features, centres, metric_of(features, distance))
     assert 0.1 < second.mean() < 0.2
     assert linearity[second].min() > linearity[~second].max()
 
@@ -52,4 +73,4 @@ def test_features_that_are_no_numbers_are_refused(value):
     features, linearity = points_of(2)
     features[3, 1] = value
     with pytest.raises(ValueError, match="features"):
-        two_means(features, linearity)
+        two_means(features, linearity, "euclidean")
