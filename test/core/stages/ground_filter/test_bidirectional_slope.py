@@ -11,8 +11,8 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles import profile_labe
 from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import grow_ground
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import fit_trend
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
-from lidar_buildings.core.stages.ground_filter.trend import fit_trend
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 

@@ -10,11 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.windows import cells_in_row
-from lidar_buildings.core.stages.ground_filter.trend import fit_trend
-
-# Chosen with `bench.ground.noise`.
-#: Radius over which the slope of the terrain is taken [columns], and the steepest that it is taken for.
-TREND_COLUMNS, MAX_GRADIENT = 14.0, 1.0
+from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
 
 
 class Layers(NamedTuple):
@@ -29,7 +25,7 @@ class Layers(NamedTuple):
     numbers: NDArray[np.int64]  #: the columns' numbers, row by row; see `CellGrid`, shape (n_columns,)
     width: int  #: by how much the number of a column's northern neighbour is higher
     size: float  #: side of a column [m]
-    #: Rise over run along x and y of the trend of the columns' lowest points, shape (n_columns, 2).
+    #: The terrain's rise over run along x and y; see `terrain_gradient`, shape (n_columns, 2).
     gradient: NDArray[np.float64]
 
 
@@ -41,10 +37,7 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
-    lowest = cloud.points[cloud.first[:-1]]
-    radius = TREND_COLUMNS * cloud.size
-    trend = fit_trend(lowest, np.ones(len(lowest), dtype=bool), radius, far=False)
-    gradient = np.clip(trend.gradient_at(lowest), -MAX_GRADIENT, MAX_GRADIENT)
+    gradient = terrain_gradient(cloud.points[cloud.first[:-1]], cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
 
 

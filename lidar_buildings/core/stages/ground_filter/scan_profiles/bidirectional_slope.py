@@ -20,9 +20,9 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression 
     TOLERANCE_SLOPE,
     grow_ground,
 )
+from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import Trend, fit_trend
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles, cut_profiles
 from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
-from lidar_buildings.core.stages.ground_filter.trend import Trend, fit_trend
 
 # Chosen with `bench.ground.isprs`.
 #: Width of the strips that are cut as profiles [multiples of the spacing].
