@@ -2,60 +2,29 @@
 How loops are compiled: `kernel` for those that Python calls, `inner_kernel` for those that only kernels call.
 
 Numba takes some 0.1 s of a processor for each. Both leave out what is never used: the way in from C, copies
-for each literal number that a loop passes on, passes over what loops do not have, and for inner ones, as for
-numba's own functions, the way in from Python, machine code and a file of their own, as the files of their
-callers hold them. Which of its functions a call means, numba looks up once. What was compiled before is
-loaded as machine code alone: what the compiler would need is read when it is asked for. References to arrays
-that are handed in are not counted (see `reference_counts`).
+for each literal number that a loop passes on, what loops do not have (see `loop_compiler`), and for inner
+ones, as for numba's own functions, the way in from Python, machine code and a file of their own, as the files
+of their callers hold them. Which of its functions a call means, numba looks up once. What was compiled before
+is loaded as machine code alone: what the compiler would need is read when it is asked for.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
 from numba import njit, types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary, ll
-from numba.core.compiler import Compiler, CompileResult
-from numba.core.compiler_machinery import PassManager
+from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
-from numba.core.typed_passes import (
-    AnnotateTypes,
-    IRLegalization,
-    NativeLowering,
-    NoPythonBackend,
-    NopythonTypeInference,
-    PreLowerStripPhis,
-)
-from numba.core.untyped_passes import (
-    FixupArgs,
-    IRProcessing,
-    ReconstructSSA,
-    RewriteDynamicRaises,
-    TranslateByteCode,
-)
+from numba.core.typed_passes import NativeLowering
 
-from lidar_buildings.core.reference_counts import without_borrowed
+from lidar_buildings.core.loop_compiler import LoopCompiler, LoopLower, meanwhile
 
 #: What numba rewrites are formulas of whole arrays, parts of tuples, errors with a message, `is None`: loops
 #: do without (such a part or error does not compile, such a formula takes longer to).
 _OPTIONS: Any = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "no_rewrites": True}
 _INNER_OPTIONS: Any = _OPTIONS | {"no_cpython_wrapper": True}
-#: Left out are those for functions within functions, comprehensions, `with`, `literally`, `inline="always"`.
-_PASSES = (
-    TranslateByteCode,
-    FixupArgs,
-    IRProcessing,
-    RewriteDynamicRaises,
-    ReconstructSSA,
-    NopythonTypeInference,
-    PreLowerStripPhis,
-    IRLegalization,
-    AnnotateTypes,
-    NativeLowering,
-    NoPythonBackend,
-)
 
 
 class _WholeLibrary(JITCodeLibrary):
@@ -71,9 +40,7 @@ class _WholeLibrary(JITCodeLibrary):
         passes.add_instruction_combine_pass()
         passes.add_simplify_cfg_pass()
         passes.run(ll_module, self._codegen._pass_builder())
-        tidied = ll.parse_assembly(without_borrowed(str(ll_module)))
-        tidied.name = ll_module.name
-        super().add_llvm_module(tidied)
+        super().add_llvm_module(ll_module)
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Leave each of its functions to the look at the whole."""
@@ -126,41 +93,21 @@ class _Signatures:
         return found
 
 
-class _LoopCompiler(Compiler):
-    """Numba's compiler, with the passes that loops need."""
-
-    def define_pipelines(self) -> list[PassManager]:
-        passes = PassManager("loop")
-        for one in _PASSES:
-            passes.add_pass(one, one.__name__)
-        passes.finalize()
-        return [passes]
-
-
-class _WholeCompiler(_LoopCompiler):
+class _WholeCompiler(LoopCompiler):
     """What is compiled on the way, which Python never calls, becomes an inner library."""
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
         generator, typing = self.state.targetctx.codegen(), self.state.typingctx
         with (
-            _meanwhile(generator, "_library_class", _InnerLibrary),
-            _meanwhile(typing, "resolve_function_type", _Signatures(typing)),
+            meanwhile(generator, "_library_class", _InnerLibrary),
+            meanwhile(typing, "resolve_function_type", _Signatures(typing)),
+            meanwhile(NativeLowering, "lowering_class", LoopLower),
+            meanwhile(ll.ffi.lib._lock, "_cblist", []),
         ):
             self.state.library = _WholeLibrary(generator, function.__qualname__)
             self.state.library.packs = hasattr(function, "packs")
             self.state.library.enable_object_caching()
             return super().compile_extra(function)
-
-
-@contextmanager
-def _meanwhile(thing: Any, name: str, value: Any) -> Iterator[None]:
-    """Give a thing another attribute for a while."""
-    before = getattr(thing, name)
-    setattr(thing, name, value)
-    try:
-        yield
-    finally:
-        setattr(thing, name, before)
 
 
 class _LoadedLibrary(JITCodeLibrary):
@@ -233,7 +180,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inner_kernel(function: Callable[..., Any]) -> Any:
     """Compile a loop that only loops call: called from Python it ends the process (test/contracts looks)."""
-    return _without_literals(njit(pipeline_class=_LoopCompiler, **_INNER_OPTIONS)(function))
+    return _without_literals(njit(pipeline_class=LoopCompiler, **_INNER_OPTIONS)(function))
 
 
 def packed(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -94,7 +94,7 @@ def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     for i in range(n):
         for j in range(m):
             found[i, j] *= found[i, j]
-        along_column[:] = found[i]
+            along_column[j] = found[i, j]
         for step in range(1, min(reach, m - 1) + 1):
             _lower(found[i, step:], along_column[: m - step], np.int32(step * step))
             _lower(found[i, : m - step], along_column[step:], np.int32(step * step))

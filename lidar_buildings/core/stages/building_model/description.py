@@ -18,9 +18,15 @@ _ONE_CORNER = 0.02
 @inner_kernel
 def grouped(owners, n):  # type: ignore[no-untyped-def]
     """Return where each owner's places begin, and the rows of `owners` by owner; -1 owns none."""
-    flat = owners.reshape(-1)
-    places, first = rows_by_group(np.where(flat < 0, n, flat), n + 1)
-    return first, places >> 1
+    group = np.empty(2 * len(owners), dtype=owners.dtype)
+    for row in range(len(owners)):
+        for side in range(2):
+            owner = owners[row, side]
+            group[2 * row + side] = owner if owner >= 0 else n
+    places, first = rows_by_group(group, n + 1)
+    for k in range(len(places)):
+        places[k] >>= 1
+    return first, places
 
 
 @inner_kernel

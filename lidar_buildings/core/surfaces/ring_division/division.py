@@ -109,7 +109,10 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
     starts = np.zeros(n + 1, dtype=np.int64)
     least = np.zeros(n + 1)
     n_starts = 1
-    is_step = np.abs(np.outer(cosines, sines) - np.outer(sines, cosines)) <= parallel
+    is_step = np.zeros((free, free), dtype=np.bool_)
+    for k in range(free):
+        for other in range(free):
+            is_step[k, other] = abs(cosines[k] * sines[other] - sines[k] * cosines[other]) <= parallel
     for end in range(1, n + 1):
         for s in range(n_starts):
             start = starts[s]

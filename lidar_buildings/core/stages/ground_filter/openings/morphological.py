@@ -12,6 +12,7 @@ from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
@@ -137,7 +138,7 @@ def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[
     """Set a window of the raster of minima, whose first cell is in row `south` and column `west`."""
     for y in range(lowest.shape[0]):
         start = (south + y) * n_columns + west
-        k = np.searchsorted(numbers, start)
+        k = first_from(numbers, start)
         while k < len(numbers) and numbers[k] < start + lowest.shape[1]:
             lowest[y, numbers[k] - start] = elevation[k]
             k += 1
