@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.pieces import Pieces, intersection_lines
 from lidar_buildings.core.surfaces.roof_planes import CommonVertex, common_point
@@ -104,11 +104,11 @@ def _common_points(
         mine = members[number]
         if 2 * len(mine) < _LEAST_PLANES or len(met := _planes_of(pairs[mine])) < _LEAST_PLANES:
             continue
-        point, planes = _agreeing(gradients, np.array(sorted(met)))
+        agreed = sorted(met)
+        point, miss = common_point(gradients[np.array(agreed) - 1])
         apart = np.hypot(*(positions[mine] - point[:2]).T).min()
-        if len(planes) >= _LEAST_PLANES and apart <= _SAME_POINT * spacing:
+        if miss <= _MOST_MISS and apart <= _SAME_POINT * spacing:
             near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
-            agreed = planes.tolist()
             others = np.array(sorted(_planes_of(pairs[near]).difference(agreed)), dtype=np.int64)
             miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
             agreed += others[np.abs(miss) <= _MOST_MISS].tolist()
@@ -119,13 +119,3 @@ def _common_points(
 
 def _planes_of(pairs: NDArray[np.int32]) -> set[int]:
     return set(pairs.ravel().tolist())
-
-
-def _agreeing(gradients: FloatArray, planes: IntArray) -> tuple[FloatArray, IntArray]:
-    """Leave out the planes that miss the common point of the others most until they agree on one."""
-    while True:
-        point, miss = common_point(gradients[planes - 1])
-        if miss <= _MOST_MISS or len(planes) < _LEAST_PLANES:
-            return point, planes
-        left_out = [common_point(gradients[np.delete(planes, k) - 1])[1] for k in range(len(planes))]
-        planes = np.delete(planes, int(np.argmin(left_out)))

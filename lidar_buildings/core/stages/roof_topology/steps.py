@@ -47,16 +47,16 @@ def find_step_lines(
     xy = borders.xy[rows]
     first, second = borders.first[rows], borders.second[rows]
     tops, others = (_elevations(gradients[planes - 1], xy) for planes in (first, second))
-    upper = np.where(tops >= others, first, second)
+    higher = tops >= others
+    upper = np.where(higher, first, second)
     chains = step_chains(xy, borders.upright[rows], upper, np.maximum(tops, others), borders.cell)
     runs, run = straight_runs(xy, chains, _candidate_angles(gradients, area, walls), borders.cell, spacing)
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
-    higher = _first_is_higher(first, tops - others, run)
     beside = _upper_points(borders, rows, points, centre, angle, offset, higher)
     weight = np.bincount(run, minlength=len(runs))
     mean = np.bincount(run, beside, len(runs)) / np.maximum(weight, 1)
-    planes = np.where(higher[:, None], np.column_stack([first, second]), np.column_stack([second, first]))
+    planes = np.column_stack([upper, first + second - upper])
     line, ends, planes, length = _pieces(run, t, planes, borders.cell, spacing)
     gap = np.maximum(np.abs(mean), _USUAL_GAP * spacing)
     return StepLines(runs[:, 0], runs[:, 1], line, ends, planes, length, gap)
@@ -72,12 +72,6 @@ def _candidate_angles(gradients: FloatArray, area: FloatArray, walls: FloatArray
     angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
     main = main_directions(angles, weights)
     return np.concatenate([main, main + math.pi / 2])
-
-
-def _first_is_higher(first: NDArray[np.int32], rise: FloatArray, run: IntArray) -> BoolArray:
-    """Whether, of the planes of each side, the first is the higher one along the run, on average."""
-    _, group = np.unique(run << 32 | first, return_inverse=True)
-    return np.asarray(np.bincount(group, rise)[group] >= 0)
 
 
 def _upper_points(
