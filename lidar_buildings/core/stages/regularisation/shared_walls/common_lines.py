@@ -22,8 +22,6 @@ SAME = 2e-3
 SAME_CHORD, SAME_TURN_DEG, LEAST_TURN_DEG, LARGEST_TURN_DEG = 0.02, 1.0, 1.0, 60.0
 #: Lines that meet under a smaller angle give no corner: the one that was there is kept.
 MIN_CORNER_DEG = 20.0
-#: Nor do lines that meet farther from the corner that was there [gaps].
-MAX_CORNER_SHIFT_GAPS = 3.0
 
 
 class Walls(NamedTuple):
@@ -76,11 +74,7 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
     first = 0
     for ring, building in zip(rings, ring_of, strict=True):
         n = shapely.get_num_coordinates(ring) - 1
-        corners = [
-            corner
-            for wall in range(first, first + n)
-            for corner in _corners(walls, lines, wall, gaps[building])
-        ]
+        corners = [corner for wall in range(first, first + n) for corner in _corners(walls, lines, wall)]
         parts[building].append(shapely.LinearRing(corners) if len(corners) >= 3 else shapely.LinearRing())
         first += n
     return np.array([shapely.Polygon(own[0], own[1:]) for own in parts], dtype=object)
@@ -180,7 +174,7 @@ def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float6
     return point, np.linalg.eigh(spread)[1][:, 1]
 
 
-def _corners(walls: Walls, lines: Lines, wall: int, gap: float) -> list[NDArray[np.float64]]:
+def _corners(walls: Walls, lines: Lines, wall: int) -> list[NDArray[np.float64]]:
     """Return the vertices between a wall and the one before it."""
     before, corner = walls.before[wall], walls.start[wall]
     groups = lines.group[before], lines.group[wall]
@@ -191,7 +185,5 @@ def _corners(walls: Walls, lines: Lines, wall: int, gap: float) -> list[NDArray[
     ahead, across = lines.along[before], np.array([-lines.along[wall][1], lines.along[wall][0]])
     sine = float(ahead @ across)
     if abs(sine) >= math.sin(math.radians(MIN_CORNER_DEG)):
-        met = lines.point[before] + ahead * ((lines.point[wall] - lines.point[before]) @ across / sine)
-        if np.hypot(*(met - corner)) <= MAX_CORNER_SHIFT_GAPS * gap:
-            return [met]
+        return [lines.point[before] + ahead * ((lines.point[wall] - lines.point[before]) @ across / sine)]
     return [lines.foot(k, corner) for k, group in zip((before, wall), groups, strict=True) if group >= 0]
