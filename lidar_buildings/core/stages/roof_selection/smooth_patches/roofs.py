@@ -29,8 +29,6 @@ MIN_SECTORS = 6
 PART_SINK = 0.5
 #: How far a chimney, dormer or other part may rise above the roof around it: one storey [m].
 MAX_PART_HEIGHT = 3.0
-#: Share of a part's points that have to have roof around them.
-PART_SHARE = 0.7
 #: Wider neighbourhoods reach beyond the faces of houses and are hardly ever smooth [m].
 FACE_WIDTH = 4.0
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
@@ -76,7 +74,7 @@ def _small_parts(
     rows = np.flatnonzero(~roof)
     label, n = candidates.parts(rows, candidates.radius)
     part = label[rows]
-    is_held = np.bincount(part, held[rows], n) >= PART_SHARE * np.bincount(part, minlength=n)
+    is_held = 2 * np.bincount(part, held[rows], n) >= np.bincount(part, minlength=n)
     kept = np.zeros(len(roof), dtype=bool)
     kept[rows] = (is_held & (candidates.areas(label, n) <= config.max_part_area))[part]
     return kept
