@@ -77,33 +77,17 @@ def _edge_towards(across: IntArray, t: int, other: int) -> int:
 @inner_kernel
 def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles opposite edge ab add up to more than 180° and the other diagonal lies inside."""
-    if _sine(flat, c, a, d) <= 0.0 or _sine(flat, d, b, c) <= 0.0:
+    if _angle(flat, c, a, d)[0] <= 0.0 or _angle(flat, d, b, c)[0] <= 0.0:
         return False
-    gain = _sine(flat, c, a, b) * _cosine(flat, d, b, a) + _cosine(flat, c, a, b) * _sine(flat, d, b, a)
-    return gain < -_NO_GAIN
+    sine_c, cosine_c = _angle(flat, c, a, b)
+    sine_d, cosine_d = _angle(flat, d, b, a)
+    return sine_c * cosine_d + cosine_c * sine_d < -_NO_GAIN
 
 
 @inner_kernel
-def _sine(flat: FloatArray, p: int, q: int, r: int) -> float:
-    """Return the sine of the angle at p from q to r, 0 if one coincides with it."""
-    ux, uy, vx, vy = (
-        flat[q, 0] - flat[p, 0],
-        flat[q, 1] - flat[p, 1],
-        flat[r, 0] - flat[p, 0],
-        flat[r, 1] - flat[p, 1],
-    )
+def _angle(flat: FloatArray, p: int, q: int, r: int) -> tuple[float, float]:
+    """Return sine and cosine of the angle at p from q to r; it is 0 if one coincides with it."""
+    ux, uy = flat[q, 0] - flat[p, 0], flat[q, 1] - flat[p, 1]
+    vx, vy = flat[r, 0] - flat[p, 0], flat[r, 1] - flat[p, 1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
-    return (ux * vy - uy * vx) / size if size > 0.0 else 0.0
-
-
-@inner_kernel
-def _cosine(flat: FloatArray, p: int, q: int, r: int) -> float:
-    """Return the cosine of the angle at p from q to r, 1 if one coincides with it."""
-    ux, uy, vx, vy = (
-        flat[q, 0] - flat[p, 0],
-        flat[q, 1] - flat[p, 1],
-        flat[r, 0] - flat[p, 0],
-        flat[r, 1] - flat[p, 1],
-    )
-    size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
-    return (ux * vx + uy * vy) / size if size > 0.0 else 1.0
+    return ((ux * vy - uy * vx) / size, (ux * vx + uy * vy) / size) if size > 0.0 else (0.0, 1.0)
