@@ -27,8 +27,8 @@ def crown():
     return np.random.default_rng(1).uniform(0.0, 8.0, (40, 3))
 
 
-def is_roof(points, is_last=None, is_only=None, ground=None):
-    """Return which points start roofs, row by row."""
+def is_roof(points, is_last=None, is_only=None, ground=None, member="is_surface"):
+    """Return which points start roofs, row by row, or are of another member of the surface."""
     columns = by_column(points, SPACING)
     every, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3)) if ground is None else ground
     is_last, is_only = ((every if one is None else one)[columns.rows] for one in (is_last, is_only))
@@ -36,7 +36,7 @@ def is_roof(points, is_last=None, is_only=None, ground=None):
     surface = find_voted_surface(candidates, RoofSelectionConfig())
     np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0)
     found = np.zeros(len(points), dtype=bool)
-    found[columns.rows] = surface.is_surface
+    found[columns.rows] = getattr(surface, member)
     return found
 
 
@@ -94,6 +94,18 @@ def test_shrubs_on_open_ground_are_no_roof_whatever_house_is_the_nearest():
     found = is_roof(np.vstack([house, shrubs]), ground=ground)
     assert found[: len(house)].mean() > 0.8
     assert not found[len(house) :].any()
+
+
+def test_no_roof_grows_into_a_crown_beside_it_whatever_is_at_its_height():
+    house = gable_of_a_few_points()
+    tree = crown() + np.array([5.0, 2.0, 0.0])
+    split = np.arange(len(house) + len(tree)) < len(house)
+    barred = is_roof(np.vstack([house, tree]), is_last=split, is_only=split, member="is_other")
+    assert not barred[: len(house)].any()
+    assert barred[len(house) :].mean() > 0.8
+    # A pulse that a ridge splits has no votes of its own either.
+    ridge = np.arange(len(house)) != np.argmax(house[:, 2])
+    assert not is_roof(house, is_last=ridge, is_only=ridge, member="is_other").any()
 
 
 def test_a_deck_of_few_points_is_no_roof():

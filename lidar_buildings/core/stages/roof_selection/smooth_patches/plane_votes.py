@@ -22,16 +22,14 @@ MIN_SINE = 0.4
 #: Largest distance from a plane, in the cells in which areas are counted, two spacings: neighbours in foliage
 #: differ in height as they lie apart, and so as few come near a plane by chance at any density.
 DISTANCE_CELLS = 1.0 / 32.0
-#: Points in plan, of all that came back, that say whether one of them is roof: three rings around it.
+#: Points, of all that came back, that say whether one of them is roof: three rings around it.
 N_AROUND = 24
-#: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, more than crowns,
+#: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, as much as crowns,
 #: which have 1 to 3 and let ground be seen; so what is narrow or stands alone has to be flatter.
-GROUND_VOTES = 3.0
+GROUND_VOTES = 2.25
 #: Mean votes around a point of a roof; and where returns are not known, so that nothing but planes tells of
 #: foliage.
-MIN_VOTES, MIN_VOTES_UNKNOWN = 4.25, 4.75
-#: Fewest votes of a plane along which a roof goes on.
-MIN_PLANE_VOTES = 4
+MIN_VOTES, MIN_VOTES_UNKNOWN = 3.75, 4.4
 
 
 def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
@@ -40,20 +38,21 @@ def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> R
 
     One point's votes say little where faces hold few points; a crown has few votes as a whole. All that came
     back around it is asked: what others of its pulse came after has no votes, and foliage has many of those;
-    it lets ground be seen, too. `max_roughness` is the largest distance from the plane, if that is not
-    narrower still.
+    it lets ground be seen, too. Where more of what is raised around a point has no such planes than has, no
+    roof grows to it. `max_roughness` is the largest distance from the plane, if that is not narrower still.
     """
     points, n, ground = candidates.points, len(candidates.points), candidates.ground()
     votes, normals = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
     distance = min(config.max_roughness, DISTANCE_CELLS * candidates.cell)
     votes[candidates.is_last], normals[candidates.is_last] = plane_votes(points[candidates.is_last], distance)
     least = MIN_VOTES_UNKNOWN if candidates.is_only.all() else MIN_VOTES
-    rows = np.flatnonzero(_mean_around(points, votes, ground) >= least)
+    rows = np.flatnonzero(_mean_around(points[:, :2], votes, ground[:, :2], GROUND_VOTES) >= least)
     label, n_parts = candidates.parts(rows, candidates.radius)
     part, (is_surface, nothing) = label[rows], np.zeros((2, n), dtype=bool)
     decks = is_deck(points[rows], part, n_parts, ground, candidates.cell)
-    is_surface[rows] = ~decks[part] & (votes[rows] >= MIN_PLANE_VOTES)
-    return RoofSurface(is_surface, nothing, nothing, normals[is_surface])
+    is_surface[rows] = ~decks[part] & (votes[rows] > 0)
+    is_among_others = _mean_around(points, np.where(is_surface, 1, -1), ground, 0) <= 0.0
+    return RoofSurface(is_surface, is_among_others & ~is_surface, nothing, normals[is_surface])
 
 
 def plane_votes(
@@ -74,15 +73,15 @@ def plane_votes(
 
 
 def _mean_around(
-    points: NDArray[np.float64], votes: NDArray[np.int64], ground: NDArray[np.float64]
+    points: NDArray[np.float64], values: NDArray[np.int64], ground: NDArray[np.float64], of_ground: float
 ) -> NDArray[np.float64]:
-    """Return the mean votes of each point and its nearest neighbours in plan, ground among them."""
+    """Return the mean value of each point and its nearest neighbours, in plan or space, ground among them."""
     # In an order of their own: of neighbours as far away the first ones count.
-    plan = np.vstack([points, ground[np.lexsort(ground.T)]])[:, :2]
-    value = np.append(votes, np.full(len(ground), GROUND_VOTES))
-    if len(plan) <= N_AROUND:
+    every = np.vstack([points, ground[np.lexsort(ground.T)]])
+    value = np.append(values, np.full(len(ground), of_ground))
+    if len(every) <= N_AROUND:
         return value[: len(points)]
-    return np.asarray(value[cKDTree(plan).query(plan[: len(points)], N_AROUND + 1)[1]].mean(axis=1))
+    return np.asarray(value[cKDTree(every).query(points, N_AROUND + 1)[1]].mean(axis=1))
 
 
 @kernel

@@ -43,7 +43,8 @@ class RoofSurface:
     """The points from which roofs are completed."""
 
     is_surface: NDArray[np.bool_]  #: point of an accepted patch, shape (n_points,)
-    is_steep: NDArray[np.bool_]  #: point of a smooth surface steeper than a roof, shape (n_points,)
+    #: Point that no roof grows to: of a smooth surface steeper than one, or among more others than roofs.
+    is_other: NDArray[np.bool_]
     #: Point of such a surface that is as large as a building's wall, shape (n_points,).
     is_wall: NDArray[np.bool_]
     normals: NDArray[np.float64]  #: their unit normals, shape (n_surface_points, 3)
@@ -65,8 +66,8 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     smooth &= features.n_neighbours >= MIN_PLANE_POINTS
     level = upward >= math.cos(math.radians(MAX_SLOPE_DEG))
     upright = upward < math.cos(math.radians(STEEP_DEG))
-    is_surface, is_steep, is_wall = np.zeros((3, n), dtype=bool)
-    is_steep[rows[smooth & ~level]] = True
+    is_surface, is_other, is_wall = np.zeros((3, n), dtype=bool)
+    is_other[rows[smooth & ~level]] = True
     links = _link_lengths(features.n_neighbours, features.radius, radius)
     known = _Known(rows, features.normals, links, roughness / config.max_roughness)
     del features, upward, noise, roughness, links  # here and below: half of the memory
@@ -79,11 +80,11 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     roofs = _patches(columns, known, smooth & level, offset)
     del known
     accepted, hangs = _accepted(candidates, roofs), _of_walls(roofs)
-    is_steep[roofs.columns.rows[hangs]] = True
+    is_other[roofs.columns.rows[hangs]] = True
     accepted &= ~hangs
     is_surface[roofs.columns.rows[accepted]] = True
     own = roofs.normals.take(np.flatnonzero(accepted), axis=0)
-    return RoofSurface(is_surface, is_steep, is_wall, own)
+    return RoofSurface(is_surface, is_other, is_wall, own)
 
 
 class _Known(NamedTuple):

@@ -48,13 +48,13 @@ def find_roofs(
     """
     columns, radius = candidates.columns, candidates.radius
     surface = (find_voted_surface if 2.0 * radius > FACE_WIDTH else find_roof_surface)(candidates, config)
-    roof = ~surface.is_steep & near_tangent_plane(
+    roof = ~surface.is_other & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
     roof = _levels(candidates, roof, config, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~surface.is_steep
+    roof |= stands & ~surface.is_other
     return _without_narrow(candidates, roof, config), surface.is_wall
 
 
