@@ -24,12 +24,14 @@ MIN_SINE = 0.4
 DISTANCE_CELLS = 1.0 / 32.0
 #: Points, of all that came back, that say whether one of them is roof: three rings around it.
 N_AROUND = 24
-#: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, as much as crowns,
+#: What ground counts for among them, in votes: less than roofs, which have 7 in the mean, like crowns,
 #: which have 1 to 3 and let ground be seen; so what is narrow or stands alone has to be flatter.
-GROUND_VOTES = 2.25
+GROUND_VOTES = 1.75
 #: Mean votes around a point of a roof; and where returns are not known, so that nothing but planes tells of
 #: foliage.
-MIN_VOTES, MIN_VOTES_UNKNOWN = 3.75, 4.4
+MIN_VOTES, MIN_VOTES_UNKNOWN = 3.5, 4.15
+#: How many more a connected roof has somewhere: in crowns few points at a time lie on a plane by chance.
+MORE_VOTES = 1.0
 
 
 def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> RoofSurface:
@@ -38,19 +40,23 @@ def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> R
 
     One point's votes say little where faces hold few points; a crown has few votes as a whole. All that came
     back around it is asked: what others of its pulse came after has no votes, and foliage has many of those;
-    it lets ground be seen, too. Where more of what is raised around a point has no such planes than has, no
-    roof grows to it. `max_roughness` is the largest distance from the plane, if that is not narrower still.
+    it lets ground be seen, too. Connected roof is surer somewhere. Where more of what is raised around a
+    point has no such planes than has, no roof grows to it. `max_roughness` is the largest distance from the
+    plane, if that is not narrower still.
     """
     points, n, ground = candidates.points, len(candidates.points), candidates.ground()
     votes, normals = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
     distance = min(config.max_roughness, DISTANCE_CELLS * candidates.cell)
     votes[candidates.is_last], normals[candidates.is_last] = plane_votes(points[candidates.is_last], distance)
     least = MIN_VOTES_UNKNOWN if candidates.is_only.all() else MIN_VOTES
-    rows = np.flatnonzero(_mean_around(points[:, :2], votes, ground[:, :2], GROUND_VOTES) >= least)
+    mean = _mean_around(points[:, :2], votes, ground[:, :2], GROUND_VOTES)
+    rows = np.flatnonzero(mean >= least)
     label, n_parts = candidates.parts(rows, candidates.radius)
     part, (is_surface, nothing) = label[rows], np.zeros((2, n), dtype=bool)
     decks = is_deck(points[rows], part, n_parts, ground, candidates.cell)
-    is_surface[rows] = ~decks[part] & (votes[rows] > 0)
+    most = np.zeros(n_parts)
+    np.maximum.at(most, part, mean[rows])
+    is_surface[rows] = (~decks & (most >= least + MORE_VOTES))[part] & (votes[rows] > 0)
     is_among_others = _mean_around(points, np.where(is_surface, 1, -1), ground, 0) <= 0.0
     return RoofSurface(is_surface, is_among_others & ~is_surface, nothing, normals[is_surface])
 
