@@ -50,15 +50,15 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # typ
     for i in range(len(first)):
         row, end = rows[first[i]], rows[(last[i] - 1) % n_samples]
         before, behind = ring[(row - 1) % n], ring[(end + 1) % n]
+        dx, dy = behind[0] - before[0], behind[1] - before[1]
+        n_rows = (end - row) % n + 1
+        if n_rows == 1 and 2 * (last[i] - first[i]) > n_samples:  # all round, and begun within an edge
+            n_rows = n
         total, count = 0.0, 0
-        while True:
-            if is_on_wall[row]:
-                dx, dy = behind[0] - before[0], behind[1] - before[1]
-                total += offset_of(shape[i], dx, dy, ring[row, 0], ring[row, 1])
+        for k in range(row, row + n_rows):
+            if is_on_wall[k % n]:
+                total += offset_of(shape[i], dx, dy, ring[k % n, 0], ring[k % n, 1])
                 count += 1
-            if row == end:
-                break
-            row = row + 1 if row + 1 < n else 0
         if count:
             offsets[i] = total / count
     return offsets

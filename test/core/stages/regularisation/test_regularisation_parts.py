@@ -15,7 +15,7 @@ from lidar_buildings.core.stages.regularisation.directions import (
 )
 from lidar_buildings.core.stages.regularisation.joints import find_joint
 from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
-from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, sample_ring
+from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
 from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
 from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.walls import (
@@ -177,6 +177,21 @@ def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
     assert np.allclose(corners, (15.0 - 0.45, 10.0 - 0.45), atol=0.15)
     back = offset_outwards(samples, bearing, fit, 0.5)
     assert np.allclose(np.abs(back.joints[:, 0]), np.abs(bearing.joints[:, 0]) + 0.5, atol=1e-2)
+
+
+@pytest.mark.parametrize("begin", range(4))
+def test_an_arc_all_round_has_the_middle_of_all_points_wherever_it_begins(begin):
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    ring = np.where(np.arange(24) == 0, 6.0, 5.0)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    ring, every = np.roll(ring, 1, axis=0), np.ones(24, dtype=bool)
+    between = np.column_stack([ring, 0.5 * (ring + np.roll(ring, -1, axis=0))]).reshape(-1, 2)
+    samples = RingSamples(
+        between, np.ones(48), np.tile([True, False], 24), np.repeat(np.arange(24), 2), ring, every
+    )
+    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 1.0, 0.1, 0.0)
+    division = Division(np.array([begin]), np.array([begin + 48]), np.array([ARC]), 0.0)
+    walled = through_all_points(samples, assemble(samples, division, fit), fit)
+    assert walled.shape[0, RADIUS] == pytest.approx(5.0 + 1.0 / 24.0, abs=0.01)
 
 
 def test_walls_meet_where_both_equations_hold():
