@@ -5,7 +5,8 @@ Numba takes some 0.1 s of a processor for each. Both leave out what is never use
 for each literal number that a loop passes on, what loops do not have (see `loop_compiler`), and for inner
 ones, as for numba's own functions, the way in from Python, machine code and a file of their own, as the files
 of their callers hold them. Which of its functions a call means, numba looks up once. What was compiled before
-is loaded as machine code alone: what the compiler would need is read when it is asked for.
+is loaded as machine code alone: what the compiler would need is read when it is asked for. References to
+arrays that are handed in are not counted (see `reference_counts`).
 """
 
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from numba.core.runtime import rtsys
 from numba.core.typed_passes import NativeLowering
 
 from lidar_buildings.core.loop_compiler import LoopCompiler, LoopLower, meanwhile
+from lidar_buildings.core.reference_counts import without_borrowed
 
 #: What numba rewrites are formulas of whole arrays, parts of tuples, errors with a message, `is None`: loops
 #: do without (such a part or error does not compile, such a formula takes longer to).
@@ -40,7 +42,9 @@ class _WholeLibrary(JITCodeLibrary):
         passes.add_instruction_combine_pass()
         passes.add_simplify_cfg_pass()
         passes.run(ll_module, self._codegen._pass_builder())
-        super().add_llvm_module(ll_module)
+        tidied = ll.parse_assembly(without_borrowed(str(ll_module)))
+        tidied.name = ll_module.name
+        super().add_llvm_module(tidied)
 
     def _optimize_functions(self, ll_module: Any) -> None:
         """Leave each of its functions to the look at the whole."""

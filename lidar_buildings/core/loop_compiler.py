@@ -1,20 +1,13 @@
-"""
-How numba's compiler takes a loop: without what loops do not have, or their caller holds.
-
-Numba counts a reference for each name that an array has, and those of parts of it, with instructions that
-wait for the other cores. Its own look at what cancels out (`LLVM_REFPRUNE_PASS`) gives up where a loop has
-several ways out or an array several names: two of three counts stay, some in the innermost loops.
-"""
+"""How numba's compiler takes a loop: without what loops do not have."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from functools import cache, cached_property
 from typing import Any
 
-from numba.core import cgutils, ir, postproc, types
+from numba.core import cgutils, postproc
 from numba.core.compiler import Compiler
 from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.lowering import Lower
@@ -41,30 +34,15 @@ def meanwhile(thing: Any, name: str, value: Any) -> Iterator[None]:
 
 
 class LoopLower(Lower):
-    """
-    Numba's writer of functions, for variables that hold nothing, or what was handed in.
-
-    An array that was handed in, and views of it, live as long as the function runs: names that never stand
-    for anything else are not counted, neither where they are given nor where they end.
-    """
+    """Numba's writer of functions, for names most of which stand for nothing that has to be given back."""
 
     def alloca_lltype(self, name: str, lltype: Any, datamodel: Any = None) -> Any:
         """Take a place on the stack; there are no debuggers to tell of it."""
         return cgutils.alloca_once(self.builder, lltype, name=name)
 
-    def lower_assign(self, ty: Any, inst: Any) -> Any:
-        """Write what a name is given."""
-        if self._is_counted(inst.target.name):
-            return super().lower_assign(ty, inst)
-        with ExitStack() as without:
-            if self._holds_memory(ty):
-                for count in ("incref", "decref"):
-                    without.enter_context(meanwhile(self.context.nrt, count, lambda *_: None))
-            return super().lower_assign(ty, inst)
-
     def storevar(self, value: Any, name: str, argidx: int | None = None) -> None:
         """Give a name a value, and give back what it stood for."""
-        if self._is_counted(name):
+        if self._holds_memory(self.typeof(name)):
             super().storevar(value, name, argidx)
             return
         self._alloca_var(name, self.typeof(name))
@@ -75,7 +53,7 @@ class LoopLower(Lower):
 
     def delvar(self, name: str) -> None:
         """Give back what a name stands for that is not used any more."""
-        if self._is_counted(name):
+        if self._holds_memory(self.typeof(name)):
             super().delvar(name)
 
     def incref(self, typ: Any, val: Any) -> None:
@@ -86,51 +64,10 @@ class LoopLower(Lower):
     def create_cfunc_wrapper(self) -> None:
         """Leave out the way in from C, which nobody takes."""
 
-    def _is_counted(self, name: str) -> bool:
-        return name not in self._borrowed and self._holds_memory(self.typeof(name))
-
     @cached_property
     def _holds_memory(self) -> Any:
         models = self.context.data_model_manager
         return cache(lambda kind: models[kind].contains_nrt_meminfo())
-
-    @cached_property
-    def _borrowed(self) -> set[str]:
-        """Names that stand for what was handed in, whole or in part, and for nothing else."""
-        given = defaultdict(list)
-        returned = set()
-        for block in self.func_ir.blocks.values():
-            for instruction in block.body:
-                if isinstance(instruction, ir.Assign):
-                    given[instruction.target.name].append(instruction.value)
-                elif isinstance(instruction, ir.Return):
-                    returned.add(instruction.value.name)
-        borrowed = {name for name in given if self._holds_memory(self.typeof(name))} - returned
-        n_before = -1
-        while n_before != len(borrowed):
-            n_before = len(borrowed)
-            borrowed = {name for name in borrowed if all(self._borrows(one, borrowed) for one in given[name])}
-        return borrowed
-
-    def _borrows(self, value: Any, borrowed: set[str]) -> bool:
-        """Whether what a name is given is handed in, or a view of what a borrowed name stands for."""
-        if isinstance(value, ir.Arg):
-            return not isinstance(self.typeof(f"arg.{value.name}"), types.Omitted)
-        if isinstance(value, ir.Var):
-            return value.name in borrowed
-        if not isinstance(value, ir.Expr) or value.op not in ("getitem", "static_getitem"):
-            return False
-        of = self.typeof(value.value.name)
-        return value.value.name in borrowed and isinstance(of, types.Array) and self._is_basic(value)
-
-    def _is_basic(self, part: Any) -> bool:
-        """Whether a part of an array is a view: what numbers and slices ask for, not lists of places."""
-        variable = part.index if part.op == "getitem" else part.index_var
-        if variable is None:
-            return False
-        kind = self.typeof(variable.name)
-        kinds = getattr(kind, "types", [kind])  # of a tuple
-        return all(isinstance(one, (types.Integer, types.SliceType)) for one in kinds)
 
 
 class _Lifetimes(postproc.PostProcessor):

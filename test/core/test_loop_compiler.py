@@ -59,6 +59,20 @@ def chosen(values, rows):
     return values[:2], taken, (taken, values)[1]
 
 
+@inner_kernel
+def _first_and_last(pair):
+    values, others = pair
+    return values[0] + others[-1]
+
+
+@kernel
+def sum_of_tuples(values, others):
+    total = 0.0
+    for _ in range(3):
+        total += _first_and_last((values, others)) + (values, 2.0)[1]
+    return total
+
+
 def counts(loop):
     """Return how many counts of references LLVM is left with in a loop that was called once."""
     (text,) = loop.inspect_llvm().values()
@@ -84,6 +98,15 @@ def test_views_of_what_was_handed_in_are_not_counted():
     assert sum_of_views(table) == table[:, 1:].sum() + 4 * table[:, 0].sum() + table[:, 1].sum()
     assert counts(sum_of_views) == 0
     assert sys.getrefcount(table) == n_before
+
+
+@pytest.mark.usefixtures("balance")
+def test_tuples_of_what_was_handed_in_are_not_counted():
+    values, others = np.arange(3.0), np.arange(5.0)
+    n_before = sys.getrefcount(values), sys.getrefcount(others)
+    assert sum_of_tuples(values, others) == 3 * (0.0 + 4.0 + 2.0)
+    assert counts(sum_of_tuples) == 0
+    assert (sys.getrefcount(values), sys.getrefcount(others)) == n_before
 
 
 @pytest.mark.usefixtures("balance")
