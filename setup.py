@@ -75,7 +75,7 @@ setup(
         "setuptools",
         "numpy>=1.26",
         "scipy>=1.11",
-        "numba>=0.60",
+        "numba>=0.62",
         "scikit-learn>=1.3",
         "shapely>=2.0.6",
         "laspy>=2.5",
