@@ -27,7 +27,7 @@ from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
 from lidar_buildings.io.results.output_config import TILES
 from lidar_buildings.io.results.run_folder import BLOCKS
-from lidar_buildings.io.results.survey_buildings import SurveyBuildings, SurveyPart
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
 INDEX = "index.json"
 #: What a block has instead of a GeoPackage: one layer a file, which readers over a network can read in parts.
@@ -87,7 +87,7 @@ def _waiting_terrain(
     return waiting
 
 
-def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyPart) -> dict[str, Any]:
+def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuildings) -> dict[str, Any]:
     """Return what the index says of a block: where it lies, on the earth too, counts, and files."""
     item: dict[str, Any] = {"type": "Feature", "stac_version": "1.0.0", "id": block.name, "geometry": None}
     properties: dict[str, Any] = {"datetime": None, **facts}

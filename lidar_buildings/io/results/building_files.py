@@ -24,7 +24,7 @@ from lidar_buildings.io.results.building_layers import (
 )
 from lidar_buildings.io.results.output_config import FORMAT_FILES, TILES, OutputConfig
 from lidar_buildings.io.results.run_folder import output_names
-from lidar_buildings.io.results.survey_buildings import SurveyBuildings, SurveyPart
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 from lidar_buildings.io.results.terrain_files import crs_with_heights
 
 #: Formats that tell of outlines, also where there are no models.
@@ -41,7 +41,6 @@ class ModelHeading(NamedTuple):
 
 
 _Add = Callable[[SurveyBuilding | TerrainMesh], None]
-_Buildings = SurveyBuildings | SurveyPart
 
 
 def model_heading(
@@ -66,7 +65,7 @@ def model_heading(
 
 def write_buildings(
     folder: Path,
-    buildings: _Buildings,
+    buildings: SurveyBuildings,
     formats: Collection[str],
     heading: ModelHeading,
     terrain: Iterable[TerrainMesh] = (),
@@ -112,7 +111,7 @@ def _add_to_all(paths: list[Path], writers: list[_Add], one: SurveyBuilding | Te
 
 
 @contextmanager
-def _sequence(path: Path, buildings: _Buildings, heading: ModelHeading) -> Iterator[_Add]:
+def _sequence(path: Path, buildings: SurveyBuildings, heading: ModelHeading) -> Iterator[_Add]:
     header = header_line(buildings.frame, crs=heading.crs, extent=buildings.extent, title=heading.title)
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")
@@ -126,7 +125,7 @@ def _sequence(path: Path, buildings: _Buildings, heading: ModelHeading) -> Itera
 
 
 #: Format → what opens its first file for a survey's buildings.
-_WRITERS: dict[str, Callable[[Path, _Buildings, ModelHeading], AbstractContextManager[_Add]]] = {
+_WRITERS: dict[str, Callable[[Path, SurveyBuildings, ModelHeading], AbstractContextManager[_Add]]] = {
     "gpkg": lambda path, buildings, _: building_layers_file(path, buildings.frame),
     "cityjson": _sequence,
     "obj": lambda path, buildings, _: obj_file(path, buildings.frame),

@@ -23,7 +23,6 @@ from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.cloud_sample import forget_points
-from lidar_buildings.io.results.footprint_results import FootprintResults
 from lidar_buildings.io.results.output_config import REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
@@ -81,7 +80,7 @@ class OutputFolder:
         self.until = until
         self._files = files or OutputConfig()
         self.is_live = is_live
-        self._footprints = FootprintResults.of(footprints)
+        self._footprints = footprints
         identity = {
             "version": __version__,
             "inputs": [
@@ -185,7 +184,7 @@ class OutputFolder:
             n_seam_pieces=len(pieces),
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
-            footprints=self._footprints.summary(sum(statuses.values())),
+            footprints=self._footprint_record(sum(statuses.values())),
             remarks=tuple(remarks),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
@@ -225,7 +224,7 @@ class OutputFolder:
         from lidar_buildings.io.results.building_files import OF_OUTLINES, model_heading, write_buildings
         from lidar_buildings.io.results.terrain_files import terrain_meshes
 
-        names = self._footprints.names if self._footprints else None
+        names = None if self._footprints is None else self._footprints.footprint_id
         formats = self._files.formats
         if self.until in _WITHOUT_MODELS:
             formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
@@ -233,13 +232,20 @@ class OutputFolder:
         with SurveyBuildings(
             self._partial / _LINES, self.frame, without=pieces, footprint_id=names
         ) as buildings:
-            for shapes in self._footprints.named(load_shapes(one) for one in fragments):
-                buildings.add(shapes)
+            for fragment in fragments:
+                buildings.add(load_shapes(fragment))
             terrain = terrain_meshes(fragments, self.frame, self._files.terrain_tolerance)
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
             return *write(self.path, buildings, formats, heading, terrain), remarks
+
+    def _footprint_record(self, n_buildings: int) -> dict[str, Any]:
+        """Return what is told of given footprints, with the number of those that lie outside the data."""
+        if self._footprints is None:
+            return {}
+        record = self._footprints.record
+        return {**record, "n_outside": record["n_used"] - n_buildings}
 
     def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
         """Write the rasters; a survey too wide for them is a problem."""

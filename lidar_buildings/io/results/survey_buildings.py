@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from copy import copy
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,12 +20,15 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.files.compact_json import compact_json
+from lidar_buildings.io.files.waiting import Waiting
 from lidar_buildings.io.models.building_attributes import in_source_units
-from lidar_buildings.io.models.cityjson import CityFeature, parse_feature
+from lidar_buildings.io.models.cityjson import CityFeature, load_feature, parse_feature
 from lidar_buildings.io.models.survey_building import SurveyBuilding
-from lidar_buildings.io.results.footprint_results import FOOTPRINT_ID
 from lidar_buildings.io.results.tile_products import Shapes
 
+#: Attribute and column that carries a footprint's name.
+_FOOTPRINT_ID = "footprint_id"
 #: Ids differ within twice this distance [m].
 _NEAR = 16_000.0
 #: A line's id and building id, as `feature_line` writes them.
@@ -38,14 +40,11 @@ _PIECE_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """What is kept in memory of a building, and where its line lies in the file."""
+    """What is kept in memory of a building."""
 
     traced: Outline | None
     outline: Outline | None
-    start: int
-    length: int
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    extent: NDArray[np.float64] | None  #: of its solids, None if there are none, see `SurveyBuildings`
 
     @property
     def place(self) -> NDArray[np.float64]:
@@ -53,29 +52,15 @@ class _Entry:
         outline = self.outline or self.traced
         if outline is not None and len(outline.exterior):
             return outline.exterior[0]
-        return self.low[:2] if np.isfinite(self.low).all() else np.zeros(2)
-
-
-@dataclass(frozen=True, eq=False)
-class SurveyPart:
-    """Some buildings of a survey, read one at a time."""
-
-    frame: MapFrame
-    extent: NDArray[np.float64] | None  #: of their solids, as of `SurveyBuildings`, shape (2, 3)
-    #: The same of outlines and solids in plan, None if there are neither, shape (2, 2).
-    bounds: NDArray[np.float64] | None
-    read: Callable[[], Iterator[SurveyBuilding]]  #: yields them by id and name
-
-    def __iter__(self) -> Iterator[SurveyBuilding]:
-        return self.read()
+        return np.zeros(2) if self.extent is None else self.extent[0, :2]
 
 
 class SurveyBuildings:
     """
     Collects buildings tile by tile, but for some; the models wait in a file until they are asked for.
 
-    `footprint_id` leads from a building id to what the file of footprints calls it; None where outlines were
-    traced.
+    `footprint_id` leads from a building id to what the file of footprints calls it, which becomes one of the
+    building's attributes; None where outlines were traced. OutputError if the file cannot be written.
     """
 
     def __init__(
@@ -94,6 +79,7 @@ class SurveyBuildings:
         self._path = path
         with self._reported():
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
+        self._lines: Waiting[tuple[int, str], str] = Waiting(self._file)
 
     def close(self) -> None:
         """Close the file of lines."""
@@ -112,60 +98,57 @@ class SurveyBuildings:
 
     @property
     def extent(self) -> NDArray[np.float64] | None:
-        """Least and greatest coordinates of all solids in the map frame [m], None if there are none."""
-        return self._extent(self._entries)
+        """Least and greatest coordinates of all solids, shape (2, 3) [m], None if there are none."""
+        return _extent_of([np.empty((0, 3)), *self._extents()])
+
+    @property
+    def bounds(self) -> NDArray[np.float64] | None:
+        """The same of outlines and solids in plan, shape (2, 2)."""
+        outlines = (one.outline or one.traced for one in self._entries.values())
+        exteriors = (one.exterior for one in outlines if one is not None)
+        return _extent_of([np.empty((0, 2)), *exteriors, *(one[:, :2] for one in self._extents())])
 
     def places(self) -> NDArray[np.float64]:
         """Return where the buildings are, shape (n, 2), by id and name, map frame [m]."""
         places = [anchor_near(key[0], self._entries[key].place) for key in sorted(self._entries)]
         return np.array(places, dtype=np.float64).reshape(-1, 2)
 
-    def parts(self, rows: Iterable[NDArray[np.intp]]) -> Iterator[SurveyPart]:
+    def parts(self, rows: Iterable[NDArray[np.intp]]) -> Iterator[SurveyBuildings]:
         """Yield parts of the survey, each of some rows of `places`."""
         keys = sorted(self._entries)
         for own in rows:
-            chosen = [keys[row] for row in own.tolist()]
-            extent, bounds = self._extent(chosen), self._bounds(chosen)
-            yield SurveyPart(self.frame, extent, bounds, partial(self._read, chosen))
+            part = copy(self)
+            part._entries = {keys[row]: self._entries[keys[row]] for row in own.tolist()}
+            yield part
 
     def add(self, shapes: Shapes) -> None:
-        """Add a tile's buildings; of one that came before nothing is taken."""
+        """
+        Add a tile's buildings; of one that came before nothing is taken.
+
+        InputError if a line is no feature, where footprints have names.
+        """
         traced = {one.building_id: one.outline for one in shapes.traced}
         outlines = {one.building_id: one.outline for one in shapes.outlines}
-        models = {head.building_id: head for head in map(_head_of, shapes.features)}
-        for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
-            before, after, model = traced.get(number), outlines.get(number), models.get(number)
-            key = number, model.readable_id if model else self._name_of(number, before or after)
-            if key not in self._entries and self._is_new(number, before or after):
-                self._entries[key] = _Entry(before, after, *self._kept(model))
+        models = {head.building_id: head for head in map(_head_of, map(self._named, shapes.features))}
         with self._reported():
+            for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
+                before, after, model = traced.get(number), outlines.get(number), models.get(number)
+                key = number, model.readable_id if model else self._name_of(number, before or after)
+                if key not in self._entries and self._is_new(number, before or after):
+                    self._entries[key] = _Entry(before, after, model and model.extent)
+                    if model:
+                        self._lines.add(key, model.line)
             self._file.flush()
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
         """Yield the buildings by id and name, one at a time."""
-        return self._read(sorted(self._entries))
-
-    def _read(self, keys: Iterable[tuple[int, str]]) -> Iterator[SurveyBuilding]:
-        for number, name in keys:
-            entry = self._entries[number, name]
-            line = self._line(entry)
+        for number, name in sorted(self._entries):
+            entry, line = self._entries[number, name], next(self._lines.of((number, name)), "")
             feature = parse_feature(line) if line else CityFeature(self._attributes(number, entry.outline))
             yield SurveyBuilding(number, name, entry.traced, entry.outline, line, *feature)
 
-    def _extent(self, keys: Iterable[tuple[int, str]]) -> NDArray[np.float64] | None:
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
-        for key in keys:
-            low, high = np.minimum(low, self._entries[key].low), np.maximum(high, self._entries[key].high)
-        return np.stack([low, high]) if np.isfinite(low).all() else None
-
-    def _bounds(self, keys: Iterable[tuple[int, str]]) -> NDArray[np.float64] | None:
-        corners = [np.empty((0, 2))]
-        for entry in (self._entries[key] for key in keys):
-            outline = entry.outline or entry.traced
-            corners += [entry.low[None, :2], entry.high[None, :2]] if np.isfinite(entry.low).all() else []
-            corners += [] if outline is None else [outline.exterior]
-        places = np.concatenate(corners)
-        return np.stack([places.min(axis=0), places.max(axis=0)]) if len(places) else None
+    def _extents(self) -> Iterator[NDArray[np.float64]]:
+        return (one.extent for one in self._entries.values() if one.extent is not None)
 
     def _is_new(self, number: int, outline: Outline | None) -> bool:
         """Whether no building with this id came nearby; its name may differ by what was scanned later."""
@@ -177,24 +160,22 @@ class SurveyBuildings:
         others.append(place)
         return True
 
-    def _kept(self, model: _Head | None) -> tuple[int, int, NDArray[np.float64], NDArray[np.float64]]:
-        """Put a line into the file; return where it begins, its length, and the extent of its solids."""
-        if model is None:
-            return 0, 0, np.full(3, np.inf), np.full(3, -np.inf)
-        with self._reported():
-            start = self._file.seek(0, os.SEEK_END)
-            return start, self._file.write(model.line.encode()), model.low, model.high
-
-    def _line(self, entry: _Entry) -> str:
-        self._file.seek(entry.start)
-        return self._file.read(entry.length).decode()
-
     @contextmanager
     def _reported(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:
             raise write_error(self._path, error) from error
+
+    def _named(self, line: str) -> str:
+        """Return a feature's line with the footprint's name among the attributes, if footprints have any."""
+        if self._footprint_id is None:
+            return line
+        feature, number = load_feature(line)
+        building = feature["CityObjects"][feature["id"]]
+        attributes = building["attributes"] | {_FOOTPRINT_ID: self._footprint_id.get(number, "")}
+        building["attributes"] = dict(sorted(attributes.items()))
+        return compact_json(feature)
 
     def _name_of(self, number: int, outline: Outline | None) -> str:
         """Name a building without model by its westernmost vertex, or by the place a footprint's id is of."""
@@ -210,27 +191,31 @@ class SurveyBuildings:
         """Return what the outline alone tells in a run without models."""
         known: dict[str, Any] = {"area": outline.area} if outline else {}
         if self._footprint_id is not None:
-            known[FOOTPRINT_ID] = self._footprint_id.get(number, "")
+            known[_FOOTPRINT_ID] = self._footprint_id.get(number, "")
         return in_source_units(known, self.frame)
 
 
+def _extent_of(places: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
+    """Return least and greatest coordinates of places, None if there are none."""
+    all_places = np.concatenate(places)
+    return np.stack([all_places.min(axis=0), all_places.max(axis=0)]) if len(all_places) else None
+
+
 class _Head(NamedTuple):
-    """What must be known of a line to find it again, and the extent of its vertices [m]."""
+    """What must be known of a line to find it again, and the extent of its vertices."""
 
     building_id: int
     readable_id: str
     line: str
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    extent: NDArray[np.float64] | None  #: as of `_Entry`
 
 
 def _head_of(line: str) -> _Head:
     """Read who a line is of and where its solids are: of all its JSON the vertices alone, its last member."""
     start, _, end = line.rpartition(',"vertices":')
     vertices = np.array(json.loads(end[:-1]), dtype=np.float64).reshape(-1, 3) * GRID
-    low, high = vertices.min(axis=0, initial=np.inf), vertices.max(axis=0, initial=-np.inf)
     name, number = (re.search(pattern, start)[1] for pattern in (_NAME, _NUMBER))  # type: ignore[index]
-    return _Head(int(number), name, line, low, high)
+    return _Head(int(number), name, line, _extent_of([vertices]))
 
 
 def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:

@@ -15,7 +15,7 @@ from support.made_results import bytes_of
 from support.model_survey import DUTCH, FEET, FOOT
 from support.source_tree import ROOT
 
-from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
@@ -247,6 +247,22 @@ def test_names_of_footprints_stand_where_there_is_no_model(tmp_path):
     assert columns["footprint_id"].tolist() == ["plot 12"]
 
 
+def test_models_get_the_names_of_their_footprints(tmp_path):
+    names = {5: "seven", 3: "ächt"}
+    written(tmp_path, model_survey.shapes(), formats=["cityjson"], footprint_id=names)
+    _, *lines = (tmp_path / "city_model.city.jsonl").read_text(encoding="utf-8").splitlines()
+    found = [next(iter(json.loads(line)["CityObjects"].values()))["attributes"] for line in lines]
+    told = {each["building_id"]: each["footprint_id"] for each in found}
+    assert told == {2: "", 3: "ächt", 5: "seven", 7: "", 9: ""}
+    assert all(list(each) == sorted(each) for each in found)
+    assert any("ächt" in line for line in lines)
+
+
+def test_a_line_that_is_no_feature_gets_no_name(tmp_path):
+    with pytest.raises(InputError, match="no CityJSONFeature"):
+        written(tmp_path, Shapes((), (), ("{}",)), footprint_id={})
+
+
 def test_a_failure_leaves_no_file_of_any_format(tmp_path, monkeypatch):
     def fail(self):
         raise OutputError("disk full")
@@ -267,14 +283,15 @@ def test_two_buildings_with_one_id_keep_their_own_models(tmp_path):
     assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 3
 
 
-def test_a_building_whose_anchor_moved_on_is_there_once(tmp_path):
+@pytest.mark.parametrize("names", [None, {5: "five"}])
+def test_a_building_whose_anchor_moved_on_is_there_once(tmp_path, names):
     # another tile had it before what lies farther west was scanned
     def grown():
         outline, model = model_survey.gable()
         return Outline(np.add(outline.exterior, (-0.2, 0.0))), model
 
     near, again = (model_survey.shapes(buildings={5: one}) for one in (model_survey.gable, grown))
-    _, statuses = written(tmp_path, near, again)
+    _, statuses = written(tmp_path, near, again, footprint_id=names)
     assert statuses == {"ok": 1}
     assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 2
 
