@@ -16,7 +16,7 @@ from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS,
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.bag_summary import with_frames
 from lidar_buildings.io.bags.cut_mcap import open_bag
-from lidar_buildings.io.bags.selection import choose_topics, chosen_messages
+from lidar_buildings.io.bags.selection import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import check_metres
 from lidar_buildings.io.tiling.live_feed import LiveFeed
@@ -61,8 +61,12 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
             if topics.fix and not topics.origin:
                 poses = chosen_messages(bag, topics._replace(clouds=""), choice)
                 place = _place_by_fixes(poses, ScanPlacer(config, frames=frames), file)
+            frame = place.frame
             for message in chosen_messages(bag, topics, choice):
-                _take(placer, file, message)
+                hand_over(message, placer)
+                if message.type in (POINT, VECTOR):
+                    frame = told_frame(message, frame)
+                    file.place(frame)
                 for scan in placer.placed():
                     file.add(place.placed(scan))
             for scan in placer.placed(is_end=True):
@@ -92,7 +96,7 @@ def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: Pl
                 fixes.pair(placer)
     fixes.pair(placer)
     place = fixes.place() or fixes.no_place()
-    file.place(place.frame.crs, place.frame.origin)
+    file.place(place.frame)
     return place
 
 
@@ -119,13 +123,3 @@ def hand_over(message: BagMessage, placer: ScanPlacer | LiveFeed) -> None:
         placer.add_odometry(message.message)
     elif message.type == TRANSFORMS:
         placer.add_transforms(message.message, is_static=message.topic.endswith("static"))
-
-
-def _take(placer: ScanPlacer, file: PlacedLaz, message: BagMessage) -> None:
-    hand_over(message, placer)
-    if message.type == POINT:
-        point = message.message.point
-        file.place(message.message.header.frame_id, (point.x, point.y, point.z))
-    elif message.type == VECTOR:
-        units = message.message.vector
-        file.measure((units.x, units.y, units.z))

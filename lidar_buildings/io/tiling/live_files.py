@@ -120,7 +120,7 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
         with atomic_file(path) as temporary:
             file = PlacedLaz(temporary)
             try:
-                file.place(survey.frame.crs, survey.frame.origin)
+                file.place(survey.frame)
                 for records in survey.records(number):
                     file.add(_scan_of(records))
             finally:

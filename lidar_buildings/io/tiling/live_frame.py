@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -91,4 +92,4 @@ def moved_origin(frame: MapFrame, point: Any) -> MapFrame:
         return frame
     shift = np.round(np.array([point[0], point[1], 0.0]) / _STEP) * _STEP
     x, y, z = (float(one) for one in np.array(frame.origin) + shift)
-    return MapFrame(frame.crs, (x, y, z))
+    return replace(frame, origin=(x, y, z))

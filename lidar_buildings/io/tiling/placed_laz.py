@@ -11,6 +11,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.io.clouds.las_reader import laz_backend
@@ -49,26 +50,23 @@ class PlacedLaz:
         self._path = path
         self._writer: laspy.LasWriter | None = None
         self._crs: pyproj.CRS | None = None
-        self._origin, self._units = np.zeros(3), np.ones(3)
+        self._frame = MapFrame()
         self._batch: list[PlacedScan] = []
         self._brightness = 1.0
         self.n_points = self.n_far = 0
 
-    def place(self, crs: str, origin: tuple[float, float, float]) -> None:
-        """Say where the map lies; as `map_origin` does."""
+    def place(self, frame: MapFrame) -> None:
+        """Say where the map lies, as `map_origin` and `map_units` do; InputError if that is nowhere."""
         try:
-            self._crs = pyproj.CRS(crs) if crs else None
+            self._crs = pyproj.CRS(frame.crs) if frame.crs else None
         except pyproj.exceptions.CRSError:
-            raise InputError(f"map_origin names no reference system that is known: {crs[:100]!r}") from None
-        self._origin = np.array(origin)
-        if not (np.abs(self._origin) <= MAX_COORDINATE).all():
-            raise InputError(f"map_origin {origin} is no place on Earth")
-
-    def measure(self, units: tuple[float, float, float]) -> None:
-        """Say how many metres a unit of the reference system's x, y and z has; as `map_units` does."""
-        self._units = np.array(units)
-        if not (np.isfinite(self._units) & (self._units > 0.0)).all():
-            raise InputError(f"map_units {units} are no lengths")
+            name = repr(frame.crs[:100])
+            raise InputError(f"map_origin names no reference system that is known: {name}") from None
+        if not (np.abs(frame.origin) <= MAX_COORDINATE).all():
+            raise InputError(f"map_origin {frame.origin} is no place on Earth")
+        if not (np.isfinite(frame.units) & (frame.units > 0.0)).all():
+            raise InputError(f"map_units {tuple(frame.units.tolist())} are no lengths")
+        self._frame = frame
 
     def add(self, scan: PlacedScan) -> None:
         """Add a scan's points."""
@@ -92,7 +90,7 @@ class PlacedLaz:
 
     def _flush(self) -> None:
         points = np.concatenate([np.empty((0, 3)), *(one.points for one in self._batch)])
-        points = (points + self._origin) / self._units
+        points = self._frame.to_source(points)
         if self._writer is None:
             self._writer = self._opened(points)
             self._brightness = _brightness(self._batch)

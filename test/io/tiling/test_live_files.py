@@ -39,6 +39,17 @@ def test_files_that_are_not_waited_for_are_left_for_the_next_time(tmp_path, file
     survey.close()
 
 
+def test_files_are_in_the_units_of_the_reference_system(tmp_path):
+    frame = MapFrame("EPSG:2263", (304_800.0, 60_960.0, 0.0), 0.3048, 0.3048)
+    survey = live_survey.LiveSurvey(LiveTilingConfig(tile_size=40.0), frame, tmp_path)
+    survey.add(PlacedScan(points(50), np.arange(50) + T0, {}), 0.0)
+    survey.flush()
+    list(live_files.write_placed_points(survey, tmp_path))
+    (path,) = (tmp_path / "clouds").iterdir()
+    np.testing.assert_allclose(laspy.read(path).xyz, frame.to_source(points(50)), atol=1e-3)
+    survey.close()
+
+
 def test_full_files_are_not_written_again(tmp_path, files_of):
     files_of(400)
     with Running(tmp_path) as run:

@@ -1,5 +1,7 @@
 """Where the map of a live feed lies: told, by a fix, or nowhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyproj
 import pytest
@@ -242,8 +244,9 @@ def test_later_fixes_that_contradict_are_told_once():
 def test_an_origin_far_away_is_moved_so_that_float32_suffices():
     near = MapFrame("EPSG:28992", (10.0, 20.0, 30.0))
     assert moved_origin(near, np.array([40_000.0, -40_000.0, 0.0])) == near
-    far = moved_origin(MapFrame("EPSG:28992"), np.array([85_321.0, 447_890.0, 3.0]))
-    assert far.origin == (85_000.0, 448_000.0, 0.0)
+    in_feet = MapFrame("EPSG:2263", horizontal_unit=0.3048, vertical_unit=0.3048)
+    far = moved_origin(in_feet, np.array([85_321.0, 447_890.0, 3.0]))
+    assert far == replace(in_feet, origin=(85_000.0, 448_000.0, 0.0))
 
 
 def test_scans_far_from_the_origin_keep_their_millimetres():
