@@ -11,7 +11,8 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.io.bags.recording import RecordedTopic, Recording, RecordingThread, bag_folder
+from lidar_buildings.io.bags.bag_writer import offered
+from lidar_buildings.io.bags.recording import Recording, RecordingThread, bag_folder
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos
@@ -93,7 +94,8 @@ class Recorder(StageNode):
         is_latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         depth = 0 if profile.history == HistoryPolicy.KEEP_ALL else profile.depth
         several = len(topics_called(name)) > 1
-        self.recording.declare(RecordedTopic(recorded, kind, 0 if several else depth, is_latched or several))
+        played = offered(0 if several else depth, is_latched=is_latched or several)
+        self.recording.declare(recorded, kind, played)
 
         def take(data: bytes, info: dict[str, int]) -> None:
             if not (several and not is_latched and _HEADER in data[:64]):

@@ -16,7 +16,8 @@ from support.node_bench import made, running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.bags.recording import RecordedTopic, Recording, RecordingThread, bag_folder
+from lidar_buildings.io.bags.bag_writer import offered
+from lidar_buildings.io.bags.recording import Recording, RecordingThread, bag_folder
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED
@@ -129,7 +130,7 @@ def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, mon
 def test_what_a_slow_disk_cannot_take_is_left_out_and_counted(tmp_path):
     may_write, n_written = threading.Event(), []
     recording = Recording(tmp_path / "bag")
-    recording.declare(RecordedTopic("/text", "std_msgs/msg/String", 0, False))
+    recording.declare("/text", "std_msgs/msg/String", offered(0, is_latched=False))
     add = recording.add
     recording.add = lambda *message: may_write.wait() and add(*message)
     thread = RecordingThread(recording, lambda *one: n_written.append(one), most_waiting=100)

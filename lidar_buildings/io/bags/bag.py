@@ -27,13 +27,31 @@ _SECOND = 1_000_000_000
 
 
 class BagTopic(NamedTuple):
-    """A topic of a bag."""
+    """A topic of a bag, and what its first message tells."""
 
     #: As in ROS 2: ``/points``, ``sensor_msgs/msg/PointCloud2``.
     name: str
     type: str
     n_messages: int  #: how many
     rate: float  #: messages a second, over the whole bag; 0 for a single one
+    #: Of its header, and of odometry; empty where it has none.
+    frame: str = ""
+    child_frame: str = ""
+    n_points: int | None = None  #: points of the first cloud
+    fields: tuple[str, ...] = ()  #: the cloud's fields
+    problem: str = ""  #: why the message cannot be read, empty if it can
+
+    def __str__(self) -> str:
+        parts = [self.type, f"{self.n_messages} message{'s' * (self.n_messages != 1)}"]
+        parts += [f"{self.rate:.3g} Hz"] if self.rate else []
+        if self.frame:
+            child = f" → {self.child_frame}" if self.child_frame else ""
+            parts.append(f"frame {self.frame}{child}")
+        if self.n_points is not None:
+            parts.append(f"first cloud of {self.n_points:,} points ({' '.join(self.fields)})")
+        if self.problem:
+            parts.append(f"not readable: {self.problem}")
+        return f"{self.name}: {', '.join(parts)}"
 
 
 class BagMessage(NamedTuple):
@@ -73,7 +91,7 @@ class Bag:
 
     @property
     def topics(self) -> list[BagTopic]:
-        """All topics, by name."""
+        """All topics, by name; `topic_contents` looks at their messages."""
         counts: dict[tuple[str, str], int] = {}
         for one in self._reader.connections:
             key = (str(one.topic), _kind_of(one))
@@ -93,18 +111,6 @@ class Bag:
     def seconds(self) -> float:
         """Time from its first to its last message [s]."""
         return max(self._reader.end_time - 1 - self._reader.start_time, 0) / _SECOND if self.start else 0.0
-
-    def first(self, topic: BagTopic) -> Any:
-        """
-        Read a topic's first message, of a type of the bag's own, too, if its definition stands in the bag.
-
-        InputError if there is none, or it cannot be read.
-        """
-        with _reported(self.path):
-            chosen = [one for one in self._reader.connections if one.topic == topic.name]
-            for connection, _, raw in self._reader.messages(chosen):
-                return self._read(connection, raw)
-        raise InputError(f"{self.path}: {topic.name} has no message")
 
     def messages(
         self, topics: Collection[str], start: float = 0.0, duration: float = 0.0
@@ -166,53 +172,22 @@ def _reported(path: Path) -> Iterator[None]:
         ) from error
 
 
-class TopicContent(NamedTuple):
-    """A topic of a bag and what its first message tells."""
-
-    #: As of `BagTopic`.
-    name: str
-    type: str
-    n_messages: int
-    rate: float
-    #: Of its header, and of odometry; empty where it has none.
-    frame: str = ""
-    child_frame: str = ""
-    n_points: int | None = None  #: points of the first cloud
-    fields: tuple[str, ...] = ()  #: the cloud's fields
-    problem: str = ""  #: why the message cannot be read, empty if it can
-
-    def __str__(self) -> str:
-        parts = [self.type, f"{self.n_messages} message{'s' * (self.n_messages != 1)}"]
-        parts += [f"{self.rate:.3g} Hz"] if self.rate else []
-        if self.frame:
-            child = f" → {self.child_frame}" if self.child_frame else ""
-            parts.append(f"frame {self.frame}{child}")
-        if self.n_points is not None:
-            parts.append(f"first cloud of {self.n_points:,} points ({' '.join(self.fields)})")
-        if self.problem:
-            parts.append(f"not readable: {self.problem}")
-        return f"{self.name}: {', '.join(parts)}"
-
-
-def topic_contents(bag: Bag) -> list[TopicContent]:
+def topic_contents(bag: Bag) -> list[BagTopic]:
     """Look at the first message of every topic of an open bag."""
-    return [_content(bag, topic) for topic in bag.topics]
+    return [_looked_at(bag, topic) if topic.n_messages else topic for topic in bag.topics]
 
 
-def _content(bag: Bag, topic: BagTopic) -> TopicContent:
-    known = TopicContent(*topic)
-    if not topic.n_messages:
-        return known
+def _looked_at(bag: Bag, topic: BagTopic) -> BagTopic:
     try:
-        message = bag.first(topic)
-    except InputError as error:
-        return known._replace(problem=str(error).removeprefix(f"{bag.path}: "))
+        message = next(bag.messages([topic.name])).message
+    except (InputError, StopIteration) as error:
+        return topic._replace(problem=str(error).removeprefix(f"{bag.path}: ") or "it has no message")
     one = next(iter(getattr(message, "transforms", ())), message)  # of /tf the first edge
-    known = known._replace(
+    topic = topic._replace(
         frame=str(getattr(getattr(one, "header", None), "frame_id", "")),
         child_frame=str(getattr(one, "child_frame_id", "")),
     )
     if topic.type != CLOUD:
-        return known
+        return topic
     fields = tuple(field.name for field in message.fields)
-    return known._replace(n_points=message.width * message.height, fields=fields)
+    return topic._replace(n_points=message.width * message.height, fields=fields)

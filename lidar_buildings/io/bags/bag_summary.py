@@ -10,7 +10,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.transform_tree import frame_name
-from lidar_buildings.io.bags.bag import ODOMETRY, Bag, TopicContent, topic_contents
+from lidar_buildings.io.bags.bag import ODOMETRY, Bag, BagTopic, topic_contents
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.selection import BagTopics, choose_topics
 from lidar_buildings.io.tiling.map_place import zone_of
@@ -28,7 +28,7 @@ class BagSummary(NamedTuple):
     path: str
     start: int | None  #: when it begins [ns]
     seconds: float  #: how long it is [s]
-    topics: list[TopicContent]  #: all, by name
+    topics: list[BagTopic]  #: all, by name
     taken: BagTopics | None  #: what a run takes without options, None if it cannot choose
     notes: list[str]  #: how the scans are placed, or what is missing for it
     problem: str  #: why only a part of it can be read, empty if all can
@@ -54,7 +54,7 @@ def _summary(bag: Bag, problem: str) -> BagSummary:
     return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes, problem)
 
 
-def _placing(bag: Bag, topics: list[TopicContent], taken: BagTopics) -> list[str]:
+def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:
     """Say how the scans would be placed."""
     frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
     map_frame = ScanConfig().map_frame

@@ -8,25 +8,16 @@ import threading
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+
+from rosbags.interfaces import Qos
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.bags.bag_writer import BagWriter, offered
+from lidar_buildings.io.bags.bag_writer import BagWriter
 from lidar_buildings.io.files.captured_stderr import one_line
 
 _MCAP = ".mcap"
 #: Bytes of messages that may wait for the disk.
 MOST_WAITING = 500_000_000
-
-
-class RecordedTopic(NamedTuple):
-    """A topic to be recorded."""
-
-    #: As they stand in the bag: ``/points``, ``sensor_msgs/msg/PointCloud2``.
-    name: str
-    type: str
-    depth: int  #: how many messages whoever plays it is to keep; 0 = all
-    is_latched: bool  #: whether those that come late are to get them
 
 
 class Recording:
@@ -44,7 +35,7 @@ class Recording:
         self.lost: Counter[str] = Counter()
         self.failure = ""
         self._has_ended = False
-        self._topics: dict[str, RecordedTopic] = {}
+        self._topics: dict[str, tuple[str, Qos]] = {}
         self._bag: BagWriter | None = None
         if path.exists():
             raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
@@ -52,18 +43,17 @@ class Recording:
         if not above.is_dir() or not os.access(above, os.W_OK):
             raise OutputError(f"{path}: cannot be written: {above} is no folder that can be written to")
 
-    def declare(self, topic: RecordedTopic) -> None:
-        """Say what a topic is, before its first message."""
-        self._topics[topic.name] = topic
+    def declare(self, name: str, kind: str, qos: Qos) -> None:
+        """Say of what type a topic is, and how it is to be played, before its first message."""
+        self._topics[name] = kind, qos
 
     def add(self, name: str, time: int, data: bytes) -> None:
         """Record a message (CDR) that came at a time [ns]; once that fails, only count it."""
         if self._has_ended:
             self.lost[name] += 1
             return
-        topic = self._topics[name]
         try:
-            self._opened().write_serialised(name, topic.type, time, data)
+            self._opened().write_serialised(name, self._topics[name][0], time, data)
         except OutputError as error:
             self._give_up(error)
             self.lost[name] += 1
@@ -90,8 +80,8 @@ class Recording:
         """Return the bag, with all its topics."""
         if self._bag is None:
             self._bag = BagWriter(self.path)
-            for one in self._topics.values():
-                self._bag.add_topic(one.name, one.type, offered(one.depth, is_latched=one.is_latched))
+            for name, (kind, qos) in self._topics.items():
+                self._bag.add_topic(name, kind, qos)
         return self._bag
 
     def _give_up(self, error: OutputError) -> None:
