@@ -6,14 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.track_fit import TrackFit, fit_track
-from lidar_buildings.io.files.reference_systems import GEODETIC
-from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame, middle_of
+from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame, grid_coordinates, middle_of
 
 #: EPSG's numbers of the zones of UTM on WGS 84, north and south of the equator, less the zone.
 _NORTH, _SOUTH = 32_600, 32_700
@@ -22,8 +20,6 @@ _NORTH, _SOUTH = 32_600, 32_700
 _SAME_PLACE, _AS_TOLD = 10_000.0, 10.0
 #: Further from their origin poses are of no level frame: there the Earth has fallen away by 800 m [m].
 _LOCAL = 100_000.0
-#: Coordinates of a fix beyond what the zone can hold [m].
-_NOWHERE = 1e8
 #: Distance of fixes from the poses that is usual where they do not tell how good they are; where they do, it
 #: is so many standard errors, and this at least [m].
 _USUAL, _N_SIGMA, _LEAST = 5.0, 3.0, 1.0
@@ -50,11 +46,6 @@ class Pairs(NamedTuple):
         told = self.sigma[np.isfinite(self.sigma)]
         return np.where(np.isfinite(self.sigma), self.sigma, np.median(told) if len(told) else 1.0)
 
-    def in_grid(self, crs: str) -> _Floats:
-        """Return where satellites say it was in a reference system, shape (n, 3) [m]."""
-        to_grid = pyproj.Transformer.from_crs(GEODETIC, crs, always_xy=True)
-        return np.nan_to_num(np.column_stack(to_grid.transform(*self.seen)), posinf=_NOWHERE)
-
 
 class MapPlace(NamedTuple):
     """Where the map lies."""
@@ -72,7 +63,7 @@ class MapPlace(NamedTuple):
     def distances(self, pairs: Pairs) -> _Floats:
         """Return how far satellite positions are in plan from where they are by the poses, shape (n,) [m]."""
         track = pairs.track if self.level is None else self.level.in_grid(pairs.track)
-        away = pairs.in_grid(self.frame.crs) - self.frame.origin - track
+        away = grid_coordinates(pairs.seen, self.frame.crs) - self.frame.origin - track
         return np.hypot(away[:, 0], away[:, 1])
 
 
@@ -85,7 +76,7 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
     """
     middle = middle_of(pairs.seen)
     for crs in (zone_of(middle, by) for by in (0, -1, 1)):
-        in_grid = pairs.in_grid(crs)
+        in_grid = grid_coordinates(pairs.seen, crs)
         if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
             fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
             x, y, z = (round(float(one), 3) for one in _beyond_errors(fit.shift))
