@@ -16,7 +16,8 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
-from lidar_buildings.io.clouds.las_extent import read_extents
+from lidar_buildings.io.clouds.find_inputs import open_each
+from lidar_buildings.io.clouds.las_extent import read_extent
 from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
@@ -78,7 +79,7 @@ def compare_with_plan(
 def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
     if bags := bags_among(request.inputs):
         raise InputError(f"{bags[0]}: is a bag, and only a run places its scans: plan clouds")
-    clouds, problems = read_extents(request.inputs)
+    clouds, problems = open_each(request.inputs, read_extent)
     plan = plan_survey(clouds, request.tiling, request.bounds)
     return plan, [*problems, *filter(None, [excess_of(len(clouds))])]
 

@@ -13,8 +13,9 @@ from lidar_buildings.commands import plan as plan_module
 from lidar_buildings.commands.cost_model import Way, expected_cost, measure_slowness
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import agreement
+from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las import open_inputs
-from lidar_buildings.io.clouds.las_extent import read_extents
+from lidar_buildings.io.clouds.las_extent import read_extent
 from lidar_buildings.io.tiling.survey_plan import plan_survey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -28,7 +29,7 @@ def headers(tmp_path_factory):
 
 
 def planned(folder, **tiling):
-    return plan_survey(read_extents(folder)[0], TilingConfig(**tiling))
+    return plan_survey(open_each(folder, read_extent)[0], TilingConfig(**tiling))
 
 
 @pytest.mark.parametrize("tiling", [{}, {"tile_size": 60.0, "buffer": 30.0}])
@@ -44,7 +45,7 @@ def test_tiles_and_points_are_those_of_the_run(village, tiling):
 
 def test_headers_say_what_opening_the_files_says(tmp_path):
     cloud_files.saved(cloud_files.with_wkt(cloud_files.random_cloud(), "EPSG:28992"), tmp_path / "a.laz")
-    clouds, extents = open_inputs(tmp_path)[0], read_extents(tmp_path)[0]
+    clouds, extents = open_inputs(tmp_path)[0], open_each(tmp_path, read_extent)[0]
     for cloud, extent in zip(clouds, extents, strict=True):
         assert (cloud.point_count, cloud.crs) == (extent.point_count, extent.crs)
         assert np.array_equal([cloud.mins, cloud.maxs], [extent.mins, extent.maxs])

@@ -10,7 +10,6 @@ import numpy as np
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT
 from lidar_buildings.io.clouds.cloud import CloudExtent
-from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.locations import state_of
@@ -36,12 +35,3 @@ def read_extent(path: Path) -> CloudExtent:
                 f"{path}: the bounds in its header cannot be: export it again (a run measures them anew)"
             )
         return CloudExtent(path, raw, crs, mins, maxs, state_of(path))
-
-
-def read_extents(inputs: Inputs) -> tuple[list[CloudExtent], list[str]]:
-    """
-    Read the headers of files, folders and globs; return those that can be read, and a line for each other.
-
-    InputError if none can be read.
-    """
-    return open_each(inputs, read_extent)

@@ -58,14 +58,14 @@ def plan_survey(
     size, start, buffer = tiles_for(config, places, counts)
     extents = np.prod(files[:, 1] - files[:, 0], axis=1)
     covered = float(shapely.union_all(shapely.box(*files[:, 0].T, *files[:, 1].T)).area)
-    west, south = files[:, 0].min(axis=0, initial=np.inf) if len(files) else np.zeros(2)
-    east, north = files[:, 1].max(axis=0, initial=-np.inf) if len(files) else np.zeros(2)
+    around = [files[:, 0].min(axis=0), files[:, 1].max(axis=0)] if len(files) else np.zeros((2, 2))
+    west, south, east, north = np.ravel(around).tolist()
     return SurveyPlan(
         len(clouds) if within is None else len(files),
         round(counts.sum()),
         round(sizes.sum()),
         system.crs.name,
-        (float(west), float(south), float(east), float(north)),
+        (west, south, east, north),
         covered,
         size,
         expected_points(places - start, counts, buffer, size),

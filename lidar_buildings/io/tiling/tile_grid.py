@@ -83,6 +83,11 @@ class Rectangle:
         unit = cloud.crs.horizontal_unit
         return cls(*(float(c) for c in (*(cloud.mins[:2] * unit), *(cloud.maxs[:2] * unit))))
 
+    @property
+    def box(self) -> shapely.Polygon:
+        """The rectangle as a polygon, which is its own bounds."""
+        return shapely.box(self.x_min, self.y_min, self.x_max, self.y_max)
+
     def grown(self, distance: float) -> Rectangle:
         """Return the rectangle with every side moved outwards."""
         return Rectangle(
@@ -110,21 +115,6 @@ class Rectangle:
     def holds(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Tell which points lie within."""
         return (x >= self.x_min) & (x <= self.x_max) & (y >= self.y_min) & (y <= self.y_max)
-
-
-class Rectangles:
-    """Tells which of many rectangles are near; None is near nothing."""
-
-    def __init__(self, rectangles: Sequence[Rectangle | None]) -> None:
-        self._tree = shapely.STRtree([None if one is None else _box(one) for one in rectangles])
-
-    def near(self, area: Rectangle) -> set[int]:
-        """Return the positions of those that share a point with an area; boxes are their own bounds."""
-        return set(self._tree.query(_box(area)).tolist())
-
-
-def _box(area: Rectangle) -> shapely.Polygon:
-    return shapely.box(area.x_min, area.y_min, area.x_max, area.y_max)
 
 
 class Block(NamedTuple):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.copc_nodes import read_nodes
+from lidar_buildings.io.clouds.octree import Cube
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -25,7 +26,6 @@ _NARROW_GAIN = 1.4
 _SMALLEST = 1e-3
 #: A header whose bounds span more tiles than this says nothing.
 _MOST_TILES = 100_000
-_BITS = 16
 
 
 class TileCut(NamedTuple):
@@ -131,15 +131,8 @@ def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
     """Order files by the Z-curve (Morton 1966) through their middles, those without points (None) first."""
     empty = [i for i, area in enumerate(areas) if area is None]
     filled = [(i, area) for i, area in enumerate(areas) if area is not None]
-    if not filled:
-        return empty
-    middles = np.array([[a.x_min + a.x_max, a.y_min + a.y_max] for _, a in filled]) / 2.0
-    low, extent = middles.min(axis=0), float(np.ptp(middles, axis=0).max()) or 1.0
-    steps = np.minimum((middles - low) / extent * 2**_BITS, 2**_BITS - 1).astype(np.uint64)
-    keys = [_interleaved(int(x), int(y)) for x, y in steps]
-    return empty + [filled[k][0] for k in sorted(range(len(filled)), key=lambda k: (keys[k], filled[k][0]))]
-
-
-def _interleaved(x: int, y: int) -> int:
-    """Mix the bits of two numbers, those of `x` first."""
-    return sum(((x >> bit & 1) << 1 | (y >> bit & 1)) << (2 * bit) for bit in range(_BITS))
+    north, east = bounds_of([area for _, area in filled]).mean(axis=1).T[::-1]
+    places = np.column_stack([north, east, np.zeros(len(filled))])
+    low, high = places.min(axis=0, initial=np.inf), places.max(axis=0, initial=-np.inf)
+    codes = Cube.around(low, high).codes(places)
+    return empty + [filled[k][0] for k in np.argsort(codes, kind="stable")]

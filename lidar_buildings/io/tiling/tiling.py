@@ -10,6 +10,8 @@ from collections.abc import Container, Generator, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import shapely
+
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import STEP
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -21,7 +23,7 @@ from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.file_parts import Submit, kept_in, read_files
 from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, Rectangles, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import KnownSurvey, TilePlan, TileStore
@@ -68,7 +70,7 @@ class TileSource:
         self.frame: MapFrame = frame_of(self._clouds, crs)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
-        self._bounds = Rectangles(self._areas)
+        self._bounds = shapely.STRtree([area and area.box for area in self._areas])
         known = known or KnownSurvey(*tiles_for(self.config, *spread_of(self._clouds)))
         self._buffer = self.config.buffer if known.buffer is None else known.buffer
         self._grid = TileGrid.fitting(known.tile_size, self._buffer, known.start)
@@ -210,10 +212,13 @@ class TileSource:
         for tile in sorted((self._waiting & near) - self._planned):
             square = self._grid.area_of(self._grid.block_of(tile))
             surroundings = square.buffered(Buffer.largest(most))
-            if not surroundings.touches(read) or self._bounds.near(surroundings) & self._unread:
-                continue
-            if self._bounds.near(square):
+            is_last = surroundings.touches(read) and self._unread.isdisjoint(self._files_near(surroundings))
+            if is_last and self._files_near(square):
                 self._plan(tile)
+
+    def _files_near(self, area: Rectangle) -> list[int]:
+        files: list[int] = self._bounds.query(area.box).tolist()
+        return files
 
     def _plan(self, tile: Cell) -> None:
         """Plan a tile, in parts where its points are too many for memory."""
