@@ -118,27 +118,27 @@ class LiveFeed:
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
         n_points = int(message.width) * int(message.height)
-        self._inbox.put(lambda one: self._placer.add_scan(one), message, n_points)
+        self._inbox.put(lambda: self._placer.add_scan(message), n_points)
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        self._inbox.put(lambda one: self._placer.add_odometry(one), message)
+        self._inbox.put(lambda: self._placer.add_odometry(message))
 
     def add_transforms(self, message: Any, *, is_static: bool) -> None:
         """Take a tf2_msgs/TFMessage."""
-        self._inbox.put(lambda one: self._placer.add_transforms(one, is_static=is_static), message)
+        self._inbox.put(lambda: self._placer.add_transforms(message, is_static=is_static))
 
     def add_fix(self, message: Any) -> None:
         """Take a sensor_msgs/NavSatFix."""
-        self._inbox.put(lambda one: self._search.take_fix(one, self._placer), message)
+        self._inbox.put(lambda: self._search.take_fix(message, self._placer))
 
     def add_frame(self, frame: MapFrame) -> None:
         """Take what others say of where the map lies; too late once points are kept."""
-        self._inbox.put_order(self._search.take_frame, frame)
+        self._inbox.put_order(lambda: self._search.take_frame(frame))
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """Note that a tile is done, or was given up."""
-        self._inbox.put_order(lambda _: self._survey and self._survey.finish(stamp, is_done=is_done))
+        self._inbox.put_order(lambda: self._survey and self._survey.finish(stamp, is_done=is_done))
 
     def flush(self) -> None:
         """Have all tiles made that have new points; `n_flushed` tells when they are done."""
@@ -176,26 +176,26 @@ class LiveFeed:
         try:
             while not (self._stopping.is_set() and self._inbox.is_empty):
                 if self.obstacle and not self._stopping.wait(_TICK):
-                    self._try(self._tick, None)  # what comes waits in the inbox, which has its bound
+                    self._try(self._tick)  # what comes waits in the inbox, which has its bound
                     continue
                 self._inbox.work_on_next(self._try, _TICK)
                 if time.monotonic() >= next_tick:
-                    self._try(self._tick, None)
+                    self._try(self._tick)
                     next_tick = time.monotonic() + _TICK
         except Exception as error:
             self.error = error
             self._wake()
 
-    def _try(self, work: Callable[[Any], Any], message: Any) -> None:
+    def _try(self, work: Callable[[], Any]) -> None:
         """Do something; what is wrong with a message, or the disk, is told and goes no further."""
         try:
-            work(message)
+            work()
         except MessageError as error:
             self.problems[str(error) if len(self.problems) < _MOST_PROBLEMS else "more"] += 1
         except OutputError as error:
             self.obstacle = str(error)
 
-    def _tick(self, _: None) -> None:
+    def _tick(self) -> None:
         self._keep_placed()
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
@@ -237,7 +237,7 @@ class LiveFeed:
         self.recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
         self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 
-    def _flush(self, _: None) -> None:
+    def _flush(self) -> None:
         self._keep_placed(is_end=True)
         self._settle_frame(math.inf)
         if self._survey is not None:
@@ -246,7 +246,7 @@ class LiveFeed:
         else:
             self.n_flushed += 1
 
-    def _reset(self, _: None) -> None:
+    def _reset(self) -> None:
         self._placer, self._early = ScanPlacer(self._scans), []
         self._inbox.left_out.clear()
         if self._survey is not None:
@@ -260,12 +260,12 @@ class LiveFeed:
             while not self._stopping.is_set():
                 self._has_work.wait()
                 self._has_work.clear()
-                self._try(self._make, None)  # with a full disk again at the next tick
+                self._try(self._make)  # with a full disk again at the next tick
         except Exception as error:
             self.error = error
             self._wake()
 
-    def _make(self, _: None) -> None:
+    def _make(self) -> None:
         if self._is_wanted and self._survey is not None and (tile := self._survey.take()) is not None:
             with self._made_lock:
                 self._made, self._is_wanted = tile, False

@@ -13,19 +13,19 @@ POSES_TOO_FAST = f"poses {TOO_FAST}"
 #: Points, and messages, that may wait (about 0.5 GB each).
 _MOST_POINTS, _MOST_MESSAGES = 10_000_000, 50_000
 
-Work = Callable[[Any], Any]
+Work = Callable[[], Any]
 
 
 class LiveInbox:
     """
-    Work on messages, in the order in which they came.
+    What is to be done with messages, in the order in which they came.
 
     `left_out` leads from a reason to the points, or messages with poses, for which there was no room.
     """
 
     def __init__(self) -> None:
         self.left_out: Counter[str] = Counter()
-        self._waiting: queue.Queue[tuple[Work, Any, int]] = queue.Queue()
+        self._waiting: queue.Queue[tuple[Work, int]] = queue.Queue()
         self._n_come = self._n_done = 0
 
     @property
@@ -42,23 +42,23 @@ class LiveInbox:
         """Return which share of the room is taken, with so many points more."""
         return max((self.n_points + n_points) / _MOST_POINTS, self._waiting.qsize() / _MOST_MESSAGES)
 
-    def put(self, work: Work, message: Any, n_points: int = 0) -> None:
+    def put(self, work: Work, n_points: int = 0) -> None:
         """Let a message wait, if there is room for it."""
         if self.fullness(n_points) > 1.0:
             self.left_out[TOO_FAST if n_points else POSES_TOO_FAST] += n_points or 1
             return
         self._n_come += n_points
-        self._waiting.put((work, message, n_points))
+        self._waiting.put((work, n_points))
 
-    def put_order(self, work: Work, message: Any = None) -> None:
+    def put_order(self, work: Work) -> None:
         """Let something wait that must not be left out."""
-        self._waiting.put((work, message, 0))
+        self._waiting.put((work, 0))
 
-    def work_on_next(self, do: Callable[[Work, Any], None], timeout: float) -> None:
+    def work_on_next(self, do: Callable[[Work], None], timeout: float) -> None:
         """Do what waits for the longest time, if anything comes in so many seconds."""
         try:
-            work, message, n_points = self._waiting.get(timeout=timeout)
+            work, n_points = self._waiting.get(timeout=timeout)
         except queue.Empty:
             return
-        do(work, message)
+        do(work)
         self._n_done += n_points
