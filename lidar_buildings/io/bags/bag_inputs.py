@@ -70,15 +70,7 @@ def _placed(
             return record
     path.parent.mkdir(parents=True, exist_ok=True)
     count = write_placed(bag, path, choice, config)
-    record = wanted | {
-        "n_scans": count.n_scans,
-        "n_points": count.n_points,
-        "left_out": dict(sorted(count.left_out.items())),
-        "messages": dict(sorted(count.messages.items())),
-        "problem": count.problem,
-        "place": count.place,
-        "warnings": list(count.warnings),
-    }
+    record = wanted | count._asdict()
     note.write_text(json.dumps(record))
     tell(_line(bag, record))
     for said in filter(None, [count.place, *(f"warning: {one}" for one in count.warnings)]):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
@@ -28,18 +28,17 @@ from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 _BATCH = 100
 
 
-@dataclass
-class PlacedCount:
-    """What became of a bag's points."""
+class PlacedCount(NamedTuple):
+    """What became of a bag's points, as ``run.json`` tells it."""
 
     #: Scans that were read, points that were placed.
-    n_scans: int = 0
-    n_points: int = 0
-    left_out: Counter[str] = field(default_factory=Counter)  #: reason → points
-    messages: Counter[str] = field(default_factory=Counter)  #: what is to be said of messages → how many
-    problem: str = ""  #: why only a part of the bag could be read, and which; empty if all could
-    place: str = ""  #: how satellites told where the map lies, empty if they did not
-    warnings: tuple[str, ...] = ()  #: what is doubtful
+    n_scans: int
+    n_points: int
+    left_out: dict[str, int]  #: reason → points
+    messages: dict[str, int]  #: what is to be said of messages → how many
+    problem: str  #: why only a part of the bag could be read, and which; empty if all could
+    place: str  #: how satellites told where the map lies, empty if they did not
+    warnings: list[str]  #: what is doubtful
 
 
 def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConfig) -> PlacedCount:
@@ -77,11 +76,12 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
             file.close()
         _check_any(bag_path, file.n_points, placer)
         check_metres(bag_path, file.n_points, file.size)
-    left_out = placer.left_out + Counter({FAR: file.n_far} if file.n_far else {})
-    unreadable = (f"one of the scans that cannot be read: {placer.unreadable}",) if placer.unreadable else ()
-    warnings = (*place.warnings, *unreadable)
+    left_out = sorted((placer.left_out + Counter({FAR: file.n_far})).items())
+    messages, warnings = sorted(placer.messages.items()), list(place.warnings)
+    if placer.unreadable:
+        warnings.append(f"one of the scans that cannot be read: {placer.unreadable}")
     return PlacedCount(
-        placer.n_scans, file.n_points, left_out, placer.messages, problem, place.said, warnings
+        placer.n_scans, file.n_points, dict(left_out), dict(messages), problem, place.said, warnings
     )
 
 
