@@ -67,7 +67,7 @@ def write_truth_layers(path: Path, scene: VirtualScene) -> None:
     faces = [_polygon(face.rings_3d, scene) for b in scene.buildings for face in b.faces]
     with geopackage_file(path, scene.frame.crs) as add:
         add(VectorLayer("outlines", outlines, OUTLINE_COLUMNS, building_attributes(scene)))
-        add(VectorLayer("roof_faces", faces, FACE_COLUMNS, _face_rows(scene), is_3d=True))
+        add(VectorLayer("roof_faces", faces, FACE_COLUMNS, _face_rows(scene), "Polygon Z"))
 
 
 def _face_rows(scene: VirtualScene) -> list[dict[str, Any]]:

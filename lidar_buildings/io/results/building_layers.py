@@ -45,7 +45,7 @@ LAYERS: dict[str, dict[str, type]] = {
         "elevation_max": float,
     },
 }
-_IN_3D = {"roof_faces": "Polygon", "roof_lines": "LineString"}
+_KINDS = {"outlines": "Polygon", "traced": "Polygon", "roof_faces": "Polygon Z", "roof_lines": "LineString Z"}
 #: So many rows are written at a time.
 _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
@@ -143,8 +143,7 @@ class _BuildingLayers:
 
 def _layer(name: str, rows: _Rows) -> VectorLayer:
     geometries, known = [geometry for _, geometry in rows], [row for row, _ in rows]
-    is_3d = name in _IN_3D
-    return VectorLayer(name, geometries, LAYERS[name], known, is_3d, _IN_3D.get(name, "Polygon"))
+    return VectorLayer(name, geometries, LAYERS[name], known, _KINDS[name])
 
 
 def _roof_faces(

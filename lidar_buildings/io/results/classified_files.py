@@ -52,13 +52,9 @@ class PointResults:
         """Return the rows `first` to `last` (exclusive)."""
         return np.asarray(self._table[first:last])
 
-    def n_known(self) -> int:
-        """Count the points that a finished tile holds."""
-        return int(np.count_nonzero(self._table["known"]))
-
-    def n_facade(self) -> int:
-        """Count the points of façades."""
-        return int(np.count_nonzero(self._table["facade"]))
+    def count(self, column: str) -> int:
+        """Count the points of which a column says something."""
+        return int(np.count_nonzero(self._table[column]))
 
     def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
         """
@@ -155,7 +151,7 @@ def _write_cloud(job: _Job) -> WrittenCloud:
             results.fill(job.fragments, job.number, without=job.without)
             with cloud_sample(job.folder / output, job.every) as keep:
                 per_class = write_classified(cloud, results.rows, job.folder / output, keep)
-            counts = results.n_known(), results.n_facade()
+            counts = results.count("known"), results.count("facade")
             written = WrittenCloud(output, None, "", per_class, *counts)
         return _with_copc(job, written) if job.copc else written
     except InputError as error:

@@ -79,8 +79,11 @@ def claim_folder(
         elif overwrite:
             if not _is_same(path, identity):
                 _clear(path)
-        elif _holds_run(path) and (not is_live or holds_tiles(path)):
-            _check_same(path, identity)
+        elif _holds_run(path) and (not is_live or holds_tiles(path)) and not _is_same(path, identity):
+            raise OutputError(
+                f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with "
+                "it, --overwrite to begin anew, or another folder"
+            )
         (path / PARTIAL).mkdir(exist_ok=True)
     except OSError as error:
         raise unusable(path, error) from error
@@ -134,14 +137,6 @@ def _holds_run(path: Path) -> bool:
 def holds_tiles(path: Path) -> bool:
     """Whether tiles of a run are there."""
     return any((path / PARTIAL).glob("*.npz"))
-
-
-def _check_same(path: Path, identity: dict[str, Any]) -> None:
-    if not _is_same(path, identity):
-        raise OutputError(
-            f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with it, "
-            "--overwrite to begin anew, or another folder"
-        )
 
 
 def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:

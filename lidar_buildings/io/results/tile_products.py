@@ -151,19 +151,18 @@ def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
 def load_raster_window(path: Path) -> RasterWindow | None:
     """Read which cells the rasters of a saved tile have, None if it has none."""
     with _opened(path) as held:
-        if _WINDOW not in held:
-            return None
-        resolution, *place = held[_WINDOW].tolist()
-    return RasterWindow(resolution, *(int(number) for number in place))
+        return _window_of(held) if _WINDOW in held else None
 
 
 def load_rasters(path: Path) -> TerrainRasters:
     """Read the rasters of a saved tile that has some."""
-    window = load_raster_window(path)
-    if window is None:
-        raise ValueError(f"{path} holds no rasters")
     with _opened(path) as held:
-        return TerrainRasters(window, *(held[name] for name in _RASTERS))
+        return TerrainRasters(_window_of(held), *(held[name] for name in _RASTERS))
+
+
+def _window_of(held: Any) -> RasterWindow:
+    resolution, *place = held[_WINDOW].tolist()
+    return RasterWindow(resolution, *map(int, place))
 
 
 def load_stamp(path: Path) -> int:

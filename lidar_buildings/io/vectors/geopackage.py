@@ -46,8 +46,7 @@ class VectorLayer:
     fields: dict[str, type]  #: attribute → int, float or str, in the order of the columns
     #: One per geometry; what a row lacks, None and numbers that are not finite become null.
     rows: Sequence[dict[str, Any]]
-    is_3d: bool = False  #: whether the vertices carry z
-    kind: str = "Polygon"  #: ``Polygon`` or ``LineString``
+    kind: str = "Polygon"  #: or ``Polygon Z``, ``LineString Z``, whose vertices carry z
 
 
 @contextmanager
@@ -107,7 +106,7 @@ def write_layer(
             field_mask=[is_missing for _, is_missing in columns],
             layer=layer.name,
             driver=driver,
-            geometry_type=f"{layer.kind} Z" if layer.is_3d else layer.kind,
+            geometry_type=layer.kind,
             crs=crs or None,
             append=append,
             layer_options={"GEOMETRY_NAME": "geometry"} if driver == "GPKG" else None,
@@ -123,7 +122,8 @@ def wkb_of(layer: VectorLayer) -> NDArray[np.object_]:
     """Return a layer's geometries as WKB."""
     geometry = np.empty(len(layer.geometries), dtype=object)
     if len(layer.geometries):
-        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=3 if layer.is_3d else 2)
+        dimension = 3 if layer.kind.endswith("Z") else 2
+        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=dimension)
     return geometry
 
 

@@ -64,7 +64,7 @@ def _metadata(layer: VectorLayer, crs: str, bounds: list[Any]) -> dict[str, Any]
     """Return what the specification wants to be said of the column of geometries."""
     column: dict[str, Any] = {
         "encoding": "WKB",
-        "geometry_types": [f"{layer.kind} Z" if layer.is_3d else layer.kind],
+        "geometry_types": [layer.kind],
         # null: unknown; what is left out would be longitude and latitude
         "crs": pyproj.CRS.from_user_input(crs).to_json_dict() if crs else None,
     }

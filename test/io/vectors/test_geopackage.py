@@ -69,7 +69,9 @@ def test_columns_have_their_types_and_missing_numbers_are_null(tmp_path):
 
 def test_several_layers_stand_in_one_file_even_empty_ones(tmp_path):
     path = tmp_path / "buildings.gpkg"
-    faces = VectorLayer("roof_faces", [raised(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], True)
+    faces = VectorLayer(
+        "roof_faces", [raised(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], "Polygon Z"
+    )
     empty = VectorLayer("traced", [], BUILDING_FIELDS, [])
     write_geopackage(path, [layer(), empty, faces], "EPSG:28992")
     kinds = dict(pyogrio.list_layers(path).tolist())

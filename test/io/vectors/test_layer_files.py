@@ -56,7 +56,7 @@ def test_geoparquet_has_every_row_of_every_portion(tmp_path):
 
 
 def test_layers_without_rows_and_reference_system_are_sound(tmp_path):
-    nothing = layer(0, is_3d=True)
+    nothing = layer(0, kind="Polygon Z")
     write_flatgeobuf(tmp_path / "a.fgb", nothing, "")
     assert pyogrio.read_info(tmp_path / "a.fgb")["geometry_type"] == "Polygon Z"
     table, geo = written_parquet(tmp_path / "a.parquet", nothing, crs="")
