@@ -134,7 +134,7 @@ class SurveyFolder:
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; the files that were made of them stay."""
         if self._folder is not None:
-            self._folder.forget_tiles()
+            self._folder.keep_only(())
         self.on_disk.clear()
 
     def _opened(self) -> OutputFolder:

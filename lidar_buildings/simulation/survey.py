@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.files.atomic_files import atomic_file, write_error
+from lidar_buildings.io.files.atomic_files import atomic_file, writing
 from lidar_buildings.simulation.building import Building
 from lidar_buildings.simulation.config import SimulationConfig
 from lidar_buildings.simulation.las_strips import strip_file
@@ -133,10 +133,8 @@ def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> Simulatio
 
 def make_folder(folder: Path) -> None:
     """Make the folder of a survey unless it is there."""
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise write_error(folder, error) from error
 
 
 def remove_surplus(output: Path, files: list[Path]) -> None:

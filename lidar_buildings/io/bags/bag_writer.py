@@ -21,7 +21,7 @@ from rosbags.rosbag2.errors import WriterError
 from rosbags.typesys import Stores, get_typestore
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.files.atomic_files import writing
 
 #: Storage → rosbags' plugin.
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
@@ -72,17 +72,13 @@ class BagWriter:
         mode = COMPRESSIONS[compression]
         if mode is not None:
             self._writer.set_compression(mode, CompressionFormat.ZSTD)
-        try:
+        with writing(path, (OSError, WriterError)):
             self._writer.open()
-        except (OSError, WriterError) as error:
-            raise write_error(path, error) from error
 
     def close(self) -> None:
         """Complete the bag."""
-        try:
+        with writing(self.path):
             self._writer.close()
-        except OSError as error:
-            raise write_error(self.path, error) from error
 
     def __enter__(self) -> BagWriter:
         return self
@@ -111,9 +107,7 @@ class BagWriter:
 
     def write_serialised(self, topic: str, kind: str, time: int, data: bytes | memoryview) -> None:
         """Write a message as it went over the network (CDR)."""
-        try:
+        with writing(self.path):
             if topic not in self._connections:
                 self.add_topic(topic, kind, offered(1, is_latched=True) if topic in self._latched else None)
             self._writer.write(self._connections[topic], time, data)
-        except OSError as error:
-            raise write_error(self.path, error) from error

@@ -29,11 +29,10 @@ def atomic_file(
     own = f".{uuid.uuid4().hex}" if has_rivals else ""
     temporary = path.with_name(f".{path.name.removesuffix(path.suffix)}{own}.part{path.suffix}")
     try:
-        temporary.unlink(missing_ok=True)
-        yield temporary
-        os.replace(temporary, path)
-    except failures as error:
-        raise write_error(path, error) from error
+        with writing(path, failures):
+            temporary.unlink(missing_ok=True)
+            yield temporary
+            os.replace(temporary, path)
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -48,18 +47,26 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     """
     temporary, former = (path.with_name(f".{path.name}.{ending}") for ending in ("part", "former"))
     try:
-        for left in (temporary, former):
-            shutil.rmtree(left, ignore_errors=True)
-        temporary.mkdir()
-        yield temporary
-        if path.exists():  # a folder that is not empty cannot be replaced
-            os.replace(path, former)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise write_error(path, error) from error
+        with writing(path):
+            for left in (temporary, former):
+                shutil.rmtree(left, ignore_errors=True)
+            temporary.mkdir()
+            yield temporary
+            if path.exists():  # a folder that is not empty cannot be replaced
+                os.replace(path, former)
+            os.replace(temporary, path)
     finally:
         for left in (temporary, former):
             shutil.rmtree(left, ignore_errors=True)
+
+
+@contextmanager
+def writing(path: Path, failures: tuple[type[BaseException], ...] = (OSError,)) -> Iterator[None]:
+    """Turn what fails in writing a file into one OutputError that names it."""
+    try:
+        yield
+    except failures as error:
+        raise write_error(path, error) from error
 
 
 def write_error(path: Path, error: BaseException) -> OutputError:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.input_file import InputFile
-from lidar_buildings.io.files.atomic_files import atomic_file, write_error
+from lidar_buildings.io.files.atomic_files import atomic_file, writing
 from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
 from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
@@ -104,10 +104,8 @@ def write_buildings(
 
 def _add_to_all(paths: list[Path], writers: list[_Add], one: SurveyBuilding | TerrainMesh) -> None:
     for path, add in zip(paths, writers, strict=True):
-        try:
+        with writing(path):  # else the file opened last would be named
             add(one)
-        except OSError as error:  # else the file opened last would be named
-            raise write_error(path, error) from error
 
 
 @contextmanager

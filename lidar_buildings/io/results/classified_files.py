@@ -16,7 +16,7 @@ from lidar_buildings.io.clouds.classified_las import suffix_for, write_classifie
 from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
-from lidar_buildings.io.files.atomic_files import atomic_file, write_error
+from lidar_buildings.io.files.atomic_files import atomic_file, writing
 from lidar_buildings.io.results.cloud_sample import cloud_sample, every_stretch
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
@@ -124,7 +124,8 @@ def write_clouds(
                 touching[source].append(fragment)
     if inputs:
         for name in (CLASSIFIED, COPC) if copc else (CLASSIFIED,):
-            _make_folder(folder / name)
+            with writing(folder / name):
+                (folder / name).mkdir(exist_ok=True)
     every = every_stretch(sum(one.point_count for one in inputs))
     jobs = [
         _Job(folder, number, one, name, touching[number], without, copc, every)
@@ -168,10 +169,3 @@ def _with_copc(job: _Job, written: WrittenCloud) -> WrittenCloud:
     except InputError as error:
         return written._replace(problem=str(error))
     return written._replace(copc=copc)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise write_error(folder, error) from error

@@ -113,16 +113,11 @@ class OutputFolder:
         return {int(path.stem): load_stamp(path) for path in self.saved_tiles()}
 
     def keep_only(self, stamps: Collection[int]) -> None:
-        """Delete tiles on disk that are none of some, known by the stamps of their first revisions."""
+        """Delete tiles on disk that are none of some; files that were made of them stay."""
         known = {tile_of(stamp) for stamp in stamps}
         for fragment in self.saved_tiles():
             if int(fragment.stem) not in known:
                 fragment.unlink()
-
-    def forget_tiles(self) -> None:
-        """Delete the tiles on disk; files that were made of them stay."""
-        for fragment in self.saved_tiles():
-            fragment.unlink()
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
@@ -203,7 +198,6 @@ class OutputFolder:
             remove_files(self.path, outdated)
             (self._partial / _LINES).unlink(missing_ok=True)
         else:
-            self.forget_tiles()
             shutil.rmtree(self._partial)
         return summary
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,7 +73,7 @@ def claim_folder(
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
             raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
     check_folder(path, overwrite=overwrite or use is not Use.NONE, is_live=is_live)
-    try:
+    with usable(path):
         if use is not Use.NONE:
             _check_use(path, identity, use)
         elif overwrite:
@@ -85,13 +85,11 @@ def claim_folder(
                 "it, --overwrite to begin anew, or another folder"
             )
         (path / PARTIAL).mkdir(exist_ok=True)
-    except OSError as error:
-        raise unusable(path, error) from error
-    try:
-        with atomic_file(path / PARTIAL / _IDENTITY) as temporary:
-            temporary.write_text(json.dumps(identity))
-    except OutputError as error:
-        raise unusable(path, error.__cause__ or error) from error
+        try:
+            with atomic_file(path / PARTIAL / _IDENTITY) as temporary:
+                temporary.write_text(json.dumps(identity))
+        except OutputError as error:
+            raise error.__cause__ or error from None  # nothing is done yet that could be taken up
 
 
 def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
@@ -100,7 +98,7 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
 
     A live run is never finished: its tiles stay when it makes its files.
     """
-    try:
+    with usable(path):
         path.mkdir(parents=True, exist_ok=True)
         if overwrite:
             return
@@ -110,8 +108,6 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
             )
         if not _holds_run(path) and any(file.name != PARTIAL for file in path.iterdir()):
             raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
-    except OSError as error:
-        raise unusable(path, error) from error
 
 
 def output_names(inputs: Sequence[InputFile]) -> list[str]:
@@ -198,10 +194,8 @@ def folder_of_points(path: Path) -> Path:
     """
     folder = path / PARTIAL / _POINTS
     shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted
-    try:
+    with usable(path):
         folder.mkdir(parents=True)
-    except OSError as error:
-        raise unusable(path, error) from error
     return folder
 
 
@@ -249,9 +243,13 @@ def _read(path: Path) -> Any:
         return None
 
 
-def unusable(path: Path, error: BaseException) -> OutputError:
-    """Return the error of an output folder that cannot be made or written."""
-    reason = one_line(error)
-    return OutputError(
-        f"{path}: cannot be used for output ({reason}): choose another folder, or check its permissions"
-    )
+@contextmanager
+def usable(path: Path) -> Iterator[None]:
+    """Turn what fails in making or writing an output folder into one OutputError."""
+    try:
+        yield
+    except OSError as error:
+        reason = one_line(error)
+        raise OutputError(
+            f"{path}: cannot be used for output ({reason}): choose another folder, or check its permissions"
+        ) from error

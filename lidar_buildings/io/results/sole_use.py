@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.run_folder import LOCK, PARTIAL, unusable
+from lidar_buildings.io.results.run_folder import LOCK, PARTIAL, usable
 
 #: Folders that this process has: locks of POSIX do not keep a process from itself.
 _mine: set[Path] = set()
@@ -29,15 +29,14 @@ def sole_use(path: Path) -> Iterator[None]:
         yield
         return
     was_there = folder.exists()
-    try:
+    with usable(path):
         (folder / PARTIAL).mkdir(parents=True, exist_ok=True)
-        descriptor = _locked(folder / PARTIAL / LOCK)
-    except BlockingIOError as error:
-        raise OutputError(
-            f"{path}: another run writes into it: wait for its end, or choose another folder"
-        ) from error
-    except OSError as error:
-        raise unusable(path, error) from error
+        try:
+            descriptor = _locked(folder / PARTIAL / LOCK)
+        except BlockingIOError as error:
+            raise OutputError(
+                f"{path}: another run writes into it: wait for its end, or choose another folder"
+            ) from error
     _mine.add(folder)
     try:
         yield

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.files.atomic_files import writing
 from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.files.waiting import Waiting
 from lidar_buildings.io.models.building_attributes import in_source_units
@@ -77,7 +77,7 @@ class SurveyBuildings:
         self._entries: dict[tuple[int, str], _Entry] = {}
         self._places: dict[int, list[NDArray[np.float64]]] = {}
         self._path = path
-        with self._reported():
+        with writing(self._path):
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
         self._lines: Waiting[tuple[int, str], str] = Waiting(self._file)
 
@@ -130,7 +130,7 @@ class SurveyBuildings:
         traced = {one.building_id: one.outline for one in shapes.traced}
         outlines = {one.building_id: one.outline for one in shapes.outlines}
         models = {head.building_id: head for head in map(_head_of, map(self._named, shapes.features))}
-        with self._reported():
+        with writing(self._path):
             for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
                 before, after, model = traced.get(number), outlines.get(number), models.get(number)
                 key = number, model.readable_id if model else self._name_of(number, before or after)
@@ -159,13 +159,6 @@ class SurveyBuildings:
             return False
         others.append(place)
         return True
-
-    @contextmanager
-    def _reported(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise write_error(self._path, error) from error
 
     def _named(self, line: str) -> str:
         """Return a feature's line with the footprint's name among the attributes, if footprints have any."""

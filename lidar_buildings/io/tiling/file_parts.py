@@ -14,7 +14,7 @@ from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import CHUNK, Cloud
 from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.spool import temporary_error
+from lidar_buildings.io.tiling.spool import temporary_files
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 
@@ -87,11 +87,8 @@ def _read_here(cloud: Cloud, source: int, store: TileStore) -> Iterator[set[Cell
     first, part = 0, store.spool.folder / f"{source}.part"
     for chunk in cloud.chunks(CHUNK):
         if cloud.kept is not None:
-            try:
-                with open(part, "ab") as file:
-                    file.write(chunk.array.data)
-            except OSError as error:
-                raise temporary_error(store.spool.folder, error) from error
+            with temporary_files(store.spool.folder), open(part, "ab") as file:
+                file.write(chunk.array.data)
         yield store.add(source, first, chunk, cloud)
         first += len(chunk)
     if cloud.kept is not None:
@@ -124,10 +121,8 @@ def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsE
         for chunk in part.cloud.chunks(first=first, last=part.last):
             store.add(part.source, first, chunk, part.cloud)
             first += len(chunk)
-        return store.part(part.source)
+        with temporary_files(part.folder):
+            return store.part(part.source)
     except LidarBuildingsError as error:
         store.spool.remove()
         return error
-    except OSError as error:  # samples that find the disk full
-        store.spool.remove()
-        return temporary_error(part.folder, error)

@@ -14,6 +14,7 @@ import numpy as np
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
+from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_frame import moved_origin
@@ -115,7 +116,8 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
     for number in range(n_files):
         path = folder / CLOUDS / _NAME.format(number)
         yield n_files - number
-        if path.exists() and (number + 1) * POINTS_PER_FILE <= survey.n_points and not _is_part(path):
+        is_full = (number + 1) * POINTS_PER_FILE <= survey.n_points
+        if is_full and path.exists() and read_raw_header(path).point_count == POINTS_PER_FILE:
             continue
         with atomic_file(path) as temporary:
             file = PlacedLaz(temporary)
@@ -126,14 +128,6 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
             finally:
                 file.close()
     yield 0
-
-
-def _is_part(path: Path) -> bool:
-    """Whether a file was written before it was full."""
-    import laspy
-
-    with laspy.open(path) as file:
-        return bool(file.header.point_count < POINTS_PER_FILE)
 
 
 def _scan_of(records: Any) -> PlacedScan:

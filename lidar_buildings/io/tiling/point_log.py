@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.files.atomic_files import write_error
+from lidar_buildings.io.files.atomic_files import writing
 from lidar_buildings.io.tiling.spool import BLOCK, RECORD, append_records
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 
@@ -27,28 +28,22 @@ class PointLog:
 
     def __init__(self, folder: Path) -> None:
         self._points, self._events = folder / _POINTS, folder / _EVENTS
-        try:
+        with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
             self._points.touch()
             self.count = self._points.stat().st_size // RECORD.itemsize
-            with open(self._points, "r+b") as file:
-                file.truncate(self.count * RECORD.itemsize)  # a process that was killed leaves a part of one
-        except OSError as error:
-            raise write_error(folder, error) from error
+            self.take_back(0)  # a process that was killed leaves a part of one
 
     def append(self, records: NDArray[Any]) -> None:
         """Add records; OutputError if they cannot be written: then none is."""
-        try:
+        with writing(self._points):
             append_records(self._points, self.count, records)
-        except OSError as error:
-            raise write_error(self._points, error) from error
         self.count += len(records)
 
     def take_back(self, n_records: int) -> None:
         """Remove the last records."""
         self.count -= n_records
-        with open(self._points, "r+b") as file:
-            file.truncate(self.count * RECORD.itemsize)
+        os.truncate(self._points, self.count * RECORD.itemsize)
 
     def blocks(self, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read the records `first` to `last`, some at a time."""
@@ -60,11 +55,8 @@ class PointLog:
 
     def note(self, event: dict[str, Any]) -> None:
         """Add an event; OutputError if it cannot be written."""
-        try:
-            with open(self._events, "a", encoding="utf-8") as file:
-                file.write(json.dumps(event) + "\n")
-        except OSError as error:
-            raise write_error(self._events, error) from error
+        with writing(self._events), open(self._events, "a", encoding="utf-8") as file:
+            file.write(json.dumps(event) + "\n")
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events; a line that was cut off is none."""

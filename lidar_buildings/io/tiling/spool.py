@@ -7,6 +7,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -72,10 +73,8 @@ class Spool:
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
-        try:
+        with temporary_files(folder or tempfile.gettempdir()):
             self.folder = Path(tempfile.mkdtemp(prefix="lidar_buildings_", dir=folder))
-        except OSError as error:
-            raise temporary_error(folder or tempfile.gettempdir(), error) from error
         #: How many records each cell has here, and where those are that were joined.
         self._counts, self._joined = CellTable(0), dict[Cell, list[Piece]]()
 
@@ -92,14 +91,15 @@ class Spool:
         touched: list[Cell] = [(column, row) for column, row in cells[order[starts]].tolist()]
         before = {cell: int(self._counts[cell]) for cell in touched}
         written = []
-        try:
-            for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
-                append_records(self._file(cell), before[cell], records[start:end])
-                written.append((cell, before[cell] + end - start))
-        except OSError as error:
-            for cell, _ in written:
-                os.truncate(self._file(cell), before[cell] * RECORD.itemsize)
-            raise temporary_error(self.folder, error) from error
+        with temporary_files(self.folder):
+            try:
+                for cell, start, end in zip(touched, starts, [*starts[1:], len(records)], strict=True):
+                    append_records(self._file(cell), before[cell], records[start:end])
+                    written.append((cell, before[cell] + end - start))
+            except OSError:
+                for cell, _ in written:
+                    os.truncate(self._file(cell), before[cell] * RECORD.itemsize)
+                raise
         for cell, count in written:
             self._counts[cell] = count
         return touched
@@ -174,12 +174,16 @@ class Spool:
         return self.folder / f"{cell[0]}_{cell[1]}.points"
 
 
-def temporary_error(folder: str | Path, error: OSError) -> OutputError:
-    """Return the error of a temporary folder that cannot be written."""
-    return OutputError(
-        f"{folder}: temporary files cannot be written ({one_line(error)}): "
-        "free some space, or set TMPDIR to a folder with more"
-    )
+@contextmanager
+def temporary_files(folder: str | Path) -> Iterator[None]:
+    """Turn what fails in writing to a temporary folder into one OutputError."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"{folder}: temporary files cannot be written ({one_line(error)}): "
+            "free some space, or set TMPDIR to a folder with more"
+        ) from error
 
 
 def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:

@@ -21,7 +21,7 @@ _SMALLEST_CELL = 5.0
 #: More spool cells per side of a tile than this make too many small files.
 _MOST_CELLS = 8
 #: Bounds that span more tiles than this are wrong, or of a few points far apart.
-_MOST_TILES = 100_000
+MOST_TILES = 100_000
 #: How much of a buffer's width lies west, south, east and north of a tile. A block belongs to the tile that
 #: holds its westernmost point: it reaches farthest beyond it eastwards, and not at all westwards, where it is
 #: only seen that nothing touches it, and what the ground around is.
@@ -214,7 +214,7 @@ class TileGrid:
         found: set[Cell] = set()
         for area in areas:
             (x0, y0), (x1, y1) = self.tile_span(area)
-            if (x1 - x0 + 1) * (y1 - y0 + 1) <= _MOST_TILES:
+            if (x1 - x0 + 1) * (y1 - y0 + 1) <= MOST_TILES:
                 found.update((x, y) for x in range(x0, x1 + 1) for y in range(y0, y1 + 1))
         return found
 

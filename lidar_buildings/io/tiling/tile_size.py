@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.copc_nodes import read_nodes
 from lidar_buildings.io.clouds.octree import Cube
-from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, Rectangle
+from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, MOST_TILES, Rectangle
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 #: Sides to choose from [m]; wider tiles bring nothing, and a survey that fills its bounds in parts would
@@ -24,8 +24,6 @@ _SHORTEST = 0.5
 _NARROW_GAIN = 1.4
 #: Bounds as small as those of a single point are taken for this wide [m].
 _SMALLEST = 1e-3
-#: A header whose bounds span more tiles than this says nothing.
-_MOST_TILES = 100_000
 
 
 class TileCut(NamedTuple):
@@ -111,7 +109,7 @@ def expected_points(
     before, after = buffer * np.array(BUFFER_SHARES).reshape(2, 2)
     first = np.floor((bounds[:, 0] - after) / size)
     spans = np.floor((bounds[:, 1] + before) / size) - first + 1.0
-    is_told = spans.prod(axis=1) <= _MOST_TILES
+    is_told = spans.prod(axis=1) <= MOST_TILES
     bounds, counts, first = bounds[is_told], counts[is_told], first[is_told]
     width, height = spans[is_told].astype(np.int64).T
     file = np.repeat(np.arange(len(counts)), width * height)  # a row for each tile near each file
