@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.bags.bag_writer import offered
-from lidar_buildings.io.bags.recording import Recording, RecordingThread, bag_folder
+from lidar_buildings.io.bags.recording import Recording, bag_folder
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos
@@ -46,7 +46,7 @@ class Recorder(StageNode):
             self.destroy_node()
             raise
         self._last_heard, self._lag = time.monotonic(), 0.0
-        self._writing = RecordingThread(self.recording, self._on_written)
+        self.recording.start(self._on_written)
         self._sought = set(config.topics)
         self._takers: list[tuple[Any, Callable[[bytes, dict[str, int]], None]]] = []
         self.summary.watch(self._gauges)
@@ -61,7 +61,7 @@ class Recorder(StageNode):
     @property
     def is_silent(self) -> bool:
         """Whether nothing has come for a while but diagnostics, which always do."""
-        return not self._writing.n_waiting and time.monotonic() - self._last_heard > _SILENCE
+        return not self.recording.n_waiting and time.monotonic() - self._last_heard > _SILENCE
 
     def on_search(self) -> None:
         """Subscribe to topics of others as soon as somebody publishes them, as reliably as they are sent."""
@@ -75,9 +75,8 @@ class Recorder(StageNode):
 
     def destroy_node(self) -> None:
         """Record what has come and was not taken yet, and complete the bag."""
-        if hasattr(self, "_writing"):
+        if hasattr(self, "_takers"):
             self._take_the_rest()
-            self._writing.finish()
             self.recording.close()
         super().destroy_node()
 
@@ -110,7 +109,7 @@ class Recorder(StageNode):
         self._takers.append((subscription, take))
 
     def _record(self, name: str, data: bytes, info: dict[str, int]) -> None:
-        self._writing.add(name, info["received_timestamp"] or time.time_ns(), data)
+        self.recording.add(name, info["received_timestamp"] or time.time_ns(), data)
         if name != f"/{DIAGNOSTICS}":
             self._last_heard = time.monotonic()
 
@@ -140,7 +139,7 @@ class Recorder(StageNode):
             "messages": recording.n_messages,
             "megabytes": recording.n_bytes * 1e-6,
             "messages_lost": sum(recording.lost.values()),
-            "megabytes_waiting": self._writing.n_waiting * 1e-6,
+            "megabytes_waiting": recording.n_waiting * 1e-6,
             "lag": self._lag,
         }
 

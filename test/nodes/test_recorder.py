@@ -17,7 +17,7 @@ from support.node_bench import made, running, wait_until
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag_writer import offered
-from lidar_buildings.io.bags.recording import Recording, RecordingThread, bag_folder
+from lidar_buildings.io.bags.recording import Recording, bag_folder
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED
@@ -128,21 +128,25 @@ def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, mon
 
 
 def test_what_a_slow_disk_cannot_take_is_left_out_and_counted(tmp_path):
-    may_write, n_written = threading.Event(), []
-    recording = Recording(tmp_path / "bag")
+    is_busy, may_go_on, n_written = threading.Event(), threading.Event(), []
+
+    def written(*message):
+        n_written.append(message)
+        is_busy.set()
+        may_go_on.wait()
+
+    recording = Recording(tmp_path / "bag", most_waiting=100)
     recording.declare("/text", "std_msgs/msg/String", offered(0, is_latched=False))
-    add = recording.add
-    recording.add = lambda *message: may_write.wait() and add(*message)
-    thread = RecordingThread(recording, lambda *one: n_written.append(one), most_waiting=100)
+    recording.start(written)
     for number in range(10):
-        thread.add("/text", number, serialize_message(String(data=f"number {number:030}")))
-    assert thread.n_waiting <= 100
-    may_write.set()
-    thread.finish()
+        recording.add("/text", number, serialize_message(String(data=f"number {number:030}")))
+        is_busy.wait()
+    assert recording.n_waiting <= 100
+    may_go_on.set()
     recording.close()
-    assert (recording.n_messages, recording.lost["/text"], len(n_written)) == (2, 8, 10)
+    assert (recording.n_messages, recording.lost["/text"], len(n_written)) == (3, 7, 10)
     assert recording.failure.endswith("bag: the disk is too slow: what it cannot take is left out")
-    assert [one.data[-1] for _, one in messages(tmp_path / "bag")[0]] == ["0", "1"]
+    assert [one.data[-1] for _, one in messages(tmp_path / "bag")[0]] == ["0", "1", "2"]
 
 
 def test_what_is_there_is_not_touched(tmp_path):

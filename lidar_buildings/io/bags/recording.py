@@ -24,12 +24,13 @@ class Recording:
     """
     A bag that is made with its first message, a folder that must not be there.
 
-    `lost` leads from a topic to the messages that came after the bag could not be written any more, or faster
-    than it could; `failure` is why it cannot be written, or not all of it, empty if it can. OutputError if
-    something of that name is there, or no folder can be made there.
+    What is too much for the disk is left out: so many bytes may wait; a single message may be larger. `lost`
+    leads from a topic to the messages that were left out, or came after the bag could not be written any
+    more; `failure` is why it cannot be written, or not all of it, empty if it can. OutputError if something
+    of that name is there, or no folder can be made there.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, most_waiting: int = MOST_WAITING) -> None:
         self.path = path
         self.n_messages = self.n_bytes = 0
         self.lost: Counter[str] = Counter()
@@ -37,6 +38,9 @@ class Recording:
         self._has_ended = False
         self._topics: dict[str, tuple[str, Qos]] = {}
         self._bag: BagWriter | None = None
+        self._most, self._n_taken, self._n_left = most_waiting, 0, 0
+        self._waiting: queue.SimpleQueue[tuple[str, int, bytes | None] | None] = queue.SimpleQueue()
+        self._thread: threading.Thread | None = None
         if path.exists():
             raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
         above = next(one for one in path.absolute().parents if one.exists())
@@ -47,8 +51,53 @@ class Recording:
         """Say of what type a topic is, and how it is to be played, before its first message."""
         self._topics[name] = kind, qos
 
+    def start(self, on_written: Callable[[str, int], None]) -> None:
+        """
+        Begin to write what comes, in its order, in a thread of its own.
+
+        `on_written` is called, from that, with the topic and the time [ns] of each message that was its turn.
+        """
+        self._thread = threading.Thread(target=self._run, args=(on_written,), name="recording", daemon=True)
+        self._thread.start()
+
+    @property
+    def n_waiting(self) -> int:
+        """Bytes that wait."""
+        return self._n_taken - self._n_left
+
     def add(self, name: str, time: int, data: bytes) -> None:
-        """Record a message (CDR) that came at a time [ns]; once that fails, only count it."""
+        """Take a message (CDR) that came at a time [ns]."""
+        has_room = not self.n_waiting or self.n_waiting + len(data) <= self._most
+        self._n_taken += len(data) * has_room
+        self._waiting.put((name, time, data if has_room else None))
+
+    def close(self) -> None:
+        """Complete the bag when all that was taken is written, and take no more."""
+        if self._thread is not None:
+            self._waiting.put(None)
+            self._thread.join()
+            self._thread = None
+        if self._bag is not None:
+            try:
+                self._bag.close()
+            except OutputError as error:
+                self._give_up(error)
+            self._bag = None
+
+    def _run(self, on_written: Callable[[str, int], None]) -> None:
+        while (message := self._waiting.get()) is not None:
+            name, time, data = message
+            if data is None:
+                self.lost[name] += 1
+                slow = f"{self.path}: the disk is too slow: what it cannot take is left out"
+                self.failure = self.failure or slow
+            else:
+                self._write(name, time, data)
+                self._n_left += len(data)
+            on_written(name, time)
+
+    def _write(self, name: str, time: int, data: bytes) -> None:
+        """Write a message; once that fails, only count it."""
         if self._has_ended:
             self.lost[name] += 1
             return
@@ -60,21 +109,6 @@ class Recording:
             return
         self.n_messages += 1
         self.n_bytes += len(data)
-
-    def leave_out(self, name: str) -> None:
-        """Count a message that came faster than the disk takes them."""
-        self.lost[name] += 1
-        self.failure = self.failure or f"{self.path}: the disk is too slow: what it cannot take is left out"
-
-    def close(self) -> None:
-        """Complete the bag."""
-        if self._bag is None:
-            return
-        try:
-            self._bag.close()
-        except OutputError as error:
-            self._give_up(error)
-        self._bag = None
 
     def _opened(self) -> BagWriter:
         """Return the bag, with all its topics."""
@@ -100,50 +134,3 @@ def bag_folder(name: str | Path) -> Path:
     """Return the folder of a bag that a user calls so: ``flight`` for ``flight.mcap``, a file within it."""
     path = Path(name)
     return path.with_suffix("") if path.suffix.lower() == _MCAP else path
-
-
-class RecordingThread:
-    """
-    Writes messages in the order in which they came; what the disk is too slow for is left out and counted.
-
-    `on_written` is called, from the thread, with the topic and the time [ns] of each message that was its
-    turn. So many bytes may wait; a single message may be larger.
-    """
-
-    def __init__(
-        self,
-        recording: Recording,
-        on_written: Callable[[str, int], None],
-        most_waiting: int = MOST_WAITING,
-    ) -> None:
-        self._recording, self._on_written, self._most = recording, on_written, most_waiting
-        self._messages: queue.SimpleQueue[tuple[str, int, bytes | None] | None] = queue.SimpleQueue()
-        self._n_taken = self._n_left = 0
-        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
-        self._thread.start()
-
-    @property
-    def n_waiting(self) -> int:
-        """Bytes that wait."""
-        return self._n_taken - self._n_left
-
-    def add(self, name: str, time: int, data: bytes) -> None:
-        """Take a message that came at a time [ns]."""
-        has_room = not self.n_waiting or self.n_waiting + len(data) <= self._most
-        self._n_taken += len(data) * has_room
-        self._messages.put((name, time, data if has_room else None))
-
-    def finish(self) -> None:
-        """Return when all that was taken is written, and take no more."""
-        self._messages.put(None)
-        self._thread.join()
-
-    def _run(self) -> None:
-        while (message := self._messages.get()) is not None:
-            name, time, data = message
-            if data is None:
-                self._recording.leave_out(name)
-            else:
-                self._recording.add(name, time, data)
-                self._n_left += len(data)
-            self._on_written(name, time)

@@ -16,8 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
 
-from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.atomic_files import atomic_file, writing
 
 #: How each type of attribute is held in arrays.
 _DTYPES: dict[type, Any] = {int: np.int64, str: object}
@@ -60,23 +59,13 @@ def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], No
     with atomic_file(path, has_rivals=True) as temporary:
 
         def add(layer: VectorLayer) -> None:
-            with _reported(path), _fixed_options():
+            with writing(path, FAILURES), _fixed_options():
                 write_layer(temporary, layer, crs, append=bool(counts))
             counts[layer.name] = counts.get(layer.name, 0) + len(layer.geometries)
 
         yield add
-        with _reported(path):
+        with writing(path, FAILURES):
             check_complete(temporary, counts)
-
-
-@contextmanager
-def _reported(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except FAILURES as error:
-        raise OutputError(
-            f"{path}: cannot be written: {error}: check the folder and the free space"
-        ) from error
 
 
 def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:
