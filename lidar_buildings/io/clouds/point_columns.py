@@ -65,8 +65,8 @@ def last_returns(
     return_number: NDArray[np.uint8] | None,
     number_of_returns: NDArray[np.uint8] | None,
 ) -> NDArray[np.float64]:
-    """Return one point per pulse: its last return; every point where returns are not known."""
-    if return_number is None or number_of_returns is None:
+    """Return one point per pulse: its last return; every point where returns are not known (None, all 0)."""
+    if return_number is None or number_of_returns is None or not return_number.any():
         return points
     is_last = return_number >= number_of_returns
     return points.compress(is_last, axis=0) if is_last.any() else points

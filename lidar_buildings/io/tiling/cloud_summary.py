@@ -126,8 +126,7 @@ class _Tally:
         """Count a chunk's points."""
         points, columns = xyz_of(chunk) * self._units, point_columns(chunk)
         of = columns["number_of_returns"]
-        has_returns = columns["return_number"].any() and of.any()
-        pulses = last_returns(points, columns["return_number"] if has_returns else None, of)
+        pulses = last_returns(points, columns["return_number"], of)
         self.n_pulses += len(pulses)
         if self._square is not None:
             self.sample.append(pulses[self._square.holds(pulses[:, 0], pulses[:, 1])])

@@ -66,7 +66,7 @@ class LiveSurvey:
         """Be empty."""
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
-        self._tiles = LiveTiles(self._grid, self.config)
+        self._tiles = LiveTiles(self._grid, self.config, self._store.count_in)
         #: Tiles that wait to be sent or to be done; and those that wait to be sent.
         self._under_way: set[Cell] = set()
         self._ready: list[Cell] = []
@@ -126,9 +126,8 @@ class LiveSurvey:
         with self._lock:
             self._keep_batch()
             self._drop_unchanged()
-            sight = now, self._sensor, self._store.count_in
             for place in sorted(self._tiles.changed - self._under_way):
-                if place in self._to_flush or self._tiles.is_due(place, *sight):
+                if place in self._to_flush or self._tiles.is_due(place, now, self._sensor):
                     self._in_flush |= self._to_flush & {place}
                     self._to_flush.discard(place)
                     self._tiles.changed.discard(place)
@@ -154,7 +153,7 @@ class LiveSurvey:
                 self._note(tile, tile.revision + is_new, -1)
                 self._ready.remove(tile.place)
                 tile.revision += is_new
-                tile.n_sent, tile.n_points = self._store.count_in(tile.near.cells), len(made)
+                tile.n_sent, tile.n_points = self._tiles.n_near(tile), len(made)
                 if is_new:
                     return made
                 self.finish(tile.stamp + tile.revision)
@@ -168,7 +167,7 @@ class LiveSurvey:
             most = self.config.max_buffer
             buffer = self._store.wider(plan, tile.buffer, sides, most)
             # what comes there later counts, too, where there is nothing now
-            self._tiles.widen(tile, buffer or tile.buffer.doubled(sides, most, most), self._store.count_in)
+            self._tiles.widen(tile, buffer or tile.buffer.doubled(sides, most, most))
             if buffer is None:
                 return None
             made = self._store.tile(plan, buffer)
@@ -219,7 +218,7 @@ class LiveSurvey:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""
         for place in self._tiles.changed - self._under_way:
             tile = self._tiles[place]
-            if self._store.count_in(tile.near.cells) == tile.n_sent or tile.revision >= MOST_REVISIONS:
+            if self._tiles.n_near(tile) == tile.n_sent or tile.revision >= MOST_REVISIONS:
                 self._tiles.changed.discard(place)
                 self._to_flush.discard(place)
 

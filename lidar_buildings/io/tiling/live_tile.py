@@ -37,19 +37,18 @@ class LiveTile:
     n_points: int = -1  #: points that it was sent with last, its buffer's too; −1 = none of use
     revision: int = -1  #: number of the last one that was sent; −1 = none was
 
-    def share_new(self, count_in: Callable[[Iterable[Cell]], int]) -> float:
-        """Return which share of the points near it were not sent."""
-        return 1.0 - max(self.n_sent, 0) / max(count_in(self.near.cells), 1)
-
 
 class LiveTiles:
     """
     All tiles of a feed; `changed` are the places of those that have seen points since they were looked at.
+
+    `count_in` counts the points of cells.
     """
 
-    def __init__(self, grid: TileGrid, config: LiveTilingConfig) -> None:
-        self._grid = grid
-        self._config = config
+    def __init__(
+        self, grid: TileGrid, config: LiveTilingConfig, count_in: Callable[[Iterable[Cell]], int]
+    ) -> None:
+        self._grid, self._config, self._count_in = grid, config, count_in
         self._by_place: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
         self._touched = CellTable(-math.inf)
@@ -81,12 +80,16 @@ class LiveTiles:
         tile = LiveTile(place, self._free(stamp), block, buffer, near)
         self._by_place[place] = self._by_stamp[tile.stamp] = tile
 
-    def widen(self, tile: LiveTile, buffer: Buffer, count_in: Callable[[Iterable[Cell]], int]) -> None:
+    def n_near(self, tile: LiveTile) -> int:
+        """Count the points of a tile and its buffer."""
+        return self._count_in(tile.near.cells)
+
+    def widen(self, tile: LiveTile, buffer: Buffer) -> None:
         """Have points count for a tile that fall into a wider buffer, as it was made with that."""
-        n_before = count_in(tile.near.cells)
+        n_before = self.n_near(tile)
         tile.buffer = buffer
         tile.near = Block.around([tile.near, self._near(tile.block, buffer)])
-        tile.n_sent += count_in(tile.near.cells) - n_before
+        tile.n_sent += self.n_near(tile) - n_before
         self._widest = max(self._widest, *buffer)
 
     def touch(self, cells: Iterable[Cell], now: float) -> None:
@@ -115,13 +118,7 @@ class LiveTiles:
         tiles = (self._by_place[place] for place in ready)
         return min(tiles, key=lambda tile: (self.has_gaps(tile), self.last_touched(tile)))
 
-    def is_due(
-        self,
-        place: Cell,
-        now: float,
-        sensor: NDArray[np.float64] | None,
-        count_in: Callable[[Iterable[Cell]], int],
-    ) -> bool:
+    def is_due(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
         """
         Whether no point has fallen into a tile or its buffer for long enough, or the sensor is far away.
 
@@ -129,7 +126,8 @@ class LiveTiles:
         [m] if it is known, ends the waiting once.
         """
         config, tile = self._config, self._by_place[place]
-        weight = min(tile.share_new(count_in) / _FEW, 1.0)
+        share_new = 1.0 - max(tile.n_sent, 0) / max(self.n_near(tile), 1)
+        weight = min(share_new / _FEW, 1.0)
         if (now - self.last_touched(tile)) * weight >= config.leave_after:
             return True
         if tile.revision >= 0 or sensor is None or not config.leave_distance:

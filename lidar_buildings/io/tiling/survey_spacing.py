@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.io.clouds.point_columns import last_returns, without_empty_columns
-from lidar_buildings.io.tiling.spool import RECORD
+from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: Side of the square in the middle of a file in which its spacing is measured [m];
@@ -36,5 +35,4 @@ def expected_spacing(samples: Iterable[NDArray[np.float64]]) -> float | None:
 def pulses_of(records: NDArray[Any]) -> NDArray[np.float64]:
     """Return the positions of the last returns of records [m]."""
     points = np.column_stack([records[name] for name in "xyz"]).astype(np.float64)
-    returns = without_empty_columns({name: records[name] for name in RECORD.names or ()})
-    return last_returns(points, returns["return_number"], returns["number_of_returns"])
+    return last_returns(points, records["return_number"], records["number_of_returns"])
