@@ -70,13 +70,13 @@ def output_format(cloud: Cloud) -> OutputFormat:
     point_format = laspy.PointFormat(header.point_format.id)
     extra = list(header.point_format.extra_dimensions)
     point_format.dimensions.extend(d._replace(name=names[d.name]) for d in extra)
-    undocumented = _undocumented_size(cloud, header)
     for dimension in missing:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
     header.set_version_and_point_format(written_version(header), point_format)
     header.system_identifier = header.generating_software = ""  # laspy refuses other than ASCII
-    records = _with_entries(cloud, names, undocumented, missing)
-    header.vlrs[:] = [_placeholder(record) for record in records]
+    records = _with_entries(cloud, names, missing)
+    # of the same size: the true bytes are put in their place afterwards
+    header.vlrs[:] = [laspy.VLR("kept", record.record_id, "", record.data) for record in records]
     return OutputFormat(header, records, point_format.dtype())
 
 
@@ -108,25 +108,16 @@ def written_version(header: laspy.LasHeader) -> laspy.header.Version:
     return laspy.header.Version(major, minor)
 
 
-def _undocumented_size(cloud: Cloud, header: laspy.LasHeader) -> int:
-    """Return how many bytes of a point no extra bytes record describes."""
-    documented = [
-        d for d in header.point_format.extra_dimensions if d.description != "Un-registered ExtraBytes"
-    ]
-    known = header.point_format.num_standard_bytes + sum(d.num_bytes for d in documented)
-    return cloud.raw.record_size - known
-
-
 def _with_entries(
-    cloud: Cloud, names: dict[str, str], undocumented: int, missing: Sequence[_Dimension]
+    cloud: Cloud, names: dict[str, str], missing: Sequence[_Dimension]
 ) -> tuple[RawRecord, ...]:
-    """Return the input's records with entries for what was undocumented and what is new."""
+    """Return the input's records with entries for the bytes that none describes, and for what is new."""
+    own = cloud.header.point_format
+    documented = [d for d in own.extra_dimensions if d.description != "Un-registered ExtraBytes"]
+    undocumented = cloud.raw.record_size - own.num_standard_bytes - sum(d.num_bytes for d in documented)
     kept = [record for record in cloud.raw.vlrs if is_kept(record)]
     place = next((i for i, record in enumerate(kept) if record.is_a(*_EXTRA_BYTES)), None)
-    has_entries = any(
-        d.description != "Un-registered ExtraBytes" for d in cloud.header.point_format.extra_dimensions
-    )
-    data = kept[place].data if place is not None and has_entries else b""
+    data = kept[place].data if place is not None and documented else b""
     data = b"".join(_renamed(data[at : at + _ENTRY.size], names) for at in range(0, len(data), _ENTRY.size))
     for start in range(0, undocumented, 255):
         size = min(255, undocumented - start)
@@ -148,11 +139,6 @@ def _renamed(entry: bytes, names: dict[str, str]) -> bytes:
         return entry
     renamed = names[name].encode()[:_NAME_SIZE].ljust(_NAME_SIZE, b"\0")
     return entry[:_NAME_AT] + renamed + entry[_NAME_AT + _NAME_SIZE :]
-
-
-def _placeholder(record: RawRecord) -> laspy.VLR:
-    """Return a record of the same size for laspy to write; the true bytes are put in its place afterwards."""
-    return laspy.VLR("kept", record.record_id, "", record.data)
 
 
 def with_length(record: RawRecord) -> bytes:
