@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -21,7 +20,6 @@ _SAME_UNIT = 1e-7
 #: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
 #: that is a thousand times as much and more.
 _N_CLOUD, _STEEP = 100, 100.0
-_EPSG = re.compile(r"EPSG:(\d+)")
 
 
 #: WGS 84 with ellipsoidal heights, and geocentric.
@@ -69,9 +67,6 @@ def name_of(crs: Any) -> str:
 
 def epsg_code(crs: str) -> str:
     """Return the EPSG code of a reference system, empty if it has none."""
-    named = _EPSG.fullmatch(crs)
-    if named or not crs:
-        return named[1] if named else ""
     try:
         return str(pyproj.CRS.from_user_input(crs).to_epsg() or "")
     except CRSError:

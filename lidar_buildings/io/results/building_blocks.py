@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
-from itertools import chain
+from collections.abc import Collection, Iterable
+from itertools import chain, product
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, NamedTuple
@@ -124,18 +124,6 @@ class Square(NamedTuple):
     south: float
     side: float
 
-    def quarters(self) -> Iterator[Square]:
-        """Yield its four parts."""
-        half = self.side / 2.0
-        for west in (self.west, self.west + half):
-            for south in (self.south, self.south + half):
-                yield Square(west, south, half)
-
-    def holds(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether places lie within, the northern and eastern edge excluded."""
-        away = places - [self.west, self.south]
-        return ((away >= 0.0) & (away < self.side)).all(axis=1)
-
     def distance(self, place: NDArray[np.float64]) -> float:
         """Return how far a place is outside [m]."""
         away = np.abs(place - [self.west, self.south] - self.side / 2.0) - self.side / 2.0
@@ -159,8 +147,10 @@ def squares_of(places: NDArray[np.float64], largest: int) -> list[tuple[Square, 
         if len(rows) <= largest or square.side <= _SMALLEST:
             found.append((square, rows))
             continue
-        for quarter in square.quarters():
-            own = rows[quarter.holds(places[rows])]
+        half = square.side / 2.0
+        beyond = places[rows] >= [square.west + half, square.south + half]
+        for east, north in product((False, True), repeat=2):
+            own = rows[(beyond == [east, north]).all(axis=1)]
             if len(own):
-                waiting.append((quarter, own))
+                waiting.append((Square(square.west + east * half, square.south + north * half, half), own))
     return sorted(found, key=lambda one: one[0])
