@@ -51,13 +51,13 @@ class SurveyBrightness:
 
     A strip keeps the scale of the first file that holds it, and the limit is that of the first file whose
     ground shows two modes: what was said of a strip stays true, whatever is read afterwards. `dark_limit` is
-    the normalised intensity up to which ground is dark, None as long as no file has shown two modes.
+    the normalised intensity up to which ground is dark, None as long as no file has shown two modes; `scales`
+    are those of strips, that of all others as of −1, if there is one.
     """
 
     def __init__(self) -> None:
         self.dark_limit: float | None = None
-        self._scales: dict[int, IntensityScale] = {}
-        self._common: IntensityScale | None = None
+        self.scales: dict[int, IntensityScale] = {}
         self._samples: dict[int, list[NDArray[Any]]] = {}
         self._squares: dict[int, list[NDArray[Any]]] = {}
 
@@ -65,17 +65,10 @@ class SurveyBrightness:
         """Return all but the samples of files that have not been read to their end."""
         return self.__dict__ | {"_samples": {}, "_squares": {}}
 
-    @property
-    def scales(self) -> dict[int, tuple[float, float]]:
-        """Scales by strip; that of all others as of −1, if there is one."""
-        common = {} if self._common is None else {_OTHERS: tuple(self._common)}
-        return {**common, **{strip: tuple(scale) for strip, scale in self._scales.items()}}
-
     def recall(self, dark_limit: float | None, scales: Mapping[int, tuple[float, float]]) -> None:
         """Begin with what was learnt before."""
         self.dark_limit = dark_limit
-        self._scales = {strip: IntensityScale(*scale) for strip, scale in scales.items() if strip != _OTHERS}
-        self._common = IntensityScale(*scales[_OTHERS]) if _OTHERS in scales else None
+        self.scales = {strip: IntensityScale(*scale) for strip, scale in scales.items()}
 
     def add(
         self, source: int, first: int, records: NDArray[Any], n_points: int, square: Rectangle | None = None
@@ -116,9 +109,7 @@ class SurveyBrightness:
         if not is_only.any():
             return
         found = strip_scales(sample["intensity"], sample["point_source_id"], is_only)
-        self._scales = {**found, **self._scales}
-        if self._common is None:
-            self._common = measure_scale(sample["intensity"][is_only])
+        self.scales = {_OTHERS: measure_scale(sample["intensity"][is_only]), **found, **self.scales}
         if squares and self.dark_limit is None:
             self._learn_limit(np.concatenate(squares))
 
@@ -130,9 +121,8 @@ class SurveyBrightness:
         points = np.stack([records[name] for name in "xyz"], dtype=np.float64, casting="safe").T
         spacing = quantised_spacing(_middle(points[is_only]))
         ground = np.flatnonzero(_roughly_ground(points, max(MIN_CELL, 2 * spacing)))
-        normalised = normalised_intensity(
-            records["intensity"][ground], records["point_source_id"][ground], self._scales, self._common
-        )
+        intensity, strip = records["intensity"][ground], records["point_source_id"][ground]
+        normalised = normalised_intensity(intensity, strip, self.scales, self.scales[_OTHERS])
         raster = brightness_raster(points[ground], normalised, is_only[ground], spacing)
         if np.count_nonzero(raster.is_known) * raster.cell**2 >= MIN_GROUND_AREA:
             self.dark_limit = raster.dark_limit()
@@ -146,9 +136,8 @@ class SurveyBrightness:
         self, intensity: NDArray[np.float32], strip: NDArray[np.uint16]
     ) -> NDArray[np.float32] | None:
         """Return normalised intensities of points of some strips; None where no file has shown any scale."""
-        if self._common is None:
-            return None
-        return normalised_intensity(intensity, strip, self._scales, self._common)
+        others = self.scales.get(_OTHERS)
+        return None if others is None else normalised_intensity(intensity, strip, self.scales, others)
 
 
 def _only(names: tuple[str, ...], records: NDArray[Any]) -> NDArray[Any]:
