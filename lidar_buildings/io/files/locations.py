@@ -32,17 +32,15 @@ def located(path: str | os.PathLike[str]) -> Path:
         from upath import UPath  # an extra
 
         there = UPath(path)
-        return Path(there.path) if there.protocol in ("", "file", "local") else _reached(there)
+        if there.protocol in ("", "file", "local"):
+            return Path(there.path)
+        _ = there.fs  # imports what reads this kind of URL
+        return cast(Path, there)
     except ImportError as error:
         why = "" if error.name == "upath" else f", and what reads such ones ({error})"
         raise InputError(f"{path}: URLs need lidar_buildings[cloud]{why}: pip install it") from error
     except ValueError as error:
         raise InputError(f"{path}: {error}: give a URL that fsspec knows, or download it") from error
-
-
-def _reached(there: Any) -> Path:
-    _ = there.fs  # imports what reads this kind of URL
-    return cast(Path, there)
 
 
 def open_binary(path: Path) -> BinaryIO:

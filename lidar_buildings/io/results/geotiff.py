@@ -75,13 +75,14 @@ class GeotiffWriter:
     Writes one file block by block; a context, at whose end the file is complete and read back.
 
     An existing file is replaced. Blocks that were not written hold no data and take no room. Equal content
-    gives equal bytes if blocks come in the same order. OutputError if the file cannot be written.
+    gives equal bytes if blocks come in the same order. `n_known` counts the cells that are known. OutputError
+    if the file cannot be written.
     """
 
     def __init__(self, path: Path, layout: RasterLayout, meaning: str) -> None:
         self._path, self._layout = path, layout
         self._blocks: list[Window] = []
-        self._n_known = 0
+        self.n_known = 0
         with self._reported():
             self._file = rasterio.open(
                 path,
@@ -111,7 +112,7 @@ class GeotiffWriter:
         with self._reported():
             self._file.write(np.where(known, values, np.float32(NODATA)), 1, window=window)
         self._blocks.append(window)
-        self._n_known += n_known
+        self.n_known += n_known
 
     def __enter__(self) -> GeotiffWriter:
         return self
@@ -146,8 +147,8 @@ class GeotiffWriter:
                 int(np.count_nonzero(file.read(1, window=window) != np.float32(NODATA)))
                 for window in self._blocks
             )
-        if n_known != self._n_known:
-            raise OSError(f"it holds {n_known} of {self._n_known} known cells")
+        if n_known != self.n_known:
+            raise OSError(f"it holds {n_known} of {self.n_known} known cells")
 
     @contextmanager
     def _reported(self, *, quiet: bool = False) -> Iterator[None]:

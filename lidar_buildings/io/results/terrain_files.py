@@ -73,9 +73,8 @@ def write_rasters(
             f"{whole.resolution:g} m are too many: raise model_writer.raster_resolution, or run the parts "
             "apart"
         )
-    n_known = dict.fromkeys(RASTERS, 0)
+    writers = {}
     with ExitStack() as stack:
-        writers = {}
         for name, meaning in RASTERS.items():
             temporary = stack.enter_context(atomic_file(folder / name))
             writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
@@ -88,9 +87,8 @@ def write_rasters(
             block = merged(whole.part(columns, rows), tiles)
             for name, values in _in_source_units(block, frame).items():
                 writers[name].write(row, column, values)
-                n_known[name] += int(np.count_nonzero(~np.isnan(values)))
     size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
-    return {name: {**size, "known_cells": n_known[name]} for name in RASTERS}
+    return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}
 
 
 def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:

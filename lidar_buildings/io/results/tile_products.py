@@ -220,10 +220,6 @@ def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
 
 
 def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:
-    return tuple(BuildingOutline(number, Outline(*_rings(lists_of))) for number, lists_of in lists)
-
-
-def _rings(lists: list[Any]) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    """Return the outer ring and the holes."""
-    exterior, *holes = (np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in lists)
-    return exterior, tuple(holes)
+    rings = ([np.array(ring, dtype=np.float64).reshape(-1, 2) for ring in own] for _, own in lists)
+    outlines = (Outline(exterior, tuple(holes)) for exterior, *holes in rings)
+    return tuple(BuildingOutline(one[0], outline) for one, outline in zip(lists, outlines, strict=True))
