@@ -5,15 +5,19 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyproj
 from pyproj.exceptions import CRSError
 
-from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.errors import InputError, LidarBuildingsError, ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
+from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.clouds.las_crs import described, vertical_crs
-from lidar_buildings.io.files.reference_systems import is_same_unit, name_of
+from lidar_buildings.io.clouds.las_records import read_raw_header
+from lidar_buildings.io.files.reference_systems import is_same_unit, name_of, with_heights
 from lidar_buildings.io.files.warn_once import warn_once
 
 #: Most files of a survey: a point's `source` is a uint16.
@@ -118,6 +122,26 @@ def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:
         corner = corner + extent / 2
     x, y = np.floor(corner / ORIGIN_STEP) * ORIGIN_STEP
     return float(x), float(y)
+
+
+def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
+    """Return the frame's reference system, with the vertical one if all files that state one agree."""
+    stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
+    if not frame.crs or len(stated) != 1:
+        return frame.crs
+    (vertical,) = stated.values()
+    if not is_same_unit(vertical.axis_info[0].unit_conversion_factor, frame.vertical_unit):
+        return frame.crs
+    return with_heights(frame.crs, vertical)
+
+
+def _vertical_of(path: Path) -> Any:
+    """Return the vertical reference system of a file, None where it cannot be had."""
+    try:
+        raw = read_raw_header(path)
+    except (LidarBuildingsError, OSError):
+        return None
+    return vertical_crs(raw.vlrs + raw.evlrs)
 
 
 def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:

@@ -25,7 +25,6 @@ from lidar_buildings.io.results.building_layers import (
 from lidar_buildings.io.results.output_config import FORMAT_FILES, TILES, OutputConfig
 from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
-from lidar_buildings.io.results.terrain_files import crs_with_heights
 
 #: Formats that tell of outlines, also where there are no models.
 OF_OUTLINES = ("gpkg", "flatgeobuf", "geoparquet")
@@ -44,17 +43,17 @@ _Add = Callable[[SurveyBuilding | TerrainMesh], None]
 
 
 def model_heading(
-    inputs: Sequence[InputFile], frame: MapFrame, files: OutputConfig
+    inputs: Sequence[InputFile], frame: MapFrame, crs: str, files: OutputConfig
 ) -> tuple[ModelHeading, list[str]]:
     """Return what a survey's city model says of itself, and why a format cannot be made that is wanted."""
     names = output_names(inputs)
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     title = f"Buildings of {names[0]}{more}" if names else ""
-    heading = ModelHeading(title, crs_with_heights(inputs, frame))
+    heading = ModelHeading(title, crs)
     if TILES not in files.formats:
         return heading, []
     try:
-        earth = EarthFrame(frame, heading.crs, files.geoid_height)
+        earth = EarthFrame(frame, crs, files.geoid_height)
     except NoPlaceError as error:
         why = (
             f"no 3D Tiles were made: {error}: give one (--crs), or leave {TILES} out of model_writer.formats"

@@ -18,6 +18,7 @@ from lidar_buildings import __version__
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.io.clouds.agreement import crs_with_heights
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
@@ -149,6 +150,7 @@ class OutputFolder:
         fragments = self.saved_tiles()
         # footprints are what they are, also where one lies within another
         pieces = set() if self._footprints else seam_pieces([load_outlines(one) for one in fragments])
+        crs = crs_with_heights(self.inputs, self.frame)
         with ThreadPoolExecutor(2) as beside:
             cloud_files = beside.submit(
                 write_clouds,
@@ -159,8 +161,8 @@ class OutputFolder:
                 copc=self._files.copc,
                 share=share,
             )
-            raster_files = beside.submit(self._write_rasters, fragments)
-            buildings, statuses, remarks = self._write_buildings(fragments, pieces)
+            raster_files = beside.submit(self._write_rasters, fragments, crs)
+            buildings, statuses, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs, copcs = [one.output for one in clouds], [one.copc for one in clouds]
         files = [*filter(None, outputs + copcs), *buildings]
@@ -211,7 +213,7 @@ class OutputFolder:
         return sorted(found, key=lambda one: int(one.stem))
 
     def _write_buildings(
-        self, fragments: list[Path], pieces: set[int]
+        self, fragments: list[Path], pieces: set[int], crs: str
     ) -> tuple[list[str], dict[str, int], list[str]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.io.results.building_blocks import write_in_blocks
@@ -222,7 +224,8 @@ class OutputFolder:
         formats = self._files.formats
         if self.until in _WITHOUT_MODELS:
             formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
-        heading, remarks = model_heading(self.inputs, self.frame, replace(self._files, formats=formats))
+        files = replace(self._files, formats=formats)
+        heading, remarks = model_heading(self.inputs, self.frame, crs, files)
         with SurveyBuildings(
             self._partial / _LINES, self.frame, without=pieces, footprint_id=names
         ) as buildings:
@@ -241,12 +244,12 @@ class OutputFolder:
         record = self._footprints.record
         return {**record, "n_outside": record["n_used"] - n_buildings}
 
-    def _write_rasters(self, fragments: list[Path]) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    def _write_rasters(self, fragments: list[Path], crs: str) -> tuple[dict[str, dict[str, Any]], list[str]]:
         """Write the rasters; a survey too wide for them is a problem."""
         from lidar_buildings.io.results.terrain_files import RasterExtentError, write_rasters
 
         try:
-            return write_rasters(self.path, fragments, self.frame, self.inputs), []
+            return write_rasters(self.path, fragments, self.frame, crs), []
         except RasterExtentError as error:
             return {}, [str(error)]
 

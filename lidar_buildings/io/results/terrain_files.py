@@ -13,17 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
+from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.stages.terrain.window import RasterWindow, enclosing
-from lidar_buildings.io.clouds.input_file import InputFile
-from lidar_buildings.io.clouds.las_crs import vertical_crs
-from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit, with_heights
+from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.geotiff import BLOCK, MOST_BLOCKS, GeotiffWriter, RasterLayout
 from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
@@ -52,21 +49,21 @@ class RasterExtentError(OutputError):
 
 
 def write_rasters(
-    folder: Path, fragments: Sequence[Path], frame: MapFrame, inputs: Sequence[InputFile]
+    folder: Path, fragments: Sequence[Path], frame: MapFrame, crs: str
 ) -> dict[str, dict[str, Any]]:
     """
     Write the rasters of saved tiles, sorted by stamp; a block at a time: memory holds some tiles only.
 
     Of several tiles with a cell the one whose core is nearest counts, then the first. Values and places are
-    turned back into the source's units; inputs are asked for the vertical reference system. Returned is file
-    name → columns, rows, side of a cell, known cells; empty if no tile has a raster. OutputError if a file
-    cannot be written, RasterExtentError if the tiles lie too far apart for one raster of this resolution.
+    turned back into the source's units, whose reference system is `crs`. Returned is file name → columns,
+    rows, side of a cell, known cells; empty if no tile has a raster. OutputError if a file cannot be written,
+    RasterExtentError if the tiles lie too far apart for one raster of this resolution.
     """
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     whole = enclosing(windows.values())
     if whole is None:
         return {}
-    layout = _layout(whole, frame, crs_with_heights(inputs, frame))
+    layout = _layout(whole, frame, crs)
     if layout.n_blocks > MOST_BLOCKS:
         raise RasterExtentError(
             f"{folder}: no rasters were made: {layout.width:,} × {layout.height:,} cells of "
@@ -89,26 +86,6 @@ def write_rasters(
                 writers[name].write(row, column, values)
     size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
     return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}
-
-
-def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
-    """Return the frame's reference system, with the vertical one if all files that state one agree."""
-    stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
-    if not frame.crs or len(stated) != 1:
-        return frame.crs
-    (vertical,) = stated.values()
-    if not is_same_unit(vertical.axis_info[0].unit_conversion_factor, frame.vertical_unit):
-        return frame.crs
-    return with_heights(frame.crs, vertical)
-
-
-def _vertical_of(path: Path) -> Any:
-    """Return the vertical reference system of a file, None where it cannot be had."""
-    try:
-        raw = read_raw_header(path)
-    except (LidarBuildingsError, OSError):
-        return None
-    return vertical_crs(raw.vlrs + raw.evlrs)
 
 
 def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
