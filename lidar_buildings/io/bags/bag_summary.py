@@ -40,18 +40,13 @@ def summarise_bag(path: Path) -> BagSummary:
     """
     bag, problem = open_bag(path)
     with bag:
-        return _summary(bag, problem)
-
-
-def _summary(bag: Bag, problem: str) -> BagSummary:
-    topics = topic_contents(bag)
-    taken = None
-    try:
-        taken = choose_topics(bag)
-        notes = _placing(bag, topics, taken)
-    except InputError as error:
-        notes = [str(error).removeprefix(f"{bag.path}: ").split("; its topics:")[0]]
-    return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes, problem)
+        topics, taken = topic_contents(bag), None
+        try:
+            taken = choose_topics(bag)
+            notes = _placing(bag, topics, taken)
+        except InputError as error:
+            notes = [str(error).removeprefix(f"{bag.path}: ").split("; its topics:")[0]]
+        return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes, problem)
 
 
 def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:

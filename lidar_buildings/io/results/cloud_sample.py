@@ -34,8 +34,9 @@ def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]
     if every == 1:
         yield from cloud.chunks()
         return
-    for first in range(0, cloud.point_count, every * _STRETCH):
-        yield from cloud.chunks(first=first, last=min(first + _STRETCH, cloud.point_count))
+    firsts = range(0, cloud.point_count, every * _STRETCH)
+    runs = [(first, min(first + _STRETCH, cloud.point_count)) for first in firsts]
+    yield from (points for _, points in cloud.runs(runs))
 
 
 @contextmanager
