@@ -38,7 +38,7 @@ class BuildingTracer(StageNode):
         topics = (_EDGES,) if self._map is None else (_EDGES, _ALL)
         self._join = TileJoin(topics, is_ready=lambda *_: self._knows_frame())
         for topic in topics:
-            self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile))
+            self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile), is_part=True)
         self._clipped = ClippedTiles(self)
 
     def on_tile(self, topic: str, tile: PointTile) -> None:
@@ -54,13 +54,13 @@ class BuildingTracer(StageNode):
     def _go_on(self) -> None:
         """Trace the tiles that came before the map frame."""
         for stamp, parts in self._join.take_ready():
-            with self.reporting(stamp) as report:
-                report.n_points = len(parts[_EDGES])
-                self._trace(stamp, parts)
+            self._trace(stamp, parts)
 
     def _trace(self, stamp: int, parts: Parts) -> None:
-        traced = self._traced_tile(parts)
-        self._clipped.hand_on(stamp, traced.clipped, lambda: self._hand_on(stamp, traced))
+        with self.reporting(stamp) as report:
+            report.n_points = len(parts[_EDGES])
+            traced = self._traced_tile(parts)
+            self._clipped.hand_on(stamp, traced.clipped, lambda: self._hand_on(stamp, traced))
 
     def _hand_on(self, stamp: int, traced: TracedTile) -> None:
         self._building_points.publish(traced.tile)

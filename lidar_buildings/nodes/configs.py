@@ -19,6 +19,7 @@ from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
+from lidar_buildings.ros.depths import MOST_TILES
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,9 @@ class SendingConfig(StageConfig):
 
     max_tiles_in_flight: int = fixed(
         2,
-        "How many tiles may be in the graph; more keep more stages busy and take more memory; "
-        "0 sends without waiting for `tile_done`.",
-        within=(0, 8),
+        "How many tiles may be in the graph, and unless it is 1 more, up to 8, while they have together no "
+        "more points than one may have (`max_tile_points`); 0 sends without waiting for `tile_done`.",
+        within=(0, MOST_TILES),
         advanced=True,
     )
     tile_timeout: float = fixed(

@@ -11,6 +11,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.run_settings import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
 
@@ -63,6 +64,8 @@ def survey_nodes(
     kept = json.dumps(dict(given if identity is None else identity), sort_keys=True)
     own["model_writer"] |= {"overwrite": overwrite, "settings": kept}
     own["flow_control"] = {"publish_tile_done": not output}
+    if pool is not None and "max_tiles_in_flight" not in given.get(source, {}):
+        own[source]["max_tiles_in_flight"] = min(max(2, pool.n_alive), MOST_TILES)
     merged = _merged(given, own)
     nodes: dict[str, StageNode] = {}
     try:

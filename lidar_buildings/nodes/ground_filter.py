@@ -14,11 +14,11 @@ from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
+from lidar_buildings.ros.errands import Turns
 from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.turns import Turns
 
 
 class GroundFilter(StageNode):

@@ -17,7 +17,6 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFr
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
-from lidar_buildings.ros.hand_over import publish_all
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of
@@ -46,16 +45,15 @@ class ModelBuilder(StageNode):
         self._join = TileJoin(
             (_POINTS, _OUTLINES, _QUALITY), agree_on_buildings, lambda *_: self._map.expect()
         )
-        self.create_subscription(String, _QUALITY, self.on_quality, CLOUD)
-        self.subscribe_rings(_OUTLINES, self.on_outlines)
-        self.subscribe_tiles(_POINTS, self.on_tile)
+        self.subscribe_messages(String, _QUALITY, self.on_quality, CLOUD)
+        self.subscribe_rings(_OUTLINES, self.on_outlines, is_part=True)
+        self.subscribe_tiles(_POINTS, self.on_tile, is_part=True)
 
     def on_frame(self, frame: MapFrame) -> None:
         """Publish the header, and build the tiles that came before."""
         self._header.publish(String(data=header_line(frame)))
         for stamp, parts in self._join.take_ready():
-            with self.reporting(stamp):
-                self._build(stamp, parts, frame)
+            self._build(stamp, parts, frame)
 
     def on_quality(self, message: String) -> None:
         """Take the quality of one tile's outlines."""
@@ -65,8 +63,7 @@ class ModelBuilder(StageNode):
             self.get_logger().error(str(error))
             return
         if self.takes(stamp):
-            with self.reporting(stamp):
-                self._add(stamp, _QUALITY, qualities)
+            self._add(stamp, _QUALITY, qualities)
 
     def on_outlines(self, stamp: int, rings: Rings) -> None:
         """Take the outlines of one tile."""
@@ -79,7 +76,7 @@ class ModelBuilder(StageNode):
     def _make_publishers(self) -> None:
         # one topic, two durabilities: each kind of subscription is meant to match its own publisher
         self._header = self.create_publisher(String, "city_model", LATCHED)
-        self._features = self.create_publisher(String, "city_model", BUILDING)
+        self._features = self.create_message_outlet(String, "city_model", BUILDING)
         self._roof_faces = self.create_ring_outlet("roof_faces")
         self._markers = self.create_publisher(MarkerArray, "building_markers", CLOUD)
         self._tile_done = None
@@ -92,11 +89,16 @@ class ModelBuilder(StageNode):
             self._build(stamp, parts, frame)
 
     def _build(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
+        with self.reporting(stamp) as report:
+            report.n_points = len(parts[_POINTS])
+            self._publish_models(stamp, parts, frame)
+
+    def _publish_models(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
         outlines = parts[_QUALITY].given_to(parts[_OUTLINES])
         models = self._pool.call(
             build_models, parts[_POINTS], outlines, self.parameters[BuildingModelConfig], shares=True
         )
-        publish_all(self._features, self._feature_messages(stamp, models, frame))
+        self._features.publish(stamp, self._feature_messages(stamp, models, frame))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self._roof_faces.publish(stamp, roof_rings(faces))
         self._publish_markers(stamp, models)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -28,7 +29,7 @@ from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.letterbox import Letterbox
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import Rings
-from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY, SILENT_SUBSCRIPTION
+from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.receipts import DONE, TAKEN
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
@@ -114,14 +115,14 @@ class ModelWriter(StageNode):
         elif not self._written:
             self._survey.load_writers()  # the tile has still to go through stages
         if tile.stamp > self._survey.revision_of(tile.stamp):
-            self._store_if_complete(tile.stamp, self._tiles.add_points(topic, tile))
+            self._store(tile.stamp, self._tiles.add_points(topic, tile))
         elif topic == self._topics[0]:
             self._report_done(tile.stamp)
 
     def on_rings(self, topic: str, stamp: int, rings: Rings) -> None:
         """Take outlines or roof faces of one tile."""
         if stamp > self._survey.revision_of(stamp):
-            self._store_if_complete(stamp, self._tiles.add_rings(topic, stamp, rings))
+            self._store(stamp, self._tiles.add_rings(topic, stamp, rings))
 
     def on_feature(self, message: String) -> None:
         """Take one building's model, or hear that a tile has no more of them."""
@@ -186,25 +187,28 @@ class ModelWriter(StageNode):
         """Subscribe to what the last stage of the run and those before it publish."""
         for topic in self._topics:
             if topic == CITY_MODEL.name:
-                self.create_subscription(
-                    String, topic, self.on_feature, BUILDING, event_callbacks=SILENT_SUBSCRIPTION
-                )
+                self.subscribe_messages(String, topic, self.on_feature, BUILDING)
             elif topic in (TRACED_OUTLINES.name, OUTLINES.name, ROOF_FACES.name):
-                self.subscribe_rings(topic, lambda stamp, rings, t=topic: self.on_rings(t, stamp, rings))
+                makes_rasters = topic == TRACED_OUTLINES.name
+                self.subscribe_rings(topic, partial(self.on_rings, topic), is_part=not makes_rasters)
             else:
-                self.subscribe_tiles(topic, lambda tile, t=topic: self.on_tile(t, tile))
+                self.subscribe_tiles(topic, partial(self.on_tile, topic), is_part=True)
 
     def _store_all(self, ready: Iterable[tuple[int, Parts]]) -> None:
         for stamp, parts in ready:
-            with self.reporting(stamp):
-                self._store_if_complete(stamp, parts)
+            self._store(stamp, parts)
 
     def _rasterised(self, tile: PointTile) -> TerrainRasters | None:
         return self._pool.call(rasterise_tile, tile, self.parameters[ModelWriterConfig], self._survey.frame)
 
-    def _store_if_complete(self, stamp: int, parts: Parts | None) -> None:
-        if parts is None:
-            return
+    def _store(self, stamp: int, parts: Parts | None) -> None:
+        """Put a tile on disk if it is complete."""
+        if parts is not None:
+            with self.reporting(stamp) as report:
+                report.n_points = len(parts[self._topics[0]].tile)
+                self._put_on_disk(stamp, parts)
+
+    def _put_on_disk(self, stamp: int, parts: Parts) -> None:
         if stamp > self._survey.revision_of(stamp):
             products = self._tiles.products(parts, has_names=not self._survey.is_live)
             try:

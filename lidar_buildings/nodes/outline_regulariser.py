@@ -27,7 +27,7 @@ class OutlineRegulariser(StageNode):
         self._pool = pool or BuildingPool(0)
         self._withdrawals: Withdrawals[int] = Withdrawals()
         self._outlines = self.create_ring_outlet("outlines")
-        self._quality = self.create_publisher(String, "outline_quality", CLOUD)
+        self._quality = self.create_message_outlet(String, "outline_quality", CLOUD)
         self.subscribe_rings("traced_outlines", self.on_rings)
 
     def on_rings(self, stamp: int, rings: Rings) -> None:
@@ -36,7 +36,7 @@ class OutlineRegulariser(StageNode):
             regularise_outlines, outlines_of(rings), self.parameters[RegularisationConfig], shares=True
         )
         gone = self._withdrawals.of(stamp, (one.building_id for one in outlines))
-        self._quality.publish(quality_message(stamp, outlines))
+        self._quality.publish(stamp, [quality_message(stamp, outlines)])
         self._outlines.publish(stamp, {**withdrawn(gone), **outline_rings(outlines)})
         self.summary.count_buildings(one.quality.status.value for one in outlines)
 

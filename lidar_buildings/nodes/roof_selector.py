@@ -9,9 +9,9 @@ from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfi
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points
+from lidar_buildings.ros.errands import Turns
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.turns import Turns
 
 
 class RoofSelector(StageNode):

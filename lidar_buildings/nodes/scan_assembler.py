@@ -47,7 +47,7 @@ class ScanAssembler(TileSender):
         self.create_service(Trigger, "~/reset", self.on_reset)
         FrameListener(self, self.tiles.add_frame, n_own=1)
         self._subscribe_sensors()
-        self.tiles.start(self._wake.trigger)
+        self.tiles.start(lambda: self.errands.put(self.on_tick))
 
     def may_send(self, _: PointTile) -> bool:
         """Whether tiles are sent at all: pause and step say so."""

@@ -122,7 +122,7 @@ class TilePlayer(TileSender):
             self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
         self.begin()
         self.publish_frame(self._source.frame)
-        self.tiles.start(self._wake.trigger)
+        self.tiles.start(lambda: self.errands.put(self.on_tick))
 
     @property
     def inputs(self) -> list[InputFile]:

@@ -63,7 +63,11 @@ class TileSender(StageNode):
         # by ticks, so that silence is what the node has listened to, not what it was too busy to hear
         self._time = 0.0
         self._flow = FlowControl(
-            sending.max_tiles_in_flight, sending.tile_timeout, sending.max_attempts, lambda: self._time
+            sending.max_tiles_in_flight,
+            sending.tile_timeout,
+            sending.max_attempts,
+            lambda: self._time,
+            self.parameters[config].max_tile_points,
         )
         self.summary.watch(self._flow.gauges)
         self._watch = GraphWatch(self)
@@ -90,7 +94,6 @@ class TileSender(StageNode):
         self._receipt_box = Letterbox(self, String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
-        self._wake = self.create_guard_condition(self.on_tick)
 
     def publish_frame(self, frame: MapFrame) -> None:
         """Publish where the map frame lies."""

@@ -1,10 +1,11 @@
-"""Several nodes in one process: an executor and a thread for each."""
+"""Several nodes in one process: an executor for each, and threads."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
+from collections.abc import Callable
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -20,17 +21,18 @@ class Composition:
     Runs nodes of one context side by side; `stop` destroys them.
 
     One MultiThreadedExecutor for all would be several times slower than a SingleThreadedExecutor for each,
-    and the nodes rely on their callbacks not running at once.
+    and the nodes rely on their callbacks not running at once. A second thread does a node's errands.
     """
 
     def __init__(self, *nodes: StageNode) -> None:
         self._nodes = nodes
-        self._executors = [SingleThreadedExecutor(context=node.context) for node in nodes]
-        for node, executor in zip(nodes, self._executors, strict=True):
+        works: list[tuple[StageNode, Callable[[], None]]] = []
+        for node in nodes:
+            executor = SingleThreadedExecutor(context=node.context)
             executor.add_node(node)
+            works += [(node, executor.spin), (node, node.errands.run)]
         self._threads = [
-            threading.Thread(target=self._spin, args=pair, name=pair[0].get_name(), daemon=True)
-            for pair in zip(nodes, self._executors, strict=True)
+            threading.Thread(target=_do, args=work, name=work[0].get_name(), daemon=True) for work in works
         ]
         #: Something has happened that may end a `wait`.
         self._news = threading.Event()
@@ -40,6 +42,8 @@ class Composition:
 
     def start(self) -> None:
         """Let all nodes spin."""
+        for node in self._nodes:
+            node.announce()
         for thread in self._threads:
             thread.start()
 
@@ -63,19 +67,21 @@ class Composition:
         """Shut ROS down, wait for the threads, and destroy the nodes."""
         for node in self._nodes:
             rclpy.try_shutdown(context=node.context)
+        for node in self._nodes:
+            node.errands.stop()
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join(_JOIN_TIMEOUT)
         for node in self._nodes:
             node.destroy_node()
 
-    @staticmethod
-    def _spin(node: StageNode, executor: SingleThreadedExecutor) -> None:
-        try:
-            node.announce()
-            executor.spin()
-        except ExternalShutdownException:
-            pass
-        except Exception as error:
-            if rclpy.ok(context=node.context):  # else what a node still did met the end of ROS
-                node.fail(error)
+
+def _do(node: StageNode, work: Callable[[], None]) -> None:
+    """Do a node's work; the node tells what keeps it from going on."""
+    try:
+        work()
+    except ExternalShutdownException:
+        pass
+    except Exception as error:
+        if rclpy.ok(context=node.context):  # else what a node still did met the end of ROS
+            node.fail(error)

@@ -1,6 +1,9 @@
-"""How many messages topics keep. It needs no ROS."""
+"""How many tiles are under way at most, and how many messages topics keep. It needs no ROS."""
 
-#: Clouds of a topic; wide margin: at most 8 tiles are in flight, each sent at most a few times.
+#: Tiles in flight, however small; as many as a host has processes.
+MOST_TILES = 8
+
+#: Clouds of a topic; wide margin: each tile in flight is sent at most a few times.
 CLOUD_DEPTH = 32
 
 #: Headers and diagnostics, small; wide margin: a few per tile and node.

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
 from lidar_buildings.ros.stamps import tile_of
 
@@ -47,13 +48,20 @@ class FlowControl:
     order, unless nodes share their tiles or have several in hand. Beside that it is lost if all nodes are
     idle and silent: for a second if a node has started meanwhile, else for `timeout` [s], which doubles with
     each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight; 0: as many as
-    come, and none is waited for.
+    come, and none is waited for. Unless it is 1 there are more while they have fewer than `few_points`: on
+    its way from node to node nobody works on a tile.
     """
 
     def __init__(
-        self, limit: int, timeout: float, max_attempts: int, now: Callable[[], float] = time.monotonic
+        self,
+        limit: int,
+        timeout: float,
+        max_attempts: int,
+        now: Callable[[], float] = time.monotonic,
+        few_points: int = 0,
     ) -> None:
         self._limit = limit
+        self._few_points = few_points
         self._timeout = timeout
         self._max_attempts = max_attempts
         self._now = now
@@ -91,7 +99,10 @@ class FlowControl:
     @property
     def has_room(self) -> bool:
         """Whether one more tile may be sent."""
-        return not self.is_counting or len(self._flights) < self._limit
+        if len(self._flights) < self._limit or not self.is_counting:
+            return True
+        n_points = sum(len(flight.tile) for flight in self._flights.values())
+        return self._limit > 1 and len(self._flights) < MOST_TILES and n_points < self._few_points
 
     def is_held(self, stamp: int) -> bool:
         """Whether a node has a tile in its hands, whatever revision of it."""

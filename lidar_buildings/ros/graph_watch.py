@@ -29,6 +29,8 @@ class GraphWatch:
         self._settled_at = 0.0
         self._shares: dict[str, dict[int, str]] = {}
         self._n_shares: dict[str, int] = {}
+        self._names: set[str] = set()
+        self._n_seen = 0
 
     def hear(self, receipt: Receipt) -> bool:
         """Note who speaks; return whether this life of the node was not known."""
@@ -67,9 +69,12 @@ class GraphWatch:
         ]
 
     def _seen(self) -> set[str]:
-        """Return the names of the nodes that can be seen."""
-        return {
-            one.node_name
-            for one in self._node.get_publishers_info_by_topic(TOPIC)
-            if one.node_namespace == self._node.get_namespace()
-        }
+        """Return the names of the nodes that can be seen; to look at each of them takes long."""
+        if (n_seen := self._node.count_publishers(TOPIC)) != self._n_seen:
+            self._names = {
+                one.node_name
+                for one in self._node.get_publishers_info_by_topic(TOPIC)
+                if one.node_namespace == self._node.get_namespace()
+            }
+            self._n_seen = n_seen
+        return self._names

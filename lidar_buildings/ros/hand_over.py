@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, defaultdict, deque
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -19,6 +19,7 @@ from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.errands import Errands
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import Rings, ring_messages
 
@@ -41,15 +42,15 @@ class Inbox:
     def __init__(
         self,
         node: Node,
+        errands: Errands,
         subscription: Subscription,
         take: Callable[[int, Any], None],
         takes: Callable[[int], bool] = lambda stamp: True,
     ) -> None:
         self._takes = takes
         self._take = take
-        self._left: deque[tuple[int, Any]] = deque()
+        self._errands = errands
         self._coming: Counter[int] = Counter()
-        self._guard = node.create_guard_condition(self._on_something)
         with _LOCK:
             self._fellows = _INBOXES.setdefault(node.context, defaultdict(list))[subscription.topic_name]
             self._fellows.append(self)
@@ -61,8 +62,7 @@ class Inbox:
         if comes_again:
             with _LOCK:
                 self._coming[stamp] += 1
-        self._left.append((stamp, item))
-        self._guard.trigger()
+        self._errands.put(lambda: self._take(stamp, item))
 
     def has_had(self, stamp: int) -> bool:
         """Whether what a message says of a tile was left here before it."""
@@ -78,34 +78,37 @@ class Inbox:
         with _LOCK:
             self._fellows.remove(self)
 
-    def _on_something(self) -> None:
-        while self._left:
-            self._take(*self._left.popleft())
-
 
 class _Outlet:
-    """
-    Hands things on to the inboxes of this process, and publishes them where others listen.
+    """Hands things on to the inboxes of this process, and publishes them where others listen."""
 
-    `note` is called with the stamp and the number of points of what is handed on.
-    """
-
-    def __init__(self, node: Node, publisher: Publisher, note: Callable[[int, int], None]) -> None:
+    def __init__(self, node: Node, publisher: Publisher) -> None:
         self._publisher = publisher
-        self._note = note
         self._context = node.context
 
-    def _hand_on(self, stamp: int, item: Any, messages: Callable[[], Iterable[Any]]) -> None:
+    def _listeners(self) -> tuple[list[Inbox], bool]:
+        """Return the inboxes of the topic, and whether anybody else listens."""
         with _LOCK:
             inboxes = list(_INBOXES.get(self._context, {}).get(self._publisher.topic_name, ()))
-        is_heard_elsewhere = self._publisher.get_subscription_count() > len(inboxes)
+        return inboxes, self._publisher.get_subscription_count() > len(inboxes)
+
+    def _hand_on(self, stamp: int, item: Any, messages: Callable[[], Iterable[Any]]) -> None:
+        inboxes, is_heard_elsewhere = self._listeners()
         for inbox in inboxes:
             inbox.put(stamp, item, comes_again=is_heard_elsewhere)
         if is_heard_elsewhere:
             publish_all(self._publisher, messages())
 
 
-class TileOutlet(_Outlet):
+class _CountingOutlet(_Outlet):
+    """`note` is called with the stamp and the number of points of what is handed on."""
+
+    def __init__(self, node: Node, publisher: Publisher, note: Callable[[int, int], None]) -> None:
+        super().__init__(node, publisher)
+        self._note = note
+
+
+class TileOutlet(_CountingOutlet):
     """Hands tiles on; as PointCloud2 where others listen."""
 
     def publish(self, tile: PointTile) -> None:
@@ -114,13 +117,27 @@ class TileOutlet(_Outlet):
         self._hand_on(tile.stamp, tile, lambda: [to_message(tile)])
 
 
-class RingOutlet(_Outlet):
+class RingOutlet(_CountingOutlet):
     """Hands a tile's rings on; as polygons and a closing message where others listen."""
 
     def publish(self, stamp: int, rings: Rings) -> None:
         """Hand the rings of a tile on."""
         self._note(stamp, 0)
         self._hand_on(stamp, rings, lambda: ring_messages(stamp, rings))
+
+
+class MessageOutlet(_Outlet):
+    """Hands messages on as they are, which name no tile: published for all where others listen."""
+
+    def publish(self, stamp: int, messages: Iterable[Any]) -> None:
+        """Hand messages on that have to do with a tile."""
+        inboxes, is_heard_elsewhere = self._listeners()
+        if is_heard_elsewhere:
+            publish_all(self._publisher, messages)
+            return
+        messages = tuple(messages)
+        for inbox in inboxes:
+            inbox.put(stamp, messages, comes_again=False)
 
 
 def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -12,8 +12,11 @@ from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 
 from lidar_buildings.core.freed_memory import give_memory_back
@@ -22,16 +25,16 @@ from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
-from lidar_buildings.ros.hand_over import Inbox, RingOutlet, TileOutlet
+from lidar_buildings.ros.errands import Errands, Turns
+from lidar_buildings.ros.hand_over import Inbox, MessageOutlet, RingOutlet, TileOutlet
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.polygons import Rings
-from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER
+from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
 from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TileInfos
-from lidar_buildings.ros.turns import Turns, TurnTaking
 
 #: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
 _MEMORY_PERIOD = 10.0
@@ -52,7 +55,7 @@ class StageNode(Node):
         self.outcome: Future = Future()
         self.exit_status = 0
         self._inboxes: list[Inbox] = []
-        self._turns = TurnTaking(self)
+        self.errands = Errands(self)
         try:
             self.parameters = NodeParameters(self, configs)
         except LidarBuildingsError:
@@ -75,11 +78,12 @@ class StageNode(Node):
         self, kind: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
     ) -> Subscription:
         """Subscribe; a message on which the callback fails is left out, and the node goes on."""
+        in_turn = self._in_turn(callback)
 
         @functools.wraps(callback)  # rclpy looks whether it takes the message's times, too
         def guarded(*received: Any) -> None:
             try:
-                callback(*received)
+                in_turn(*received)
             except Exception as error:
                 if not self.context.ok():
                     raise
@@ -88,6 +92,16 @@ class StageNode(Node):
                 self.summary.warned(text)
 
         return super().create_subscription(kind, topic, guarded, *args, **kwargs)
+
+    def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Timer:
+        """Create a timer."""
+        return super().create_timer(period, self._in_turn(callback), *args, **kwargs)
+
+    def create_service(
+        self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any
+    ) -> Service:
+        """Offer a service."""
+        return super().create_service(kind, name, self._in_turn(callback), *args, **kwargs)
 
     def takes(self, stamp: int) -> bool:
         """Whether a tile is this node's, where nodes of one kind share them [ns]."""
@@ -98,10 +112,16 @@ class StageNode(Node):
         self._receipts.send(READY)
 
     def subscribe_tiles(
-        self, topic: str, work: Callable[[PointTile], Turns | Mapping[str, int] | None]
+        self,
+        topic: str,
+        work: Callable[[PointTile], Turns | Mapping[str, int] | None],
+        *,
+        is_part: bool = False,
     ) -> None:
         """
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
+
+        Where that is only a part of what the node waits for, `work` tells itself when it is `reporting`.
 
         The tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
         counts for `diagnostics`; what yields lets the next tile begin before it has come to its end.
@@ -129,10 +149,10 @@ class StageNode(Node):
             return infos.complete(reading.tile)
 
         def handle(stamp: int, get: Callable[[TileReport], PointTile]) -> None:
-            self._turns.begin(turns(stamp, get))
+            self.errands.begin(turns(stamp, get))
 
         def turns(stamp: int, get: Callable[[TileReport], PointTile]) -> Turns:
-            with self.reporting(stamp) as report:
+            with self.reporting(stamp, quiet=is_part) as report:
                 tile = get(report)
                 report.n_points = len(tile)
                 counts = work(tile)
@@ -142,11 +162,14 @@ class StageNode(Node):
 
         inbox = self._inbox(self.create_subscription(PointCloud2, topic, on_message, CLOUD), on_tile)
 
-    def subscribe_rings(self, topic: str, work: Callable[[int, Rings], None]) -> None:
+    def subscribe_rings(
+        self, topic: str, work: Callable[[int, Rings], None], *, is_part: bool = False
+    ) -> None:
         """
         Have `work` called with the stamp and all rings of every tile that a topic closes.
 
-        Where a node takes tiles as well, rings of a tile that is over are dropped as its points are.
+        They may be a part, as tiles of `subscribe_tiles`. Where a node takes tiles as well, rings of a tile
+        that is over are dropped as its points are.
         """
         collector = RingCollector()
 
@@ -162,11 +185,21 @@ class StageNode(Node):
         def on_rings(stamp: int, rings: Rings) -> None:
             if self.tile_infos is not None and self.tile_infos.is_over(stamp):
                 return
-            with self.reporting(stamp):
+            with self.reporting(stamp, quiet=is_part):
                 work(stamp, rings)
 
         subscription = self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
         inbox = self._inbox(subscription, on_rings)
+
+    def subscribe_messages(self, kind: Any, topic: str, work: Callable[[Any], None], qos: QoSProfile) -> None:
+        """Have `work` called with every message of a topic for which others have an outlet."""
+
+        def on_messages(_: int, messages: Iterable[Any]) -> None:
+            for message in messages:
+                work(message)
+
+        subscription = self.create_subscription(kind, topic, work, qos, event_callbacks=SILENT_SUBSCRIPTION)
+        self._inbox(subscription, on_messages)
 
     def create_tile_outlet(self, topic: str) -> TileOutlet:
         """Return what hands tiles on under a topic."""
@@ -178,17 +211,31 @@ class StageNode(Node):
         publisher = self.create_publisher(PolygonInstanceStamped, topic, BUILDING)
         return RingOutlet(self, publisher, self.summary.handed_on)
 
+    def create_message_outlet(self, kind: Any, topic: str, qos: QoSProfile) -> MessageOutlet:
+        """Return what hands messages on under a topic."""
+        return MessageOutlet(self, self.create_publisher(kind, topic, qos))
+
     def destroy_node(self) -> None:
         """Let nothing more be handed to the node."""
-        self._turns.close()
+        self.errands.stop()
         for inbox in self._inboxes:
             inbox.close()
         self._inboxes.clear()
         super().destroy_node()
 
     def _inbox(self, subscription: Subscription, take: Callable[[int, Any], None]) -> Inbox:
-        self._inboxes.append(Inbox(self, subscription, take, self.takes))
+        self._inboxes.append(Inbox(self, self.errands, subscription, take, self.takes))
         return self._inboxes[-1]
+
+    def _in_turn(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback that the executor calls while no errand of the node is being done."""
+
+        @functools.wraps(callback)
+        def called(*received: Any) -> Any:
+            with self.errands.turn:
+                return callback(*received)
+
+        return called
 
     @contextmanager
     def reporting(self, stamp: int, *, quiet: bool = False) -> Iterator[TileReport]:

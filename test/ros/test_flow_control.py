@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.receipts import DONE, FAILED, TAKEN, Receipt
@@ -44,6 +45,17 @@ def test_no_more_tiles_than_credits_are_in_flight(flow):
     assert flow.done(A)
     assert flow.has_room
     assert not flow.done(A)
+
+
+@pytest.mark.parametrize(
+    ("limit", "few_points", "n_points", "most"),
+    [(2, 6, 1, 6), (2, 6, 3, 2), (2, 6, 2, 3), (1, 6, 1, 1), (2, 100, 1, MOST_TILES), (4, 2, 1, 4)],
+)
+def test_more_tiles_than_credits_are_in_flight_while_they_have_few_points(limit, few_points, n_points, most):
+    flow = FlowControl(limit, TIMEOUT, 3, few_points=few_points)
+    while flow.has_room:
+        flow.sent(PointTile(np.zeros((n_points, 3)), stamp=A * (1 + len(flow))))
+    assert len(flow) == most
 
 
 def test_without_credits_every_tile_may_go_and_none_is_waited_for(clock):

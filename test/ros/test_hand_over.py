@@ -1,12 +1,15 @@
 """Nodes of one process hand tiles and rings over as they are; others get messages, and nobody gets both."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PolygonInstanceStamped
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
@@ -29,12 +32,14 @@ class Sender(StageNode):
     def __init__(self, **kwargs):
         super().__init__("sender", {}, namespace=NAMESPACE, **kwargs)
         self.tiles, self.rings = self.create_tile_outlet("points"), self.create_ring_outlet("rings")
+        self.lines = self.create_message_outlet(String, "lines", BUILDING)
 
 
 class Receiver(StageNode):
     def __init__(self, **kwargs):
         super().__init__("receiver", {}, namespace=NAMESPACE, **kwargs)
-        self.tiles, self.rings, self.threads = [], [], set()
+        self.tiles, self.rings, self.lines, self.threads = [], [], [], set()
+        self.subscribe_messages(String, "lines", lambda line: self.lines.append(line.data), BUILDING)
         self.subscribe_rings("rings", lambda stamp, rings: self.rings.append((stamp, rings)))
         self.subscribe_tiles("points", self.on_tile)
 
@@ -101,6 +106,56 @@ def test_messages_of_others_come_in_where_nothing_was_handed_over(context):
                 publishers[1].publish(message)
         wait_until(lambda: len(receiver.tiles) == 2 and len(receiver.rings) == 2)
     other.destroy_node()
+
+
+def test_lines_come_once_in_their_order_with_or_without_another_listener(pair, context, monkeypatch):
+    sender, receiver = pair
+    with monkeypatch.context() as patch:
+        patch.setattr(hand_over, "publish_all", None)
+        sender.lines.publish(1, [String(data="a"), String(data="b")])
+        wait_until(lambda: len(receiver.lines) == 2)
+    heard = []
+    other = StageNode("other", {}, namespace=NAMESPACE, context=context)
+    other.create_subscription(String, "lines", lambda message: heard.append(message.data), BUILDING)
+    with running(other):
+        wait_until(lambda: sender.count_subscribers("lines") == 2)
+        sender.lines.publish(2, (String(data=text) for text in "cd"))
+        wait_until(lambda: len(heard) == 2 and len(receiver.lines) == 4)
+    assert receiver.lines == ["a", "b", "c", "d"]
+    assert heard == ["c", "d"]
+
+
+def test_errands_of_a_node_and_its_callbacks_take_turns(context):
+    node = StageNode("errand_boy", {}, namespace=NAMESPACE, context=context)
+    at_work, most, n_done = [], [], [0, 0]
+
+    def work(kind):
+        at_work.append(kind)
+        time.sleep(0.001)
+        most.append(len(at_work))
+        at_work.pop()
+        n_done[kind] += 1
+
+    node.create_timer(0.001, lambda: work(0))
+    with running(node):
+        for _ in range(50):
+            node.errands.put(lambda: work(1))
+        wait_until(lambda: n_done[0] >= 5 and n_done[1] == 50)
+    assert set(most) == {1}
+
+
+def test_errands_of_a_node_that_another_executor_spins_are_done(context):
+    node = StageNode("errand_boy", {}, namespace=NAMESPACE, context=context)
+    executor, done = SingleThreadedExecutor(context=context), []
+    executor.add_node(node)
+    node.errands.put(lambda: done.append(1))
+    try:
+        wait_until(lambda: executor.spin_once(timeout_sec=0.1) or done)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+    node.errands.put(lambda: done.append(2))
+    assert done == [1]
 
 
 def test_a_node_that_is_gone_gets_nothing(context):

@@ -27,6 +27,9 @@ class View:
         assert topic == receipts.TOPIC
         return self.endpoints
 
+    def count_publishers(self, topic):
+        return len(self.endpoints)
+
 
 def here(node, life="1"):
     return Receipt(node, f"{receipts._PROCESS}.{life}", READY, 0)

@@ -214,6 +214,6 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
 
 def test_what_a_destroyed_node_has_waited_for_may_still_come(context):
     patient = Patient(context=context)
-    patient._turns.begin(patient.on_tile(tile(2, 1)))
+    patient.errands.begin(patient.on_tile(tile(2, 1)))
     patient.destroy_node()
     patient.awaited[2]()

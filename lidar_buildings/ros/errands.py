@@ -1,0 +1,58 @@
+"""What a node does in its turn beside the messages that come: what others in its process leave for it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Generator
+from contextlib import suppress
+from queue import SimpleQueue
+from typing import Any
+
+from rclpy.node import Node
+
+#: Work that yields, whenever it has to wait, what calls a function once the waiting is over.
+Turns = Generator[Callable[[Callable[[], None]], object], None, Any]
+
+
+class Errands:
+    """
+    Calls functions one after the other, and none beside a callback that holds `turn`.
+
+    That is done in the thread of the node's executor, or in another one by `run`: an executor goes through
+    all that its node listens to whenever it wakes, which takes ten times as long as most errands.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.turn = threading.RLock()
+        self._due: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+        self._is_running = self._is_over = False
+        self._guard = node.create_guard_condition(self._do_due)
+
+    def put(self, errand: Callable[[], object]) -> None:
+        """Have a function called, from any thread; none is any more after `stop`."""
+        self._due.put(errand)
+        if not (self._is_running or self._is_over):
+            self._guard.trigger()
+
+    def begin(self, work: Turns) -> None:
+        """Do, now, what comes before the work's first waiting; the rest is an errand."""
+        with suppress(StopIteration):
+            next(work)(lambda: self.put(lambda: self.begin(work)))
+
+    def run(self) -> None:
+        """Call what is due until `stop`; raises what a function raises."""
+        self._is_running = True
+        while (errand := self._due.get()) is not None:
+            with self.turn:
+                errand()
+
+    def stop(self) -> None:
+        """Call nothing more."""
+        self._is_over = True
+        self._due.put(None)
+
+    def _do_due(self) -> None:
+        while not self._is_running and not self._due.empty():
+            if (errand := self._due.get()) is not None:
+                with self.turn:
+                    errand()
