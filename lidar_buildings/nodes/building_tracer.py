@@ -9,25 +9,23 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.nodes.configs import FootprintNodeConfig, MapFrameConfig
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.tile_join import Parts, TileJoin
 
 _EDGES, _ALL = "edge_points", "classified_points"
 
 
-class BuildingTracer(StageNode):
+class BuildingTracer(PoolNode):
     """Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("building_tracer", **kwargs)
         self._building_points = self.create_tile_outlet("building_points")
         self._traced = self.create_ring_outlet("traced_outlines")
         self._map: FrameListener | None = None
@@ -89,7 +87,3 @@ class BuildingTracer(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(BuildingTracer)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -6,19 +6,16 @@ from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 
 
-class EdgeLabeller(StageNode):
+class EdgeLabeller(PoolNode):
     """Labels the roof points on edges."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("edge_labeller", NODE_CONFIGS["edge_labeller"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("edge_labeller", **kwargs)
         self._edge_points = self.create_tile_outlet("edge_points")
         self.subscribe_tiles("roof_points", self.on_tile)
 
@@ -32,7 +29,3 @@ class EdgeLabeller(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(EdgeLabeller)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -9,8 +9,8 @@ from sensor_msgs.msg import PointCloud2
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain.config import RasterConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.nodes.configs import GroundFilterNodeConfig
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import filter_ground
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
@@ -18,15 +18,13 @@ from lidar_buildings.ros.errands import Turns
 from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 
 
-class GroundFilter(StageNode):
+class GroundFilter(PoolNode):
     """Classifies the ground of each tile; holds one back that cuts off what may be a wide roof."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("ground_filter", NODE_CONFIGS["ground_filter"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("ground_filter", **kwargs)
         self._ground_points = self.create_tile_outlet("ground_points")
         self._dtm = None
         if self.parameters[GroundFilterNodeConfig].publish_dtm:
@@ -56,7 +54,3 @@ class GroundFilter(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(GroundFilter)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

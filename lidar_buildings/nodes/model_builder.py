@@ -13,7 +13,8 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
-from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFrameConfig
+from lidar_buildings.nodes.configs import FlowControlConfig, MapFrameConfig
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
@@ -24,7 +25,6 @@ from lidar_buildings.ros.polygons import Rings, roof_rings
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
 from lidar_buildings.ros.withdrawals import Withdrawals
@@ -32,12 +32,11 @@ from lidar_buildings.ros.withdrawals import Withdrawals
 _POINTS, _OUTLINES, _QUALITY = "plane_points", "outlines", "outline_quality"
 
 
-class ModelBuilder(StageNode):
+class ModelBuilder(PoolNode):
     """Builds the models of each tile's buildings, and withdraws those that a tile has no more."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("model_builder", NODE_CONFIGS["model_builder"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("model_builder", **kwargs)
         self._make_publishers()
         self._names: Withdrawals[str] = Withdrawals()
         self._numbers: Withdrawals[int] = Withdrawals()
@@ -127,8 +126,4 @@ class ModelBuilder(StageNode):
 def main() -> int:
     """Run the node."""
     with BuildingPool() as pool:
-        return run_node(lambda: ModelBuilder(pool))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        return run_node(lambda: ModelBuilder(pool=pool))

@@ -18,13 +18,13 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.results.run_summary import RunSummary
-from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
+from lidar_buildings.nodes.configs import ModelWriterConfig
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.survey_folder import SurveyFolder
 from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
 from lidar_buildings.nodes.tile_gathering import TileGathering
 from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, ROOF_FACES, TRACED_OUTLINES
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.letterbox import Letterbox
 from lidar_buildings.ros.map_frames import FrameListener
@@ -32,7 +32,6 @@ from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.receipts import DONE, TAKEN
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_join import Parts
 
@@ -45,7 +44,7 @@ _SILENCE, _MAX_PERIODS = 0.1, 20
 _LOOK = 5.0
 
 
-class ModelWriter(StageNode):
+class ModelWriter(PoolNode):
     """
     Puts tiles on disk as they are complete, and makes the files when the survey is done.
 
@@ -53,11 +52,8 @@ class ModelWriter(StageNode):
     and what was made last; `n_clouds_left` how many classified clouds have still to be written.
     """
 
-    def __init__(
-        self, pool: BuildingPool | None = None, *, read: Sequence[InputFile] = (), **kwargs: Any
-    ) -> None:
-        super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, *, read: Sequence[InputFile] = (), **kwargs: Any) -> None:
+        super().__init__("model_writer", **kwargs)
         self.n_saved, self.last_words = 0, ""
         self.n_clouds_left = 0
         config = self.parameters[ModelWriterConfig]
@@ -295,7 +291,3 @@ class ModelWriter(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(ModelWriter)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

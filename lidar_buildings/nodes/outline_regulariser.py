@@ -7,24 +7,21 @@ from typing import Any
 from std_msgs.msg import String
 
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.polygons import Rings, outline_rings, withdrawn
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.withdrawals import Withdrawals
 
 
-class OutlineRegulariser(StageNode):
+class OutlineRegulariser(PoolNode):
     """Regularises the outlines of each tile, and withdraws those that a tile has no more."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("outline_regulariser", **kwargs)
         self._withdrawals: Withdrawals[int] = Withdrawals()
         self._outlines = self.create_ring_outlet("outlines")
         self._quality = self.create_message_outlet(String, "outline_quality", CLOUD)
@@ -44,7 +41,3 @@ class OutlineRegulariser(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(OutlineRegulariser)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -6,19 +6,17 @@ from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import fit_planes
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 
 
-class PlaneFitter(StageNode):
+class PlaneFitter(PoolNode):
     """Finds the planes of each building's roof."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("plane_fitter", NODE_CONFIGS["plane_fitter"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("plane_fitter", **kwargs)
         self._plane_points = self.create_tile_outlet("plane_points")
         self.subscribe_tiles("building_points", self.on_tile)
 
@@ -31,8 +29,4 @@ class PlaneFitter(StageNode):
 def main() -> int:
     """Run the node."""
     with BuildingPool() as pool:
-        return run_node(lambda: PlaneFitter(pool))
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
+        return run_node(lambda: PlaneFitter(pool=pool))

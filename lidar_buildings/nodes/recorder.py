@@ -158,7 +158,3 @@ def _common(profiles: list[QoSProfile]) -> QoSProfile:
 def main() -> int:
     """Run the node."""
     return run_node(Recorder)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

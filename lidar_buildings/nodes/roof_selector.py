@@ -6,20 +6,17 @@ from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points
 from lidar_buildings.ros.errands import Turns
 from lidar_buildings.ros.runner import run_node
-from lidar_buildings.ros.stage_node import StageNode
 
 
-class RoofSelector(StageNode):
+class RoofSelector(PoolNode):
     """Gives every point its final class."""
 
-    def __init__(self, pool: BuildingPool | None = None, **kwargs: Any) -> None:
-        super().__init__("roof_selector", NODE_CONFIGS["roof_selector"], **kwargs)
-        self._pool = pool or BuildingPool(0)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("roof_selector", **kwargs)
         self._classified_points = self.create_tile_outlet("classified_points")
         self._roof_points = self.create_tile_outlet("roof_points")
         self.subscribe_tiles("ground_points", self.on_tile)
@@ -36,7 +33,3 @@ class RoofSelector(StageNode):
 def main() -> int:
     """Run the node."""
     return run_node(RoofSelector)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -153,7 +153,3 @@ class ScanAssembler(TileSender):
 def main() -> int:
     """Run the node."""
     return run_node(ScanAssembler, carries_scans=True)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -170,7 +170,3 @@ class TilePlayer(TileSender):
 def main() -> int:
     """Run the node."""
     return run_node(TilePlayer)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

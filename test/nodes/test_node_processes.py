@@ -26,9 +26,8 @@ ROOT = Path(__file__).resolve().parents[2]
 def command(node, *arguments):
     use_own_domain()
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    return [sys.executable, "-m", f"lidar_buildings.nodes.{node}", *arguments], os.environ | {
-        "PYTHONPATH": path
-    }
+    program = f"from lidar_buildings.nodes.{node} import main; raise SystemExit(main())"
+    return [sys.executable, "-c", program, *arguments], os.environ | {"PYTHONPATH": path}
 
 
 def run(node, *arguments):

@@ -59,7 +59,8 @@ class OnTwoHosts(NodeProcesses):
 
     def started(self, name, module, arguments, slow, log):
         host = self._hosts["left" if name in LIGHT else "right"]
-        command = [sys.executable, "-m", f"lidar_buildings.nodes.{module}", *arguments]
+        program = f"from lidar_buildings.nodes.{module} import main; raise SystemExit(main())"
+        command = [sys.executable, "-c", program, *arguments]
         with log.open("a") as written:
             return subprocess.Popen(inside(host, *command), stdout=written, stderr=written)
 
