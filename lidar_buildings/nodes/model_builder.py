@@ -8,7 +8,6 @@ from typing import Any
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
-from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
@@ -56,11 +55,7 @@ class ModelBuilder(PoolNode):
 
     def on_quality(self, message: String) -> None:
         """Take the quality of one tile's outlines."""
-        try:
-            stamp, qualities = qualities_of(message)
-        except MessageError as error:
-            self.get_logger().error(str(error))
-            return
+        stamp, qualities = qualities_of(message)
         if self.takes(stamp):
             self._add(stamp, _QUALITY, qualities)
 

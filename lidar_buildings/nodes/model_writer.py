@@ -122,12 +122,7 @@ class ModelWriter(PoolNode):
 
     def on_feature(self, message: String) -> None:
         """Take one building's model, or hear that a tile has no more of them."""
-        try:
-            ready = self._tiles.add_feature(message.data)
-        except LidarBuildingsError as error:
-            self.get_logger().error(f"city_model: {error}: left out")
-        else:
-            self._store_all(ready)
+        self._store_all(self._tiles.add_feature(message.data))
 
     def on_failed(self, message: Header) -> None:
         """Note that a tile was given up."""

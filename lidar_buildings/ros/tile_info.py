@@ -87,12 +87,12 @@ class TileInfos:
         self._box = Letterbox(node, String, TOPIC, self.on_info, LATCHED_TILE, lambda: bool(self._waiting))
 
     def on_info(self, message: String) -> None:
-        """Remember what is said of a tile, and go on with the work that waits for it."""
-        try:
-            stamp, info = info_of(message)
-        except MessageError as error:
-            self._node.get_logger().error(str(error))
-            return
+        """
+        Remember what is said of a tile, and go on with the work that waits for it.
+
+        MessageError if the message is not understood.
+        """
+        stamp, info = info_of(message)
         self._known[stamp] = info
         self._known.move_to_end(stamp)
         _keep_last(self._known)

@@ -18,7 +18,7 @@ class Listener:
     """Stands for a node."""
 
     def __init__(self, n_publishers):
-        self.n_publishers, self.errors, self.warnings, self.timers = n_publishers, [], [], []
+        self.n_publishers, self.warnings, self.timers = n_publishers, [], []
 
     default_callback_group = None
 
@@ -30,9 +30,6 @@ class Listener:
 
     def get_logger(self):
         return self
-
-    def error(self, text):
-        self.errors.append(text)
 
     def warning(self, text):
         self.warnings.append(text)
@@ -118,10 +115,9 @@ def test_after_a_time_a_tile_goes_on_if_there_is_really_nobody(n_publishers):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"stamp": "x"}', "null", "[" * 9999, '{"stamp":1e999}'])
-def test_a_message_that_is_not_understood_is_reported_and_holds_nothing(text):
-    node = Listener(1)
-    TileInfos(node).on_info(String(data=text))
-    assert len(node.errors) == 1
+def test_a_message_that_is_not_understood_is_refused(text):
+    with pytest.raises(MessageError, match="tile_info is not understood"):
+        TileInfos(Listener(1)).on_info(String(data=text))
 
 
 @pytest.mark.parametrize(
