@@ -12,7 +12,6 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
@@ -49,10 +48,6 @@ class ScanAssembler(TileSender):
         self._subscribe_sensors()
         self.tiles.start(lambda: self.errands.put(self.on_tick))
 
-    def may_send(self, _: PointTile) -> bool:
-        """Whether tiles are sent at all: pause and step say so."""
-        return self._playback.is_due(0, 0.0)
-
     def on_tick(self) -> None:
         """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
         self._tell_of_problems()
@@ -64,9 +59,6 @@ class ScanAssembler(TileSender):
         if self._n_flushed < self.tiles.n_flushed and not len(self._flow):
             self._n_flushed = self.tiles.n_flushed
             self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
-
-    def on_all_done(self) -> None:
-        """Go on: a feed ends with the node only."""
 
     def note_done(self, stamp: int) -> None:
         """Note that a revision of a tile is done: it may come again."""

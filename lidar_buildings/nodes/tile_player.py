@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import queue
-import threading
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -26,10 +26,8 @@ from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of, tile_of, to_time
 
-#: Tiles read ahead: enough to read while one is sent, and no more memory.
-_AHEAD = 1
-#: Timeout of a wait for room in the queue, after which stopping is noticed [s].
-_TRY = 0.1
+#: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
+_AHEAD = 2
 
 
 class TileReader:
@@ -37,7 +35,7 @@ class TileReader:
     Reads the tiles of a source ahead, in a thread of its own: no callback waits for the disk.
 
     The pool's processes put tiles together, if there is one. `error` is what ended the reading;
-    `is_exhausted` says whether every tile has been read (and perhaps not yet taken).
+    `is_exhausted` says whether every tile has been taken.
     """
 
     def __init__(self, source: TileSource, pool: BuildingPool) -> None:
@@ -45,9 +43,9 @@ class TileReader:
         self.is_exhausted = False
         self._source = source
         self._pool = pool
-        self._tiles: queue.Queue[PointTile] = queue.Queue(maxsize=_AHEAD)
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="tile_reader", daemon=True)
+        self._tiles = source.ready()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="tile_reader")
+        self._coming: deque[Future[PointTile | None]] = deque()
         self._on_tile: Callable[[], None] = lambda: None
 
     @property
@@ -56,16 +54,25 @@ class TileReader:
         return self._source.tile_count
 
     def start(self, on_tile: Callable[[], None]) -> None:
-        """Begin to read; `on_tile` is called, from the reading thread, when there is something to take."""
+        """Begin to read; `on_tile` is called, in another thread, when there is something to take."""
         self._on_tile = on_tile
-        self._thread.start()
+        for _ in range(_AHEAD):
+            self._read_on()
 
     def take(self) -> PointTile | None:
         """Return the next tile, None if none is ready."""
-        try:
-            return self._tiles.get_nowait()
-        except queue.Empty:
+        if self.error is not None or not (self._coming and self._coming[0].done()):
             return None
+        try:
+            tile = self._coming.popleft().result()
+        except Exception as error:
+            self.error = error
+            return None
+        if tile is None:
+            self.is_exhausted = True
+        else:
+            self._read_on()
+        return tile
 
     def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
         """Return a tile with a larger buffer on some sides, None if there is none."""
@@ -73,32 +80,17 @@ class TileReader:
 
     def stop(self) -> None:
         """Stop reading and wait for the thread."""
-        self._stopping.set()
-        if self._thread.ident is not None:
-            self._thread.join()
+        self._on_tile = lambda: None
+        self._thread.shutdown(cancel_futures=True)
 
-    def _run(self) -> None:
-        """Read until the end, an error, or `stop`."""
-        try:
-            for tile in self._source.ready():
-                if not self._put(self._pool.call(SpooledTile.read, tile.alone())):
-                    return
-                self._on_tile()
-            self.is_exhausted = True
-        except Exception as error:
-            self.error = error
-        if not self._stopping.is_set():
-            self._on_tile()
+    def _read_on(self) -> None:
+        self._coming.append(self._thread.submit(self._read))
+        self._coming[-1].add_done_callback(lambda _: self._on_tile())
 
-    def _put(self, tile: PointTile) -> bool:
-        """Put a tile into the queue as soon as there is room; False when stopping."""
-        while not self._stopping.is_set():
-            try:
-                self._tiles.put(tile, timeout=_TRY)
-                return True
-            except queue.Full:
-                continue
-        return False
+    def _read(self) -> PointTile | None:
+        """Read one tile; None behind the last one."""
+        tile = next(self._tiles, None)
+        return None if tile is None else self._pool.call(SpooledTile.read, tile.alone())
 
 
 class TilePlayer(TileSender):
@@ -117,6 +109,7 @@ class TilePlayer(TileSender):
         for problem in self._source.problems:
             self.get_logger().error(problem)
         self.tiles = TileReader(self._source, pool or BuildingPool(0))
+        self._is_finished = False
         self._clock_publisher = None
         if config.publish_clock:
             self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
@@ -138,8 +131,13 @@ class TilePlayer(TileSender):
         if self._clock_publisher is not None:
             self._clock_publisher.publish(Clock(clock=to_time(max(tile.stamp, 0))))
 
-    def on_all_done(self) -> None:
-        """Say that the survey is done."""
+    def on_tick(self) -> None:
+        """Send what is due; when no tile is left to send or to wait for, say that the survey is done."""
+        if self._is_finished:
+            return
+        super().on_tick()
+        if not self.tiles.is_exhausted or self._peek() is not None or len(self._flow):
+            return
         self._is_finished = True
         n_failed = f", {len(self._failed)} given up" if self._failed else ""
         self.get_logger().info(f"all tiles are done{n_failed}")

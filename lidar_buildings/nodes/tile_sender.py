@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections import Counter
 from dataclasses import replace
 from typing import Any, Protocol
@@ -11,7 +10,6 @@ from geometry_msgs.msg import PointStamped, Vector3Stamped
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -38,11 +36,6 @@ class TileQueue(Protocol):
     """Where tiles come from."""
 
     error: Exception | None  #: why no more come
-    is_exhausted: bool  #: whether all have been made, though perhaps not all taken
-
-    @property
-    def tile_count(self) -> int:
-        """Number of tiles, as far as is known."""
 
     def take(self) -> PointTile | None:
         """Return the next tile, None if none is ready."""
@@ -77,7 +70,6 @@ class TileSender(StageNode):
         self._resent: set[int] = set()
         self._playback = Playback(is_paused=sending.start_paused)
         self._next: PointTile | None = None
-        self._is_finished = False
 
     def begin(self) -> None:
         """Make publishers, services and subscriptions, and send what is due from now on."""
@@ -100,13 +92,9 @@ class TileSender(StageNode):
         self._map_units.publish(units_message(frame))
         self._map_origin.publish(origin_message(frame))
 
-    @abstractmethod
     def may_send(self, tile: PointTile) -> bool:
-        """Whether a tile's time has come, all else being there."""
-
-    @abstractmethod
-    def on_all_done(self) -> None:
-        """Called whenever no tile is left to send or to wait for."""
+        """Whether a tile's time has come, all else being there; pause and step say so."""
+        return self._playback.is_due(tile.stamp, 0.0)
 
     @property
     def n_done(self) -> int:
@@ -120,14 +108,13 @@ class TileSender(StageNode):
 
     def on_tick(self) -> None:
         """Send what is due."""
-        if self._is_finished or self._queue_has_failed():
+        if self.tiles.error is not None:
+            self.fail(self.tiles.error)
             return
         self._receipt_box.look()
         self._send_overdue()
-        while self._may_send():
-            self._send(self._take())
-        if self.tiles.is_exhausted and self._peek() is None and not len(self._flow):
-            self.on_all_done()
+        while (tile := self._next_to_send()) is not None:
+            self._send(tile)
 
     def on_done(self, message: Header) -> None:
         """Take back a tile's credit; an earlier revision than the one under way is none."""
@@ -161,11 +148,7 @@ class TileSender(StageNode):
 
     def on_receipt(self, message: String) -> None:
         """Note what a node has in hand."""
-        try:
-            receipt = receipt_of(message)
-        except MessageError as error:
-            self.get_logger().error(str(error))
-            return
+        receipt = receipt_of(message)
         if self._watch.hear(receipt):
             self._flow.started(receipt.node)
         if not self._watch.is_past(receipt):
@@ -175,11 +158,7 @@ class TileSender(StageNode):
         """
         Send the next revision of a tile, with a larger buffer; only say so if there is nothing more to send.
         """
-        try:
-            stamp, sides = clipped_of(message)
-        except MessageError as error:
-            self.get_logger().error(str(error))
-            return
+        stamp, sides = clipped_of(message)
         tile = self._flow.tile(stamp)
         if tile is None or tile.stamp != stamp:
             return  # of an earlier revision
@@ -212,18 +191,14 @@ class TileSender(StageNode):
         response.message = "one tile will be sent" if response.success else "not paused: call pause first"
         return response
 
-    def _queue_has_failed(self) -> bool:
-        """End the node if no tiles can be made."""
-        if self.tiles.error is not None:
-            self.fail(self.tiles.error)
-        return self.tiles.error is not None
-
-    def _may_send(self) -> bool:
-        """Whether there is a tile, a credit for it, someone to take it, and its time has come."""
+    def _next_to_send(self) -> PointTile | None:
+        """Return the next tile if there is a credit for it, someone to take it, and its time has come."""
         tile = self._peek() if self._flow.has_room else None
-        if tile is None or not self.may_send(tile):
-            return False
-        return self._has_listeners() and self._watch.is_settled
+        if tile is None or not self.may_send(tile) or not self._has_listeners():
+            return None
+        self._next = None
+        self._playback.sent()
+        return tile
 
     def _peek(self) -> PointTile | None:
         """Return the next tile that is not done yet, None if none is ready."""
@@ -233,15 +208,12 @@ class TileSender(StageNode):
                 return None
         return self._next
 
-    def _take(self) -> PointTile:
-        tile, self._next = self._next, None
-        if tile is None:
-            raise RuntimeError("no tile was found")
-        self._playback.sent()
-        return tile
-
     def _has_listeners(self) -> bool:
-        """Whether topics have their subscribers, nodes that share tiles are all there, and one ends tiles."""
+        """
+        Whether topics have their subscribers, nodes that share tiles are all there, and one ends tiles.
+
+        They know of each other, too.
+        """
         wanted = Counter(self.sending.wait_for)
         missing = [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]
         what = f"a subscriber of {', '.join(missing)}"
@@ -251,7 +223,7 @@ class TileSender(StageNode):
             what = f"{', '.join(missing)}: all share the tiles"
         if missing:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
-        return not missing
+        return not missing and self._watch.is_settled
 
     def _send(self, tile: PointTile) -> None:
         """
@@ -278,7 +250,7 @@ class TileSender(StageNode):
 
     def _send_overdue(self) -> None:
         """Send again what is lost as soon as the nodes are there, and give up what was lost too often."""
-        if self._flow.has_losses and self._has_listeners() and self._watch.is_settled:
+        if self._flow.has_losses and self._has_listeners():
             for flight in self._flow.overdue():
                 stamp = flight.tile.stamp
                 self.warn(f"tile {stamp} was lost: sent again ({flight.attempt})")

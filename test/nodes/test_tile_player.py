@@ -18,6 +18,7 @@ from support.node_bench import call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.sides import ALL, Sides
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.node_summary import ERROR
 from lidar_buildings.ros.point_cloud import from_message
@@ -372,3 +373,20 @@ def test_an_unreadable_file_is_left_out_and_the_rest_is_played(play, survey, tmp
     _, end = play(input=[str(broken), str(survey)])
     wait_until(lambda: end.survey_done)
     assert n_core(end.received) == 3000
+
+
+def test_a_player_that_cannot_read_on_ends_with_the_reason_and_no_survey_is_done(play, monkeypatch):
+    read, n_read = SpooledTile.read, Counter()
+
+    def failing(tile):
+        n_read["tiles"] += 1
+        if n_read["tiles"] == 3:
+            raise OSError("the disk is gone")
+        return read(tile)
+
+    monkeypatch.setattr(SpooledTile, "read", failing)
+    player, end = play()
+    wait_until(player.outcome.done)
+    assert "the disk is gone" in str(player.outcome.exception())
+    assert end.survey_done == []
+    assert len(end.received) <= 2

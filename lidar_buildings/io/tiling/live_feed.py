@@ -45,8 +45,6 @@ class LiveFeed:
     that are done.
     """
 
-    is_exhausted = False
-
     def __init__(self, tiling: LiveTilingConfig, scans: ScanConfig, frame: MapFrame | None = None) -> None:
         self.error: Exception | None = None
         self.problems: Counter[str] = Counter()
