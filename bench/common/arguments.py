@@ -82,6 +82,6 @@ def settings_of(texts: Sequence[str], stage: str = "ground_filter") -> dict[str,
 
 def _stage_settings(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
     try:
-        return read_settings(None, list(texts), {"bench": STAGE_CONFIGS})
+        return read_settings(None, list(texts))
     except ParameterError as error:
         raise SystemExit(str(error)) from None

@@ -22,7 +22,6 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.clouds.las import read_tile
-from lidar_buildings.nodes.configs import NODE_CONFIGS
 
 _EDGES = np.array([0, 1, 2, 127, 128, 254, 255], np.uint8)
 _N_POINTS = 50
@@ -72,7 +71,7 @@ def parameters(random: np.random.Generator) -> str:
     if is_file:
         whole = Path("config/pipeline.param.yaml").read_bytes()
         path.write_bytes(_mutated(whole, random) if random.integers(2) else text.encode())
-    read_settings(path if is_file else None, [] if is_file else [text], NODE_CONFIGS)
+    read_settings(path if is_file else None, [] if is_file else [text])
     return "accepted"
 
 

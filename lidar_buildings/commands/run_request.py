@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from lidar_buildings.commands.settings import Settings, preset_file, read_settings
+from lidar_buildings.commands.settings import CONFIGS, Settings, preset_file, read_settings
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.stage_table import STAGES
@@ -20,7 +20,7 @@ from lidar_buildings.io.bags.bag_config import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_folder import Use
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
-from lidar_buildings.nodes.configs import NODE_CONFIGS
+from lidar_buildings.nodes.table import NODE_STAGES
 from lidar_buildings.pipeline.config import STAGE_CONFIGS, PipelineConfig
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     """
     assignments = [*options.set, *_short_forms(options)]
     preset = preset_file(options.preset) if options.preset else None
-    settings = read_settings(options.params, assignments, NODE_CONFIGS, preset=preset)
+    settings = read_settings(options.params, assignments, preset=preset)
     if options.tile_size is not None:
         settings.setdefault(_TILING, {})["tile_size"] = options.tile_size
     _check_own(settings)
@@ -195,9 +195,8 @@ def _use_footprints(settings: Settings, source: FootprintSource) -> None:
 
 def _check_own(settings: Settings) -> None:
     """Refuse what the command sets itself, and what a run that writes files cannot work with."""
-    configs = {stage: config for stages in NODE_CONFIGS.values() for stage, config in stages.items()}
     for (stage, name), option in _OWN.items():
-        default = next(member.default for member in fields(configs[stage]) if member.name == name)
+        default = next(member.default for member in fields(CONFIGS[stage]) if member.name == name)
         if settings.get(stage, {}).pop(name, default) != default:
             raise ParameterError(
                 f"{stage}.{name} follows from {option} of the command line: leave the parameter out"
@@ -225,14 +224,11 @@ def _shared(config: type[Config], settings: Settings) -> Config:
 
 
 def _last_stage(until: str | None) -> str:
-    """Return the stage to end with; the name of a node stands for its (last) stage."""
+    """Return the stage to end with; the name of a node stands for its stage."""
     if until is None:
         return STAGES[-1]
-    by_node = {
-        node: next((s for s in reversed(list(of)) if s in STAGES), "") for node, of in NODE_CONFIGS.items()
-    }
-    by_node |= {"segmentation": "boundary_tracing", "model_builder": "building_model"}
-    stage = until if until in STAGES else by_node.get(until, "")
+    other_names = NODE_STAGES | {"segmentation": "boundary_tracing"}
+    stage = until if until in STAGES else other_names.get(until, "")
     if not stage:
         raise ParameterError(f"--until {until}: must be one of {', '.join(STAGES)}")
     return stage

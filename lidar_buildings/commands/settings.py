@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,18 +14,18 @@ import yaml
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import (
     ADVANCED,
-    StageConfig,
     checked_value,
     flat_names,
     parameter_names,
     spellings,
 )
+from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.config import nearest
 
 #: {stage: {parameter name: value}}
 Settings = dict[str, dict[str, Any]]
-#: {node: {stage: config class}}
-NodeConfigs = Mapping[str, Mapping[str, type[StageConfig]]]
+#: Every stage's config class, and those of sources and results.
+CONFIGS = {stage: config for stages in NODE_CONFIGS.values() for stage, config in stages.items()}
 
 _EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 _COMPARE = "compare config/pipeline.param.yaml"
@@ -34,9 +34,7 @@ _FORM = "must be STAGE.NAME=VALUE, as in roof_selection.min_height=2.5"
 PRESETS = ("santos", "villalba", "sampath_shan")
 
 
-def read_settings(
-    params: Path | None, assignments: list[str], nodes: NodeConfigs, *, preset: Path | None = None
-) -> Settings:
+def read_settings(params: Path | None, assignments: list[str], *, preset: Path | None = None) -> Settings:
     """
     Merge a preset, a parameter file and assignments; assignments win, then the file.
 
@@ -48,19 +46,19 @@ def read_settings(
     value not allowed, or if the file gives one parameter two values: it begins with the file's name or with
     ``--set``.
     """
-    settings = _read_file(preset, nodes)
-    for stage, given in _read_file(params, nodes).items():
+    settings = _read_file(preset)
+    for stage, given in _read_file(params).items():
         settings.setdefault(stage, {}).update(given)
     for text in assignments:
-        stage, name, value = _assignment(text, nodes)
+        stage, name, value = _assignment(text)
         settings.setdefault(stage, {})[name] = value
     return settings
 
 
-def _read_file(path: Path | None, nodes: NodeConfigs) -> Settings:
+def _read_file(path: Path | None) -> Settings:
     """Return the parameters of a file, none of them with two values."""
     settings: Settings = {}
-    for stage, name, value in _from_file(path, nodes):
+    for stage, name, value in _from_file(path):
         if settings.setdefault(stage, {}).setdefault(name, value) != value:
             raise ParameterError(
                 f"{path}: {stage}.{name} is both {settings[stage][name]!r} and {value!r}, since two nodes "
@@ -69,18 +67,18 @@ def _read_file(path: Path | None, nodes: NodeConfigs) -> Settings:
     return settings
 
 
-def _from_file(path: Path | None, nodes: NodeConfigs) -> Iterator[tuple[str, str, Any]]:
+def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
     """Yield (stage, name, value) for every parameter of a file."""
     if path is None:
         return
     for key, body in _content(path).items():
         node = str(key).rsplit("/", maxsplit=1)[-1]
-        if node not in nodes:
-            raise ParameterError(f"{path}: there is no node {node!r}{nearest(node, nodes)}")
+        if node not in NODE_CONFIGS:
+            raise ParameterError(f"{path}: there is no node {node!r}{nearest(node, NODE_CONFIGS)}")
         if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
             raise ParameterError(f"{path}: {key} has no ros__parameters: {_COMPARE}")
         for name, value in flat_names(body["ros__parameters"]):
-            yield _checked(str(path), *_stage_of(str(path), node, name, nodes), value, nodes)
+            yield _checked(str(path), *_stage_of(str(path), node, name), value)
 
 
 def _content(path: Path) -> dict[Any, Any]:
@@ -103,7 +101,7 @@ def _place(error: Exception) -> str:
     return f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
 
 
-def _assignment(text: str, nodes: NodeConfigs) -> tuple[str, str, Any]:
+def _assignment(text: str) -> tuple[str, str, Any]:
     """Split ``STAGE.NAME=VALUE``."""
     path, equals, value = text.partition("=")
     stage, dot, name = path.strip().partition(".")
@@ -113,17 +111,16 @@ def _assignment(text: str, nodes: NodeConfigs) -> tuple[str, str, Any]:
         parsed = yaml.safe_load(value)
     except yaml.YAMLError as error:
         raise ParameterError(f"--set {text}: {value!r} is not a value: {_FORM}") from error
-    if stage in nodes and not any(stage in stages for stages in nodes.values()):
-        stage, name = _stage_of("--set", stage, name, nodes)
-    return _checked("--set", stage, name, parsed, nodes)
+    if stage in NODE_CONFIGS and stage not in CONFIGS:
+        stage, name = _stage_of("--set", stage, name)
+    return _checked("--set", stage, name, parsed)
 
 
-def _checked(origin: str, stage: str, name: str, value: Any, nodes: NodeConfigs) -> tuple[str, str, Any]:
+def _checked(origin: str, stage: str, name: str, value: Any) -> tuple[str, str, Any]:
     """Return stage, name and the value in its own type, or refuse them."""
-    stages = {stage: config for configs in nodes.values() for stage, config in configs.items()}
-    if stage not in stages:
-        raise ParameterError(f"{origin}: there is no stage {stage!r}{nearest(stage, stages)}")
-    members = parameter_names({stage: stages[stage]})
+    if stage not in CONFIGS:
+        raise ParameterError(f"{origin}: there is no stage {stage!r}{nearest(stage, CONFIGS)}")
+    members = parameter_names({stage: CONFIGS[stage]})
     known = spellings(members)
     if name not in known:
         meant = nearest(name.removeprefix(ADVANCED), [one.name for _, one in members.values()])
@@ -144,12 +141,12 @@ def _as_ros_reads(value: Any) -> Any:
     return value
 
 
-def _stage_of(origin: str, node: str, name: str, nodes: NodeConfigs) -> tuple[str, str]:
+def _stage_of(origin: str, node: str, name: str) -> tuple[str, str]:
     """Return (stage, name) of a node's parameter: the stage is named where the node has several."""
-    for stage, config in nodes[node].items():
+    for stage, config in NODE_CONFIGS[node].items():
         if config.is_of_node and name in {one.name for one in fields(config)}:
             return stage, name
-    stages = [stage for stage, config in nodes[node].items() if not config.is_of_node]
+    stages = [stage for stage, config in NODE_CONFIGS[node].items() if not config.is_of_node]
     if len(stages) == 1:
         return next(iter(stages)), name
     stage, dot, rest = name.partition(".")

@@ -4,7 +4,6 @@ import pytest
 
 from lidar_buildings.commands.settings import read_settings
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.nodes.configs import NODE_CONFIGS
 
 
 @pytest.fixture
@@ -12,13 +11,13 @@ def settings(tmp_path):
     def read(text="", *assignments):
         path = tmp_path / "my.yaml"
         path.write_text(text)
-        return read_settings(path, list(assignments), NODE_CONFIGS)
+        return read_settings(path, list(assignments))
 
     return read
 
 
 def test_nothing_set_is_nothing(settings):
-    assert settings() == read_settings(None, [], NODE_CONFIGS) == {}
+    assert settings() == read_settings(None, []) == {}
 
 
 def test_parameters_of_a_node_go_to_its_stage(settings):

@@ -44,7 +44,12 @@ STEPS = {"roof_topology": "building_model"}
 #: The command line: it may import all layers, and nothing imports it.
 TOP = {"cli", "__main__"}
 #: What may run without ROS, though it stands beside what needs it.
-WITHOUT_ROS = {"lidar_buildings.commands.run_local", "lidar_buildings.commands.settings"}
+WITHOUT_ROS = {
+    "lidar_buildings.commands.run_local",
+    "lidar_buildings.commands.settings",
+    "lidar_buildings.nodes.configs",
+    "lidar_buildings.nodes.topics",
+}
 WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.running_graph"}
 #: Third-party packages that the core is made of.
 CORE_LIBRARIES = {
@@ -79,7 +84,8 @@ def internal_refusal(module, imported):
     mine, theirs = layer_of(module), layer_of(imported)
     if theirs and mine not in TOP and theirs not in LAYERS.get(mine, {mine}):
         return f"{module} imports {imported}: {mine or 'the package itself'} must not import {theirs}"
-    if module in WITHOUT_ROS and (theirs in ("ros", "nodes") or imported in WITH_ROS):
+    needs_ros = imported in WITH_ROS or (theirs in ("ros", "nodes") and imported not in WITHOUT_ROS)
+    if module in WITHOUT_ROS and needs_ros:
         return f"{module} imports {imported}: it must run without ROS"
     here, there = room_of(module), room_of(imported)
     if here and there and mine == theirs:
@@ -118,6 +124,8 @@ def test_imports_go_one_way():
         ("lidar_buildings.core.stages.roof_selection", "lidar_buildings.pipeline.tile_stages"),
         ("lidar_buildings.commands.run_local", "lidar_buildings.ros.qos"),
         ("lidar_buildings.commands.run_local", "lidar_buildings.commands.run"),
+        ("lidar_buildings.commands.settings", "lidar_buildings.nodes.graph"),
+        ("lidar_buildings.nodes.configs", "lidar_buildings.ros.qos"),
         ("lidar_buildings.commands.run", "lidar_buildings.cli"),
         ("lidar_buildings.io.clouds.las", "lidar_buildings.commands.run_local"),
         ("lidar_buildings.io.clouds.las", "lidar_buildings.io.tiling.tile_grid"),
@@ -177,6 +185,13 @@ def test_the_core_knows_neither_ros_nor_file_formats():
 def test_only_nodes_and_what_they_share_import_ros():
     with_ros = {layer_of(dotted(p)) for p in MODULES if any(is_of_ros(name) for name in external_imports(p))}
     assert with_ros <= {"ros", "nodes", "commands"}
+
+
+def test_nodes_configs_need_no_ros():
+    found = {dotted(p): external_imports(p) for p in MODULES if dotted(p) in WITHOUT_ROS}
+    assert found.keys() == WITHOUT_ROS
+    of_nodes = [name for module, names in found.items() if layer_of(module) == "nodes" for name in names]
+    assert not any(map(is_of_ros, of_nodes))
 
 
 @pytest.mark.parametrize("name", ["rclpy", "sensor_msgs", "std_srvs", "builtin_interfaces", "tf2_ros"])

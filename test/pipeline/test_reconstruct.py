@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import shapely
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.pipeline import reconstruct
+from lidar_buildings.pipeline.config import PipelineConfig
 
 
 @pytest.fixture
@@ -87,3 +90,14 @@ def test_a_house_is_whole_however_often_a_standing_scanner_measured_its_front(n_
     assert len(result.outlines) == 1
     polygon = shapely.Polygon(result.outlines[0].outline.exterior)
     assert polygon.intersection(truth).area / polygon.union(truth).area > 0.95
+
+
+def test_a_config_is_made_of_settings_by_stage_and_names_what_it_does_not_know():
+    config = PipelineConfig.from_settings({"roof_selection": {"min_height": 2.5}})
+    assert config == PipelineConfig(roof_selection=RoofSelectionConfig(min_height=2.5))
+    with pytest.raises(ParameterError, match=r"no stage 'roof_selektion' \(did you mean roof_selection\?\)"):
+        PipelineConfig.from_settings({"roof_selektion": {}})
+    with pytest.raises(
+        ParameterError, match=r"no parameter roof_selection\.min_hight \(did you mean min_height"
+    ):
+        PipelineConfig.from_settings({"roof_selection": {"min_hight": 2.5}})
