@@ -157,7 +157,7 @@ def ring_message(random: np.random.Generator) -> str:
         with suppress(LidarBuildingsError):
             closed = collector.add(PolygonInstanceStamped(header=header, polygon=polygon))
             if closed is not None:
-                outlines_of(closed.rings)
+                outlines_of(closed)
     return OK
 
 

@@ -259,7 +259,7 @@ class ModelWriter(PoolNode):
         self._receipts.send(TAKEN)
         self._statuses.look()
         try:
-            record = self._record.as_dict(self.failed_tiles, ())
+            record = self._record.as_dict(self.failed_tiles)
             summary = self._survey.make_files(record, self._each_cloud, self._pool.call_each)
         finally:
             self.n_clouds_left = 0

@@ -10,7 +10,7 @@ from lidar_buildings.core.stages.regularisation.config import RegularisationConf
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
-from lidar_buildings.ros.polygons import Rings, outline_rings, withdrawn
+from lidar_buildings.ros.polygons import Rings, outline_rings
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.ring_collector import outlines_of
 from lidar_buildings.ros.runner import run_node
@@ -34,7 +34,7 @@ class OutlineRegulariser(PoolNode):
         )
         gone = self._withdrawals.of(stamp, (one.building_id for one in outlines))
         self._quality.publish(stamp, [quality_message(stamp, outlines)])
-        self._outlines.publish(stamp, {**withdrawn(gone), **outline_rings(outlines)})
+        self._outlines.publish(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})
         self.summary.count_buildings(one.quality.status.value for one in outlines)
 
 

@@ -66,11 +66,11 @@ class RunRecord:
         """Return tile → the last error that a node reported of it."""
         return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}
 
-    def as_dict(self, failed: Iterable[int], problems: Iterable[str]) -> dict[str, Any]:
-        """Return the content of ``run.json``."""
+    def as_dict(self, failed: Mapping[int, str]) -> dict[str, Any]:
+        """Return the content of ``run.json``; `failed` are what `reasons` returns."""
         seconds = {stage: sum(per.values()) for stage, per in self._seconds.items() if per}
         seconds = {"wall": time.perf_counter() - self._started, **seconds}
-        return run_info(seconds, self._parameters, self.reasons(failed), problems)
+        return run_info(seconds, self._parameters, failed, ())
 
 
 def _parameters_of(node: str, text: str) -> dict[str, Any]:

@@ -77,8 +77,6 @@ class FrameListener:
 
     def _lose_patience(self) -> None:
         """Take the frame as it is, unless somebody is there who may still tell of it."""
-        if self._timer is None:
-            return
         if self._origin is None and self._node.count_publishers("map_origin"):
             self._node.get_logger().warning("map_origin has a publisher that says nothing: tiles wait for it")
             return

@@ -44,10 +44,8 @@ class NodeSummary:
             "tiles_in": OrderedDict(),
             "tiles_out": OrderedDict(),
         }
-        self._totals: Counter[str] = Counter(
-            dict.fromkeys(("tiles_in", "points_in", "tiles_out", "points_out"), 0)
-        )
-        self._totals["tiles_failed"] = 0
+        counted = ("tiles_in", "points_in", "tiles_out", "points_out", "tiles_failed")
+        self._totals: Counter[str] = Counter(dict.fromkeys(counted, 0))
         self._in_hand: Counter[int] = Counter()
         self._seconds, self._last_tile, self._last_seconds = 0.0, -1, 0.0
         self._heard = -1.0

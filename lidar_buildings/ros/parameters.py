@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import Field, replace
+from dataclasses import Field, asdict, replace
 from difflib import get_close_matches
 from typing import Any, TypeVar
 
@@ -89,14 +89,10 @@ class NodeParameters:
         # rclpy shows overrides that nobody declared nowhere else; the only use of the private name
         given = {name: one.value for name, one in node._parameter_overrides.items()}
         self._fields = parameter_names(configs)
-        overrides = self._by_name(given)
-        self._values = {
-            name: self._checked(name, overrides[name]) if name in overrides else one.default
-            for name, (_, one) in self._fields.items()
-        }
-        self._configs = {stage: kind(**self._members(stage)) for stage, kind in configs.items()}
-        for name, (_, one) in self._fields.items():
-            value = ros_value(self._values[name])
+        members = self._members(self._by_name(given))
+        self._configs = {stage: kind(**members.get(stage, {})) for stage, kind in configs.items()}
+        for name, (stage, one) in self._fields.items():
+            value = ros_value(getattr(self._configs[stage], one.name))
             node.declare_parameter(name, value, descriptor_of(one), ignore_override=True)
         node.add_on_set_parameters_callback(self._on_set)
         node.add_post_set_parameters_callback(self._after_set)
@@ -107,10 +103,15 @@ class NodeParameters:
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return ``{stage: {name: value}}``."""
-        return {stage: self._members(stage) for stage in self._configs}
+        return {stage: asdict(config) for stage, config in self._configs.items()}
 
-    def _members(self, stage: str) -> dict[str, Any]:
-        return {one.name: self._values[name] for name, (of, one) in self._fields.items() if of == stage}
+    def _members(self, given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return ``{stage: {name: value}}`` of values by the parameters' names, or refuse one."""
+        members: dict[str, dict[str, Any]] = {}
+        for name, value in given.items():
+            stage, one = self._fields[name]
+            members.setdefault(stage, {})[one.name] = self._checked(name, value)
+        return members
 
     def _by_name(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return our parameters among the start values; refuse an unknown name and suggest the nearest."""
@@ -138,19 +139,9 @@ class NodeParameters:
 
     def _after_set(self, parameters: list[Parameter]) -> None:
         """Use the new values from the next tile on."""
-        values, configs = self._changed(parameters)
-        self._values.update(values)
-        self._configs.update(configs)
+        self._configs.update(self._changed(parameters))
 
-    def _changed(self, parameters: list[Parameter]) -> tuple[dict[str, Any], dict[str, StageConfig]]:
-        """
-        Return the new values by name, and the configs that they make, which check them against one another.
-        """
-        values = {
-            one.name: self._checked(one.name, one.value) for one in parameters if one.name in self._fields
-        }
-        members: dict[str, dict[str, Any]] = {}
-        for name, value in values.items():
-            stage, member = self._fields[name]
-            members.setdefault(stage, {})[member.name] = value
-        return values, {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
+    def _changed(self, parameters: list[Parameter]) -> dict[str, StageConfig]:
+        """Return the configs that new values make, which check them against one another."""
+        members = self._members({one.name: one.value for one in parameters if one.name in self._fields})
+        return {stage: replace(self._configs[stage], **new) for stage, new in members.items()}

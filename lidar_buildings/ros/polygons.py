@@ -29,9 +29,10 @@ _NO_RING = np.zeros((0, 3))
 _NOT_ZERO = 1e-6
 
 
-def ring_message(stamp: int, building_id: int, ring: NDArray[np.float64]) -> PolygonInstanceStamped:
-    """Return one ring, shape (n_vertices, 2) or (n_vertices, 3), as a message."""
-    polygon = PolygonInstance(polygon=_polygon(ring), id=building_id)
+def ring_message(stamp: int, building_id: int, ring: Ring) -> PolygonInstanceStamped:
+    """Return one ring, shape (n_vertices, 3), as a message."""
+    points = [Point32(x=x, y=y, z=z) for x, y, z in ring.tolist()]
+    polygon = PolygonInstance(polygon=Polygon(points=points), id=building_id)
     return PolygonInstanceStamped(header=header_of(stamp), polygon=polygon)
 
 
@@ -43,11 +44,6 @@ def closing_message(stamp: int) -> PolygonInstanceStamped:
 def outline_rings(outlines: Iterable[BuildingOutline]) -> Rings:
     """Return the rings of a tile's outlines, at the elevation of the ground if it is known."""
     return {one.building_id: tuple(_raised(ring, one) for ring in one.outline.rings) for one in outlines}
-
-
-def withdrawn(building_ids: Iterable[int]) -> Rings:
-    """Return what is sent of buildings that a tile has no more."""
-    return dict.fromkeys(building_ids, ())
 
 
 def roof_rings(faces: Iterable[tuple[int, Sequence[Ring]]]) -> Rings:
@@ -83,11 +79,3 @@ def _raised(ring: Ring, outline: BuildingOutline) -> Ring:
 def _as_carried(ring: Ring) -> Ring:
     """Return a ring as a message carries it."""
     return ring.astype(np.float32).astype(np.float64)
-
-
-def _polygon(ring: NDArray[np.float64]) -> Polygon:
-    """Put vertices into a polygon; a ring in the plane gets z = 0."""
-    vertices = ring.tolist()
-    if ring.shape[1] == 2:
-        return Polygon(points=[Point32(x=x, y=y) for x, y in vertices])
-    return Polygon(points=[Point32(x=x, y=y, z=z) for x, y, z in vertices])

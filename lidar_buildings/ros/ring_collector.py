@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
 
 import numpy as np
 from geometry_msgs.msg import PolygonInstanceStamped
-from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, signed_area
 from lidar_buildings.ros.polygons import CLOSING_ID, Ring, Rings, ring_of
@@ -18,14 +16,6 @@ _MAX_OPEN_TILES = 64
 #: How many vertices they may have, and for how many a ring counts beside its own: 0.5 GB. Wide margin: a
 #: million buildings.
 _MAX_VERTICES, _PER_RING = 20_000_000, 8
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedTile:
-    """All rings that a topic had for a tile."""
-
-    stamp: int
-    rings: Rings
 
 
 class RingCollector:
@@ -41,9 +31,9 @@ class RingCollector:
         self._open: OrderedDict[int, dict[int, list[Ring]]] = OrderedDict()
         self._n_vertices: dict[int, int] = {}
 
-    def add(self, message: PolygonInstanceStamped) -> ClosedTile | None:
+    def add(self, message: PolygonInstanceStamped) -> Rings | None:
         """
-        Take one message; return the tile if this message closes it.
+        Take one message; return all rings of its tile if it closes the tile.
 
         MessageError if a vertex is not finite.
         """
@@ -52,7 +42,7 @@ class RingCollector:
         if number == CLOSING_ID and not message.polygon.polygon.points:
             rings = self._open.pop(stamp, {})
             self._n_vertices.pop(stamp, None)
-            return ClosedTile(stamp, {key: tuple(value) for key, value in rings.items()})
+            return {key: tuple(value) for key, value in rings.items()}
         self._add_ring(stamp, number, ring_of(message))
         return None
 
@@ -86,15 +76,13 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
     return tuple(outlines)
 
 
-def _polygons(
-    rings: list[NDArray[np.float64]] | tuple[NDArray[np.float64], ...],
-) -> list[list[NDArray[np.float64]]]:
+def _polygons(rings: list[Ring]) -> list[list[Ring]]:
     """
     Split a building's rings where an outer one begins: the first, and each that turns counter-clockwise.
     """
     polygons: list[list[Ring]] = []
     for ring in rings:
-        area = signed_area(ring[:, :2])
+        area = signed_area(ring)
         if area > 0 or (area == 0 and not polygons):
             polygons.append([ring])
         elif polygons:

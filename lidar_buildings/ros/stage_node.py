@@ -179,8 +179,8 @@ class StageNode(Node):
                 return
             with self.reporting(stamp, quiet=True):
                 closed = collector.add(message)
-            if closed is not None and not inbox.has_had(closed.stamp):
-                on_rings(closed.stamp, closed.rings)
+            if closed is not None and not inbox.has_had(stamp):
+                on_rings(stamp, closed)
 
         def on_rings(stamp: int, rings: Rings) -> None:
             if self.tile_infos is not None and self.tile_infos.is_over(stamp):

@@ -16,7 +16,7 @@ def test_seconds_of_nodes_that_share_tiles_count_as_their_stages():
     share = '{"roof_selection":{"min_height":2.0},"replicas":{"replica":1}}'
     record.add(status("roof_selector_0", tile="1000", seconds="1.5", parameters=share))
     record.add(status("roof_selector_1", tile="2000", seconds="2.0", parameters=share))
-    told = record.as_dict((), ())
+    told = record.as_dict({})
     assert told["seconds"]["roof_selection"] == 3.5
     assert told["parameters"] == {"roof_selection": {"min_height": 2.0}}
 
@@ -35,10 +35,10 @@ def test_what_is_no_status_of_a_tile_is_refused_and_changes_nothing(values):
     record = RunRecord()
     with pytest.raises(ValueError, match=r"\S"):
         record.add(status("roof_selector", **{"tile": "1000", "seconds": "1"} | values))
-    assert record.as_dict((), ())["parameters"] == {}
+    assert record.as_dict({})["parameters"] == {}
 
 
 def test_who_is_no_node_of_the_graph_is_not_heard():
     record = RunRecord()
     record.add(status("stranger", tile="1000", seconds="9"))
-    assert record.as_dict((), ())["seconds"].keys() == {"wall"}
+    assert record.as_dict({})["seconds"].keys() == {"wall"}

@@ -21,7 +21,7 @@ from lidar_buildings.ros.qos import BUILDING
 
 N_RINGS = 12_000
 BUSY = 3.0
-RING = np.random.default_rng(0).normal(size=(12, 2))
+RING = np.random.default_rng(0).normal(size=(12, 3))
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
