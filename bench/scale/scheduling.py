@@ -69,7 +69,7 @@ def _run(cluster: TileCluster, n_tasks: int, job: tuple[float, bytes]) -> None:
     """Submit tasks as a run does, some ahead."""
     waiting = set()
     for _ in range(n_tasks):
-        waiting.add(cluster.submit(stub, job, is_soon=True))
+        waiting.add(cluster.submit(stub, job))
         if len(waiting) >= _AHEAD:
             waiting = wait(waiting, return_when="FIRST_COMPLETED").not_done
     wait(waiting)

@@ -5,20 +5,21 @@ from __future__ import annotations
 import importlib
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
 from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
-from lidar_buildings.commands.tile_update import EarlierBuildings
+from lidar_buildings.commands.tile_update import EarlierBuilding, earlier_buildings
 from lidar_buildings.commands.tile_work import TileOutcome, TileWork, done
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.stages.footprints.footprints import Footprints
-from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import (
@@ -33,7 +34,6 @@ from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_store import KnownSurvey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
-from lidar_buildings.pipeline.config import PipelineConfig
 
 if TYPE_CHECKING:  # what takes time to import, and dask, which is there for those who ask for it
     from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -61,7 +61,8 @@ def run_local(
     skip: set[int] = set()
     shared: dict[str, Any] = {"keep": True}
     if not isinstance(pool, BuildingPool):
-        shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
+        reads = partial(pool.submit, is_late=True)
+        shared = {"temporary": folder_of_points(request.output), "submit": reads}
     inputs, known = list(request.inputs), None
     if request.use is Use.UPDATE:
         now = {file.resolve() for file in search_inputs(inputs)[0]}
@@ -82,21 +83,12 @@ def run_local(
         )
         earlier = None
         if request.use is Use.UPDATE:
-            earlier = EarlierBuildings.of(folder.saved_tiles(), source.frame)
+            earlier = earlier_buildings(folder.saved_tiles(), source.frame)
         else:
             skip.update(folder.done_stamps())
         with progress_bar(lambda: source.tile_count - len(skip), is_quiet=request.is_quiet) as progress:
-            done = process_tiles(
-                source,
-                folder,
-                request.config,
-                request.until,
-                progress,
-                request.files,
-                None if footprints is None else footprints.footprints,
-                pool,
-                earlier,
-            )
+            given = None if footprints is None else footprints.footprints
+            done = process_tiles(source, folder, request, progress, given, pool, earlier)
         if request.use is Use.UPDATE:
             folder.keep_only(source.stamps)
             note_survey(folder.path, asdict(source.known))
@@ -127,13 +119,11 @@ class Processed(NamedTuple):
 def process_tiles(
     source: TileSource,
     folder: OutputFolder,
-    config: PipelineConfig,
-    until: str,
+    request: RunRequest,
     progress: Callable[[int, TilesDone], None],
-    rasters: RasterConfig,
     footprints: Footprints | None,
     pool: BuildingPool | TileCluster,
-    earlier: EarlierBuildings | None,
+    earlier: Sequence[EarlierBuilding] | None,
 ) -> Processed:
     """
     Take every tile of a source to disk.
@@ -164,12 +154,13 @@ def process_tiles(
             so_far = TilesDone(*map(sum, zip(so_far, found, strict=True)))
             progress(n_done, so_far)
 
-    how = {} if isinstance(pool, BuildingPool) else {"is_soon": True}
+    anchors = np.array([one.anchor for one in earlier or ()]).reshape(-1, 2).T
     for tile in source.ready():
-        path, near = folder.tile_path(tile.stamp), _near(footprints, tile)
-        before = None if earlier is None else earlier.within(tile.core)
-        work = TileWork(tile.alone(), path, config, until, rasters, near, before)
-        answer = pool.submit(done, work, **how)
+        path, near, before = folder.tile_path(tile.stamp), _near(footprints, tile), None
+        if earlier is not None:
+            before = [earlier[row] for row in np.flatnonzero(tile.core.holds(*anchors))]
+        work = TileWork(tile.alone(), path, request.config, request.until, request.files, near, before)
+        answer = pool.submit(done, work)
         waiting[answer] = work
         answer.add_done_callback(answered.put)
         while len(waiting) > _AHEAD or not answered.empty():

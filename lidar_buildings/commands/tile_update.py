@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,7 +19,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.tile_products import load_shapes
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Buffer, Rectangle
+from lidar_buildings.io.tiling.tile_grid import Buffer
 from lidar_buildings.pipeline.reconstruct import TileResult
 
 #: What beside a saved tile tells of the points that it was made from.
@@ -56,70 +57,58 @@ def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
     return saved.exists() and bool(digests) and all(digest_of(one.read()) == digest for one, digest in grown)
 
 
-@dataclass(frozen=True, eq=False)
-class EarlierBuildings:
-    """Buildings of an earlier result, near a place."""
+class EarlierBuilding(NamedTuple):
+    """A building of an earlier result, in the map frame [m]."""
 
-    #: Id, the position that it is made from, and outline of each, in the map frame [m].
-    number: list[int]
-    anchor: list[tuple[float, float]]
-    polygon: list[shapely.Polygon]
-
-    @classmethod
-    def of(cls, tiles: Iterable[Path], frame: MapFrame) -> EarlierBuildings:
-        """Read those that have models from saved tiles."""
-        found = cls([], [], [])
-        for path in tiles:
-            shapes = load_shapes(path)
-            polygons = {one.building_id: one.outline.polygon for one in shapes.outlines}
-            for line in shapes.features:
-                name, number = _NAME.search(line), _NUMBER.search(line)
-                if name and number and int(number[1]) in polygons:
-                    place = frame.to_map(np.array([[float(name[1]), float(name[2]), 0.0]]))[0]
-                    found.number.append(int(number[1]))
-                    found.anchor.append((float(place[0]), float(place[1])))
-                    found.polygon.append(polygons[int(number[1])])
-        return found
-
-    def within(self, area: Rectangle) -> EarlierBuildings:
-        """Return those whose anchors lie in an area."""
-        x, y = np.array(self.anchor, dtype=np.float64).reshape(-1, 2).T
-        rows = np.flatnonzero(area.holds(x, y)).tolist()
-        return EarlierBuildings(
-            *([kept[row] for row in rows] for kept in (self.number, self.anchor, self.polygon))
-        )
+    number: int  #: its id
+    anchor: tuple[float, float]  #: the position that the id is made from
+    polygon: shapely.Polygon
 
 
-def with_kept_ids(result: TileResult, earlier: EarlierBuildings) -> TileResult:
+def earlier_buildings(tiles: Iterable[Path], frame: MapFrame) -> list[EarlierBuilding]:
+    """Read those that have models from saved tiles."""
+    found = []
+    for path in tiles:
+        shapes = load_shapes(path)
+        polygons = {one.building_id: one.outline.polygon for one in shapes.outlines}
+        for line in shapes.features:
+            name, number = _NAME.search(line), _NUMBER.search(line)
+            if name and number and int(number[1]) in polygons:
+                x, y, _ = frame.to_map(np.array([[float(name[1]), float(name[2]), 0.0]]))[0].tolist()
+                found.append(EarlierBuilding(int(number[1]), (x, y), polygons[int(number[1])]))
+    return found
+
+
+def with_kept_ids(result: TileResult, earlier: Sequence[EarlierBuilding]) -> TileResult:
     """
     Give buildings the ids that they had, where their westernmost points are others now.
 
     The earlier ones had their anchors in the tile: no other tile can give their ids to another building.
     """
     natural = {one.building_id for one in result.outlines}
-    kept: dict[int, int] = {}
-    for row, number in enumerate(earlier.number):
-        if number not in natural:
-            old = earlier.polygon[row]
+    known = {old.number for old in earlier}
+    kept: dict[int, EarlierBuilding] = {}
+    for old in earlier:
+        if old.number not in natural:
             shared = {
-                one.building_id: shapely.intersection(old, one.outline.polygon).area
-                / max(old.area, one.outline.area)
+                one.building_id: shapely.intersection(old.polygon, one.outline.polygon).area
+                / max(old.polygon.area, one.outline.area)
                 for one in result.outlines
-                if old.intersects(one.outline.polygon)
+                if old.polygon.intersects(one.outline.polygon)
             }
             same = max(shared, key=lambda one: shared[one], default=0)
-            if shared.get(same, 0.0) > _SHARED and same not in earlier.number:
-                kept[same] = row
+            if shared.get(same, 0.0) > _SHARED and same not in known:
+                kept[same] = old
     if not kept:
         return result
-    number_of = {new: earlier.number[row] for new, row in kept.items()}
+    number_of = {new: old.number for new, old in kept.items()}
     roofs = result.roofs
     if roofs is not None and roofs.building_id is not None:
         ids, place = np.unique(roofs.building_id, return_inverse=True)
         named = np.array([number_of.get(one, one) for one in ids.tolist()], dtype=np.uint32)
         roofs = roofs.with_columns(building_id=named[place])
     models = [
-        replace(one, building_id=number_of[one.building_id], anchor=earlier.anchor[kept[one.building_id]])
+        replace(one, building_id=kept[one.building_id].number, anchor=kept[one.building_id].anchor)
         if one.building_id in kept
         else one
         for one in result.models

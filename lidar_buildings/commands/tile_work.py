@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.commands.tile_update import (
-    EarlierBuildings,
+    EarlierBuilding,
     digest_of,
     is_unchanged,
     with_kept_ids,
@@ -40,10 +40,10 @@ class TileWork:
     path: Path  #: where its products are saved
     config: PipelineConfig  #: of all stages
     until: str  #: the last stage
-    rasters: RasterConfig = field(default_factory=RasterConfig)  #: of the rasters
-    footprints: Footprints | None = None  #: outlines to use instead of tracing
+    rasters: RasterConfig  #: of the rasters
+    footprints: Footprints | None  #: outlines to use instead of tracing
     #: Those of an earlier state of the survey, where one is brought up to date.
-    earlier: EarlierBuildings | None = None
+    earlier: Sequence[EarlierBuilding] | None
 
 
 class TileOutcome(NamedTuple):

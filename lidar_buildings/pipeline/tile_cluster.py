@@ -96,15 +96,15 @@ class TileCluster:
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(
-        self, function: Callable[[_Job, None], _Result], job: _Job, *, is_soon: bool = False
+        self, function: Callable[[_Job, None], _Result], job: _Job, *, is_late: bool = False
     ) -> Future[_Result]:
         """
-        Call ``function(job, None)`` on a worker; if `is_soon` before what was submitted without this.
+        Call ``function(job, None)`` on a worker; if `is_late` after what was submitted without this.
 
         The function stands at the top of a module; it may be called more than once, and at the same time. The
         future raises `WorkerLostError` if workers end at it even when nothing else is done.
         """
-        call = _Call(function, job, _SOON if is_soon else _LATE)
+        call = _Call(function, job, _LATE if is_late else _SOON)
         with self._lock:
             self._open.add(call)
         self._send(call)
