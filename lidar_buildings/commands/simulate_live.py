@@ -120,11 +120,5 @@ def _ros() -> Iterator[Any]:
         import rclpy  # after the middleware was prepared
     except ImportError as error:
         raise ParameterError("--live: ROS 2 (rclpy) is not installed: --bag does without it") from error
-    from rclpy.signals import SignalHandlerOptions
-
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with rclpy.Context() as context:
         yield context
-    finally:
-        rclpy.try_shutdown(context=context)

@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 import time
+from contextlib import suppress
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
 
@@ -32,34 +33,28 @@ def top_command(options: argparse.Namespace) -> int:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
 
     from lidar_buildings.nodes.table import NODE_TABLE
     from lidar_buildings.ros.graph_listener import GraphListener
 
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(f"top_{os.getpid()}", context=context, enable_rosout=False)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
+    with (
+        suppress(KeyboardInterrupt),
+        rclpy.Context() as context,
+        SingleThreadedExecutor(context=context) as executor,
+    ):
+        node = rclpy.create_node(f"top_{os.getpid()}", context=context, enable_rosout=False)
+        executor.add_node(node)
         listener = GraphListener(node, options.namespace or "", [card.name for card in NODE_TABLE])
         _wait_for_graph(executor, listener, options)
         _listen(executor, _HEARING, lambda: all(one.has_all for one in listener.views.values()))
-        while True:
-            _print(listener.views)
-            if options.once:
-                return DONE
+        _print(listener.views)
+        while not options.once:
             if listener.has_ended():
                 print("all nodes have gone")
-                return DONE
+                break
             _listen(executor, _PERIOD)
-    except KeyboardInterrupt:
-        return DONE
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
+            _print(listener.views)
+    return DONE
 
 
 def _wait_for_graph(executor, listener, options: argparse.Namespace) -> None:

@@ -59,19 +59,18 @@ def survey_nodes(
     has an output. LidarBuildingsError if a node cannot start; those made before are destroyed.
     """
     given = settings or {}
-    is_recorded = bool(given.get("recorder", {}).get("output"))
-    own = run_settings(source, inputs, output, until, is_recorded=is_recorded)
+    recorder = ("recorder",) if given.get("recorder", {}).get("output") else ()
+    own = run_settings(source, inputs, output, until, is_recorded=bool(recorder))
     kept = json.dumps(dict(given if identity is None else identity), sort_keys=True)
     own["model_writer"] |= {"overwrite": overwrite, "settings": kept}
     own["flow_control"] = {"publish_tile_done": not output}
     if pool is not None and "max_tiles_in_flight" not in given.get(source, {}):
         own[source]["max_tiles_in_flight"] = min(max(2, pool.n_alive), MOST_TILES)
-    merged = _merged(given, own)
+    merged = {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}
     nodes: dict[str, StageNode] = {}
     try:
         # the recorder first, which misses nothing; then the player, which reads while the others are made
         names = [name for name in nodes_until(until, source) if output or name != "model_writer"]
-        recorder = ("recorder",) if merged.get("recorder", {}).get("output") else ()
         for name in (*recorder, *names):
             points: dict[str, dict[str, Any]] = {  # decoded once
                 "tile_player": {"keep": bool(output)},
@@ -83,10 +82,3 @@ def survey_nodes(
             node.destroy_node()
         raise
     return {name: nodes[name] for name in (*names, *recorder)}
-
-
-def _merged(
-    given: Mapping[str, Mapping[str, Any]], own: Mapping[str, Mapping[str, Any]]
-) -> dict[str, dict[str, Any]]:
-    """Return settings with what source and writer are given of the run."""
-    return {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}

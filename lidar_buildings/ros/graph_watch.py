@@ -24,25 +24,21 @@ class GraphWatch:
     def __init__(self, node: Node, now: Callable[[], float] = time.monotonic) -> None:
         self._node = node
         self._now = now
-        self._lives: dict[str, str] = {}
+        #: Node → the first receipt of its life, the latest last.
+        self._nodes: dict[str, Receipt] = {}
         self._past: set[str] = set()
         self._settled_at = 0.0
-        self._shares: dict[str, dict[int, str]] = {}
-        self._n_shares: dict[str, int] = {}
         self._names: set[str] = set()
         self._n_seen = 0
 
     def hear(self, receipt: Receipt) -> bool:
         """Note who speaks; return whether this life of the node was not known."""
-        if receipt.life == self._lives.get(receipt.node):
+        before = self._nodes.get(receipt.node)
+        if self.is_past(receipt) or (before is not None and before.life == receipt.life):
             return False
-        if receipt.life in self._past:
-            return False
-        self._past.add(self._lives.get(receipt.node, ""))
-        self._lives[receipt.node] = receipt.life
-        if 1 < receipt.replicas <= MAX_REPLICAS:
-            self._shares.setdefault(receipt.kind, {})[receipt.replica] = receipt.node
-            self._n_shares[receipt.kind] = receipt.replicas
+        if before is not None:
+            self._past.add(self._nodes.pop(receipt.node).life)
+        self._nodes[receipt.node] = receipt
         if not receipt.is_of_this_process:
             self._settled_at = self._now() + _DISCOVERY
         return True
@@ -54,18 +50,20 @@ class GraphWatch:
     @property
     def is_settled(self) -> bool:
         """Whether all nodes that can be seen have spoken, and know of each other."""
-        return self._now() >= self._settled_at and self._seen() <= self._lives.keys()
+        return self._now() >= self._settled_at and self._seen() <= self._nodes.keys()
 
     def missing_replicas(self) -> list[str]:
         """Return which nodes are not there that take a share of the tiles, in words."""
-        if not self._shares:
+        shares = {one.kind: one.replicas for one in self._nodes.values() if 1 < one.replicas <= MAX_REPLICAS}
+        if not shares:
             return []
         seen = self._seen()
+        there = {(one.kind, one.replica) for name, one in self._nodes.items() if name in seen}
         return [
             f"replica {number} of {n} of {kind}"
-            for kind, n in sorted(self._n_shares.items())
+            for kind, n in sorted(shares.items())
             for number in range(n)
-            if self._shares[kind].get(number) not in seen
+            if (kind, number) not in there
         ]
 
     def _seen(self) -> set[str]:

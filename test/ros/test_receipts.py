@@ -90,9 +90,9 @@ def test_a_replica_that_is_missing_is_named_until_it_is_there(clock):
     watch = GraphWatch(view, clock)
     assert watch.missing_replicas() == []
 
-    def speaks(number):
+    def speaks(number, life=1, n_replicas=2):
         name = f"roof_selector_{number}"
-        watch.hear(Receipt(name, f"{name}.1", READY, 0, "roof_selector", number, 2))
+        watch.hear(Receipt(name, f"{name}.{life}", READY, 0, "roof_selector", number, n_replicas))
 
     speaks(0)
     assert watch.missing_replicas() == ["replica 1 of 2 of roof_selector"]
@@ -102,6 +102,13 @@ def test_a_replica_that_is_missing_is_named_until_it_is_there(clock):
     assert watch.missing_replicas() == []
     del view.endpoints[0]
     assert watch.missing_replicas() == ["replica 0 of 2 of roof_selector"]
+    view.endpoints.append(Endpoint("roof_selector_0"))
+    for number in range(3):
+        speaks(number, 2, 3)
+    assert watch.missing_replicas() == ["replica 2 of 3 of roof_selector"]
+    for number in range(2):
+        speaks(number, 3, 2)
+    assert watch.missing_replicas() == []
 
 
 def test_other_graphs_are_not_waited_for():
