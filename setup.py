@@ -7,10 +7,8 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 PACKAGE = "lidar_buildings"
-#: Every module of `nodes` that runs one is an executable of its name.
-NODES = sorted(
-    path.stem for path in Path(PACKAGE, "nodes").glob("*.py") if "return run_node(" in path.read_text()
-)
+#: Every node is an executable of its name.
+NODES = re.findall(r'NodeCard\(\s*"(\w+)"', Path(PACKAGE, "nodes", "table.py").read_text())
 VERSION = re.search(r'__version__ = "(.+)"', Path(PACKAGE, "__init__.py").read_text()).group(1)
 
 ROS_WHEELS = [
@@ -118,7 +116,7 @@ setup(
     entry_points={
         "console_scripts": [
             "lidar-buildings = lidar_buildings.cli:console",
-            *(f"{node} = {PACKAGE}.nodes.{node}:main" for node in NODES),
+            *(f"{one} = {PACKAGE}.nodes.{one}:{one.title().replace('_', '')}.main" for one in NODES),
         ],
     },
 )

@@ -15,7 +15,6 @@ from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, 
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.tile_join import Parts, TileJoin
 
 _EDGES, _ALL = "edge_points", "classified_points"
@@ -82,8 +81,3 @@ class BuildingTracer(PoolNode):
         return trace_footprints(
             parts[_ALL], parts[_EDGES], given.footprints, config, self.parameters[EdgeLabellingConfig]
         )
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(BuildingTracer)

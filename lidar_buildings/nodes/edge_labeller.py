@@ -8,7 +8,6 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
-from lidar_buildings.ros.runner import run_node
 
 
 class EdgeLabeller(PoolNode):
@@ -24,8 +23,3 @@ class EdgeLabeller(PoolNode):
         labelled = self._pool.call(label_roof_edges, tile, self.parameters[EdgeLabellingConfig])
         self._edge_points.publish(labelled.tile)
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(EdgeLabeller)

@@ -17,7 +17,6 @@ from lidar_buildings.ros.clipped_tiles import ClippedTiles
 from lidar_buildings.ros.errands import Turns
 from lidar_buildings.ros.point_cloud import grid_message
 from lidar_buildings.ros.qos import CLOUD
-from lidar_buildings.ros.runner import run_node
 
 
 class GroundFilter(PoolNode):
@@ -49,8 +48,3 @@ class GroundFilter(PoolNode):
         resolution = self.parameters[GroundFilterNodeConfig].dtm_resolution
         rasters = rasterise_tile(classified, RasterConfig(raster_resolution=resolution), MapFrame())
         self._dtm.publish(grid_message(classified.stamp, rasters.window, rasters.dtm))
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(GroundFilter)

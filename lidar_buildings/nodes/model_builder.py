@@ -14,7 +14,6 @@ from lidar_buildings.core.stages.building_model.config import BuildingModelConfi
 from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
 from lidar_buildings.nodes.configs import FlowControlConfig, MapFrameConfig
 from lidar_buildings.nodes.pool_node import PoolNode
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
 from lidar_buildings.ros.map_frames import FrameListener
@@ -23,7 +22,6 @@ from lidar_buildings.ros.outline_quality import qualities_of
 from lidar_buildings.ros.polygons import Rings, roof_rings
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.ring_collector import outlines_of
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
 from lidar_buildings.ros.withdrawals import Withdrawals
@@ -33,6 +31,8 @@ _POINTS, _OUTLINES, _QUALITY = "plane_points", "outlines", "outline_quality"
 
 class ModelBuilder(PoolNode):
     """Builds the models of each tile's buildings, and withdraws those that a tile has no more."""
+
+    has_pool = True
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("model_builder", **kwargs)
@@ -116,9 +116,3 @@ class ModelBuilder(PoolNode):
         gone = self._numbers.of(stamp, solids)
         if (solids or gone) and self._markers.get_subscription_count():
             self._markers.publish(model_markers(stamp, solids, gone))
-
-
-def main() -> int:
-    """Run the node."""
-    with BuildingPool() as pool:
-        return run_node(lambda: ModelBuilder(pool=pool))

@@ -31,7 +31,6 @@ from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.receipts import DONE, TAKEN
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_join import Parts
 
@@ -281,8 +280,3 @@ class ModelWriter(PoolNode):
         n_buildings = sum(summary.buildings.values())
         why = f"; {summary.why_no_building}" if summary.why_no_building else ""
         return f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {self._survey.path}{why}"
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(ModelWriter)

@@ -13,7 +13,6 @@ from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.polygons import Rings, outline_rings
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.ring_collector import outlines_of
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.withdrawals import Withdrawals
 
 
@@ -36,8 +35,3 @@ class OutlineRegulariser(PoolNode):
         self._quality.publish(stamp, [quality_message(stamp, outlines)])
         self._outlines.publish(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})
         self.summary.count_buildings(one.quality.status.value for one in outlines)
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(OutlineRegulariser)

@@ -7,13 +7,13 @@ from typing import Any
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.nodes.pool_node import PoolNode
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_stages import fit_planes
-from lidar_buildings.ros.runner import run_node
 
 
 class PlaneFitter(PoolNode):
     """Finds the planes of each building's roof."""
+
+    has_pool = True
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("plane_fitter", **kwargs)
@@ -24,9 +24,3 @@ class PlaneFitter(PoolNode):
         """Fit the planes of one tile's buildings."""
         planes = self._pool.call(fit_planes, tile, self.parameters[PlaneFittingConfig], shares=True)
         self._plane_points.publish(planes)
-
-
-def main() -> int:
-    """Run the node."""
-    with BuildingPool() as pool:
-        return run_node(lambda: PlaneFitter(pool=pool))

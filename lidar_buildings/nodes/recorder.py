@@ -58,6 +58,11 @@ class Recorder(StageNode):
         if self._sought:
             self._search = self.create_timer(_SEARCH, self.on_search)
 
+    @classmethod
+    def main(cls) -> int:
+        """Run the node as a process of its own."""
+        return run_node(cls)
+
     @property
     def is_silent(self) -> bool:
         """Whether nothing has come for a while but diagnostics, which always do."""
@@ -153,8 +158,3 @@ def _common(profiles: list[QoSProfile]) -> QoSProfile:
         durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
         history=HistoryPolicy.KEEP_ALL,
     )
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(Recorder)

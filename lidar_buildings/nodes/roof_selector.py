@@ -9,7 +9,6 @@ from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfi
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_stages import roof_points, select_roof_points
 from lidar_buildings.ros.errands import Turns
-from lidar_buildings.ros.runner import run_node
 
 
 class RoofSelector(PoolNode):
@@ -28,8 +27,3 @@ class RoofSelector(PoolNode):
         classified = call.result()
         self._roof_points.publish(roof_points(classified))
         self._classified_points.publish(classified)
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(RoofSelector)

@@ -18,7 +18,6 @@ from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import FRAME_ID, header_of
 
 #: A warning of lost scans is repeated no sooner [s].
@@ -27,6 +26,8 @@ _REMIND = 10.0
 
 class ScanAssembler(TileSender):
     """Makes tiles of the scans of a moving sensor, and sends them into the graph."""
+
+    carries_scans = True
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("scan_assembler", ScanAssemblerConfig, **kwargs)
@@ -140,8 +141,3 @@ class ScanAssembler(TileSender):
                 self._told.add(problem)
                 self.get_logger().error(problem)
                 self.summary.warned(problem)
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(ScanAssembler, carries_scans=True)

@@ -23,7 +23,6 @@ from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.qos import EVENT
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stamps import header_of, tile_of, to_time
 
 #: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
@@ -163,8 +162,3 @@ class TilePlayer(TileSender):
             for problem in filter(None, [record["problem"], *record["warnings"]]):
                 self.warn(f"{record['bag']}: {problem}")
         return with_clouds(config.input, folder)
-
-
-def main() -> int:
-    """Run the node."""
-    return run_node(TilePlayer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from geometry_msgs.msg import PointStamped, Vector3Stamped
 from std_msgs.msg import Header, String
@@ -22,6 +22,7 @@ from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.receipts import receipt_of
+from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_info import CLIPPED, clipped_of, info_message, over_message
@@ -49,6 +50,8 @@ class TileSender(StageNode):
 
     #: Set by the subclass before it calls `begin`.
     tiles: TileQueue
+    #: Whether scans come to it, of which none comes again.
+    carries_scans: ClassVar[bool] = False
 
     def __init__(self, name: str, config: type[SendingConfig], **kwargs: Any) -> None:
         super().__init__(name, NODE_CONFIGS[name], **kwargs)
@@ -70,6 +73,11 @@ class TileSender(StageNode):
         self._resent: set[int] = set()
         self._playback = Playback(is_paused=sending.start_paused)
         self._next: PointTile | None = None
+
+    @classmethod
+    def main(cls) -> int:
+        """Run the node as a process of its own."""
+        return run_node(cls, carries_scans=cls.carries_scans)
 
     def begin(self) -> None:
         """Make publishers, services and subscriptions, and send what is due from now on."""

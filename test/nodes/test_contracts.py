@@ -1,6 +1,5 @@
 """What the table of nodes, the configs, the parameter file and the pages say is what the nodes do."""
 
-import importlib
 import json
 import re
 from dataclasses import fields
@@ -184,7 +183,7 @@ def test_the_writer_takes_all_points_first_and_then_the_roofs(stage, clouds):
 
 def test_every_node_can_be_started_by_its_name():
     for name in CARDS:
-        assert callable(importlib.import_module(f"lidar_buildings.nodes.{name}").main)
+        assert callable(node_class(name).main)
 
 
 @pytest.mark.parametrize("stage", STAGES)

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def command(node, *arguments):
     use_own_domain()
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    program = f"from lidar_buildings.nodes.{node} import main; raise SystemExit(main())"
+    program = f"from lidar_buildings.nodes.graph import node_class; exit(node_class('{node}').main())"
     return [sys.executable, "-c", program, *arguments], os.environ | {"PYTHONPATH": path}
 
 

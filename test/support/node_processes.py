@@ -144,7 +144,7 @@ def _run_node(
     written = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     os.dup2(written, 1)
     os.dup2(written, 2)
-    node = importlib.import_module(f"lidar_buildings.nodes.{module}")
+    node, graph = (importlib.import_module(f"lidar_buildings.nodes.{one}") for one in (module, "graph"))
     if slow is not None:
         name, seconds = slow
         original = getattr(node, name)
@@ -155,4 +155,4 @@ def _run_node(
 
         setattr(node, name, slowed)
     sys.argv[1:] = arguments
-    raise SystemExit(node.main())
+    raise SystemExit(graph.node_class(module).main())
