@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from functools import partial
-from types import TracebackType
 from typing import Any, TypeVar
 
 import dask
@@ -76,9 +75,7 @@ class TileCluster:
     def __enter__(self) -> TileCluster:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -194,7 +191,8 @@ class TileCluster:
             calls = list(self._open)
             self._suspects.clear()
         for call in calls:
-            self._finish(call, ClusterError(f"{why}: the same command goes on from the finished tiles"))
+            why_not = ClusterError(f"{why}: the same command goes on from the finished tiles")
+            self._finish(call, error=why_not)
 
 
 def _check_workers(address: str) -> None:

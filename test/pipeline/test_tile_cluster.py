@@ -80,6 +80,15 @@ def test_a_scheduler_that_cannot_be_reached_gives_one_line(monkeypatch):
         assert "\n" not in str(refused.value)
 
 
+def test_what_is_not_done_when_a_cluster_closes_ends_with_the_reason(tmp_path):
+    began, never = tmp_path / "began", tmp_path / "never"
+    with TileCluster(n_workers=1) as cluster:
+        answer = cluster.submit(wait_for, (began, never))
+        wait_until(began.exists)
+    with pytest.raises(ClusterError, match="the cluster was closed: the same command goes on"):
+        answer.result(60.0)
+
+
 @pytest.mark.slow
 def test_work_survives_the_end_of_the_scheduler_and_of_workers(tmp_path, monkeypatch):
     """Both are started anew by what keeps services running."""
