@@ -8,6 +8,7 @@ together, the first one compiles and the others wait for it.
 from __future__ import annotations
 
 import argparse
+import fcntl
 import gc
 import multiprocessing
 import sys
@@ -54,12 +55,7 @@ def _say(line: str) -> None:
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """Hold a lock file; where the platform has none, two processes may compile the same."""
-    try:
-        import fcntl
-    except ImportError:
-        yield
-        return
+    """Hold a lock file."""
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
@@ -71,7 +67,7 @@ def _call_all(tell: Callable[[int, int], None]) -> None:
 
     tell(0, len(CALLS))
     # forked: what is imported once need not be imported again
-    context = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=_compile_alone) as pool:
         calls = [pool.submit(call) for call in CALLS]
         for done, call in enumerate(as_completed(calls), start=1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from std_msgs.msg import Header, String
@@ -88,7 +89,8 @@ class ModelBuilder(PoolNode):
             self._publish_models(stamp, parts, frame)
 
     def _publish_models(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
-        outlines = parts[_QUALITY].given_to(parts[_OUTLINES])
+        qualities = parts[_QUALITY]
+        outlines = tuple(replace(one, quality=qualities.get(one.building_id)) for one in parts[_OUTLINES])
         models = self._pool.call(
             build_models, parts[_POINTS], outlines, self.parameters[BuildingModelConfig], shares=True
         )

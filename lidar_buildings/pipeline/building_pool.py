@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
@@ -42,10 +41,10 @@ class BuildingPool(Sharing):
     processes, and everything is done here. `prepare` is called in the first process before there are others,
     as for compiled code to be loaded.
 
-    Where the platform is Linux and this process has a single thread of Python's, one process is forked, which
-    costs some milliseconds. It prepares and forks the others, so that compiled code is loaded once, while
-    this process goes on. Else processes are spawned, and each imports its modules anew. So: import first,
-    open the pool next, start threads last. Several threads may call `map` at the same time.
+    Where this process has a single thread of Python's, one process is forked, which costs some milliseconds.
+    It prepares and forks the others, so that compiled code is loaded once, while this process goes on. Else
+    processes are spawned, and each imports its modules anew. So: import first, open the pool next, start
+    threads last. Several threads may call `map` at the same time.
     """
 
     def __init__(self, n_workers: int | None = None, prepare: Callable[[], object] | None = None) -> None:
@@ -59,9 +58,7 @@ class BuildingPool(Sharing):
     def __enter__(self) -> BuildingPool:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property

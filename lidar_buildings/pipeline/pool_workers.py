@@ -9,13 +9,14 @@ import mmap
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from logging.handlers import QueueHandler
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from queue import SimpleQueue
 
 from lidar_buildings.core.freed_memory import give_memory_back, rare_collection
 from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, share_cores
@@ -34,7 +35,7 @@ _MEMORY_PERIOD = 10.0
 
 def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[BaseProcess], list[Connection]]:
     """Start processes, and return those that are this one's own, and the near ends of the pipes to all."""
-    is_forked = sys.platform == "linux" and threading.active_count() - n_waiting_threads() == 1
+    is_forked = threading.active_count() - n_waiting_threads() == 1
     context = multiprocessing.get_context("fork" if is_forked else "spawn")
     pipes = [multiprocessing.Pipe() for _ in range(n)]
     near, far = [list(ends) for ends in zip(*pipes, strict=True)]
@@ -55,7 +56,7 @@ def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[Ba
 
 def end(process: BaseProcess) -> None:
     """End a process and those that it has forked, which are of its group."""
-    if process.pid and hasattr(os, "killpg"):
+    if process.pid:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGTERM)
     process.terminate()
@@ -117,8 +118,8 @@ class _Worker(Sharing):
     def __init__(self, link: Connection, n_workers: int) -> None:
         self._link = link
         self._n_workers = n_workers
-        self._records = _Records()
-        logging.getLogger().handlers = [self._records]
+        self._records: SimpleQueue[logging.LogRecord] = SimpleQueue()
+        logging.getLogger().handlers = [QueueHandler(self._records)]
 
     @property
     def n_alive(self) -> int:
@@ -130,11 +131,15 @@ class _Worker(Sharing):
         try:
             function, content = unpacked(message)
             results = function(content, self) if is_tile else [(k, function(job)) for k, job in content]
-            reply = packed((results, "", self._records.take()))
+            reply = packed((results, "", self._logged()))
         except Exception:
-            reply = packed(([], traceback.format_exc(), self._records.take()))
+            reply = packed(([], traceback.format_exc(), self._logged()))
         self._link.send((DONE,))
         send(self._link, reply)
+
+    def _logged(self) -> list[logging.LogRecord]:
+        """Return what was logged since the last time, as text."""
+        return [self._records.get() for _ in range(self._records.qsize())]
 
     def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         """Hand messages to all processes; answer those that come back to this one."""
@@ -142,22 +147,3 @@ class _Worker(Sharing):
         while (told := self._link.recv())[0] == DO:
             self.answer(told[1], receive(self._link))
         return [receive(self._link) if is_there else None for is_there in told[1]]
-
-
-class _Records(logging.Handler):
-    """Keeps what is logged, as text, until it is taken."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._kept: list[logging.LogRecord] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep a record that can be sent."""
-        record.msg, record.args = self.format(record), None
-        record.exc_info = record.exc_text = record.stack_info = None
-        self._kept.append(record)
-
-    def take(self) -> list[logging.LogRecord]:
-        """Return what was kept, and keep nothing of it."""
-        kept, self._kept = self._kept, []
-        return kept

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,8 @@ from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.ros.json_text import read_json
 
-
-class Qualities(dict[int, OutlineQuality]):
-    """Building id → quality of its outline, for all outlines of a tile."""
-
-    def given_to(self, outlines: Iterable[BuildingOutline]) -> tuple[BuildingOutline, ...]:
-        """Return outlines with their quality."""
-        return tuple(replace(one, quality=self.get(one.building_id)) for one in outlines)
+#: Building id → quality of its outline, for all outlines of a tile.
+Qualities = dict[int, OutlineQuality]
 
 
 def quality_message(stamp: int, outlines: Iterable[BuildingOutline]) -> String:
@@ -49,7 +43,7 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
 
 def _content_of(said: Any) -> tuple[int, Qualities]:
     outlines = said["outlines"].items()
-    qualities = Qualities((int(number), _quality_of(**members)) for number, members in outlines)
+    qualities = {int(number): _quality_of(**members) for number, members in outlines}
     return int(said["stamp"]), qualities
 
 

@@ -132,13 +132,12 @@ class StageNode(Node):
             stamp = to_stamp(message.header.stamp)
             if self.takes(stamp) and not inbox.has_had(stamp):
                 is_ours = any(one.name == "index" for one in message.fields)
-                infos.when_known(
-                    stamp, lambda: handle(stamp, lambda report: read(message, report)), is_promised=is_ours
-                )
+                work_on = turns(stamp, lambda report: read(message, report))
+                infos.when_known(stamp, lambda: self.errands.begin(work_on), is_promised=is_ours)
 
         def on_tile(stamp: int, tile: PointTile) -> None:
             if not infos.is_over(stamp):
-                handle(stamp, lambda _: tile)
+                self.errands.begin(turns(stamp, lambda _: tile))
 
         def read(message: PointCloud2, report: TileReport) -> PointTile:
             reading = from_message(message)
@@ -147,9 +146,6 @@ class StageNode(Node):
                     f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
                 )
             return infos.complete(reading.tile)
-
-        def handle(stamp: int, get: Callable[[TileReport], PointTile]) -> None:
-            self.errands.begin(turns(stamp, get))
 
         def turns(stamp: int, get: Callable[[TileReport], PointTile]) -> Turns:
             with self.reporting(stamp, quiet=is_part) as report:

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.outline_quality import Qualities
 from lidar_buildings.ros.stamps import tile_of
 
 #: How many tiles may be incomplete: those in flight (at most 8), and copies sent again.
@@ -94,8 +92,6 @@ def _building_ids(part: Any) -> set[int] | None:
     """Return the buildings that a part names, None if it names none by its nature."""
     if isinstance(part, PointTile):
         return None if part.building_id is None else set(np.unique(part.building_id).tolist()) - {0}
-    if isinstance(part, tuple) and all(isinstance(one, BuildingOutline) for one in part):
-        return {one.building_id for one in part}
-    if isinstance(part, Qualities):
+    if isinstance(part, dict):  # of qualities
         return set(part)
-    return None
+    return {one.building_id for one in part} if isinstance(part, tuple) else None

@@ -9,7 +9,7 @@ from std_msgs.msg import String
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.ros.outline_quality import Qualities, qualities_of, quality_message
+from lidar_buildings.ros.outline_quality import qualities_of, quality_message
 
 SQUARE = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]))
 GOOD = OutlineQuality(0.1 + 0.2, 1 / 3, BuildingStatus.OK, "")
@@ -21,8 +21,6 @@ def test_qualities_come_back_to_the_last_bit():
     stamp, qualities = qualities_of(quality_message(123, outlines))
     assert stamp == 123
     assert qualities == {7: GOOD, 2**32 - 1: KEPT}
-    bare = [BuildingOutline(one.building_id, one.outline) for one in outlines]
-    assert [one.quality for one in qualities.given_to(bare)] == [GOOD, KEPT]
 
 
 def test_a_quality_that_could_not_be_measured_stays_unknown():
@@ -37,7 +35,6 @@ def test_a_quality_that_could_not_be_measured_stays_unknown():
 
 def test_outlines_of_which_nothing_is_known_have_no_quality():
     assert qualities_of(quality_message(1, [BuildingOutline(1, SQUARE)])) == (1, {})
-    assert Qualities().given_to([BuildingOutline(1, SQUARE)])[0].quality is None
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"stamp": 1}', '{"stamp": 1, "outlines": {"1": {"sigma": 0}}}'])
