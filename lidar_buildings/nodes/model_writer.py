@@ -56,11 +56,8 @@ class ModelWriter(PoolNode):
         self.n_saved, self.last_words = 0, ""
         self.n_clouds_left = 0
         config = self.parameters[ModelWriterConfig]
-        try:
+        with self.starting():
             self._survey = SurveyFolder(config, read)
-        except Exception:
-            self.destroy_node()
-            raise
         self._stages = [NODE_STAGES[name] for name in nodes_until(config.until)[1:-1]]
         self._topics = [topic.name for topic in writer_topics(config.until)]
         told = self._survey.settings

@@ -38,13 +38,10 @@ class Recorder(StageNode):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("recorder", NODE_CONFIGS["recorder"], **kwargs)
         config = self.parameters[RecorderConfig]
-        try:
+        with self.starting():
             if not config.output:
                 raise ParameterError("recorder.output is empty: name a folder for the bag")
             self.recording = Recording(bag_folder(config.output))
-        except Exception:
-            self.destroy_node()
-            raise
         self._last_heard, self._lag = time.monotonic(), 0.0
         self.recording.start(self._on_written)
         self._sought = set(config.topics)

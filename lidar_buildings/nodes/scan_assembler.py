@@ -32,11 +32,8 @@ class ScanAssembler(TileSender):
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("scan_assembler", ScanAssemblerConfig, **kwargs)
         config = self.parameters[ScanAssemblerConfig]
-        try:
+        with self.starting():
             self.tiles: LiveFeed = LiveFeed(config, config, config.given_frame())
-        except Exception:
-            self.destroy_node()
-            raise
         self._n_flushed = self._n_lost = 0
         self._told: set[str] = set()
         self._has_frame = False

@@ -99,12 +99,9 @@ class TilePlayer(TileSender):
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
-        try:
+        with self.starting():
             inputs = self._with_placed_bags(config)
             self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
-        except Exception:
-            self.destroy_node()
-            raise
         for problem in self._source.problems:
             self.get_logger().error(problem)
         self.tiles = TileReader(self._source, pool or BuildingPool(0))

@@ -56,11 +56,8 @@ class StageNode(Node):
         self.exit_status = 0
         self._inboxes: list[Inbox] = []
         self.errands = Errands(self)
-        try:
+        with self.starting():
             self.parameters = NodeParameters(self, configs)
-        except LidarBuildingsError:
-            self.destroy_node()
-            raise
         self._diagnostics = Diagnostics(self, self.parameters.as_dict)
         self.summary = self._diagnostics.summary
         shares = ReplicaConfig.stage in configs
@@ -69,6 +66,15 @@ class StageNode(Node):
         self.tile_infos: TileInfos | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD), clock=steady)
+
+    @contextmanager
+    def starting(self) -> Iterator[None]:
+        """Leave nothing of the node if it cannot start."""
+        try:
+            yield
+        except Exception:
+            self.destroy_node()
+            raise
 
     def create_publisher(self, *args: Any, **kwargs: Any) -> Publisher:
         """Create a publisher; of profiles that do not match the subscriber's node tells."""
