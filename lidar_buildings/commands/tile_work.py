@@ -70,6 +70,8 @@ def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuil
                 rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
             result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
+            if not rasters:  # no stage has followed
+                begin(result.classified)
         if work.earlier is not None:
             result = with_kept_ids(result, work.earlier)
         products = products_of(result, frame, rasters[-1].result())

@@ -33,15 +33,8 @@ class Task:
         self.message = message
         self.is_tile = is_tile
         self.answer: Future[Any] = Future()
-        self._read = read
+        self.read = read
         self.n_tries = 0
-
-    def finish(self, reply: Parcel) -> None:
-        """Take a process's answer."""
-        try:
-            self.answer.set_result(self._read(reply))
-        except Exception as error:
-            self.answer.set_exception(error)
 
 
 class Agenda:
@@ -83,7 +76,10 @@ class Agenda:
 
     def finish(self, task: Task, reply: Parcel) -> None:
         """Take a process's answer to a task."""
-        task.finish(reply)
+        try:
+            task.answer.set_result(task.read(reply))
+        except Exception as error:
+            task.answer.set_exception(error)
         with self._changed:
             self._changed.notify_all()
 

@@ -68,7 +68,7 @@ def reconstruct_tile(
     pool : Sharing, optional
         Processes that share the buildings; one after the other here without.
     on_classified : callable, optional
-        Called with the tile when its points have their classes and it is sure to be large enough.
+        Called with the tile and its classes once it is sure to be large enough, if more stages follow.
     is_all : callable
         Asked when a building, or what may be one, reaches beyond some sides of the tile: whether nothing
         lies there, so that the chain goes on.
@@ -89,27 +89,22 @@ def reconstruct_tile(
     if footprints is not None:
         config = replace(config, regularisation=replace(config.regularisation, keep_outlines=True))
     is_last = _StageClock(until)
-    tell = on_classified or (lambda _: None)
 
     def with_more(sides: Sides) -> Sides:
         return NONE if sides and is_all(sides) else sides
 
     filtered = filter_ground(tile, config.ground_filter)
     classified, clipped = filtered.tile, with_more(filtered.clipped)
-    if not clipped and until == "ground_filter":
-        tell(classified)
     if is_last("ground_filter") or clipped:
         return TileResult(classified, clipped=clipped, seconds=is_last.seconds)
 
     classified = select_roof_points(classified, config.roof_selection)
     roofs = roof_points(classified)
     if is_last("roof_selection"):
-        tell(classified)
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     roofs = label_roof_edges(roofs, config.edge_labelling).tile
     if is_last("edge_labelling"):
-        tell(classified)
         return TileResult(classified, roofs, seconds=is_last.seconds)
 
     if footprints is None:
@@ -118,11 +113,11 @@ def reconstruct_tile(
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
     clipped = with_more(found.clipped)
-    if not clipped:
-        tell(classified)
     if is_last("boundary_tracing") or clipped:
         return TileResult(classified, roofs, traced, clipped=clipped, seconds=is_last.seconds)
 
+    if on_classified is not None:
+        on_classified(classified)
     outlines = regularise_outlines(traced, config.regularisation, pool)
     if is_last("regularisation"):
         return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)

@@ -51,30 +51,24 @@ class Sharing(ABC):
         weights = [size + _LEAST_SIZE for size in sizes]
         if not self.n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:
             return [function(job) for job in jobs]
-        batches = _batches(weights, self.n_alive)
-        answers = self._exchange([_message_of(function, [(k, jobs[k]) for k in batch]) for batch in batches])
         results: dict[int, _Result] = {}
-        again: list[int] = []
-        for batch, answer in zip(batches, answers, strict=True):
-            if answer is None:
-                again += batch
-            else:
-                results |= dict(received(answer))
-        for k in again:
-            results[k] = self._done_alone(function, k, jobs[k], lost)
-        return [results[k] for k in range(len(jobs))]
 
-    def _done_alone(
-        self, function: Callable[[_Job], _Result], number: int, job: _Job, lost: Callable[[_Job], _Result]
-    ) -> _Result:
-        """Do a building again whose process ended, in another one as long as there is one."""
-        if not self.n_alive:
-            return function(job)
-        (answer,) = self._exchange([_message_of(function, [(number, job)])])
-        if answer is None:
-            return lost(job)
-        ((_, result),) = received(answer)
-        return result  # type: ignore[no-any-return]
+        def share(batches: list[list[int]]) -> list[int]:
+            """Have batches done; return what was in those whose process ended."""
+            messages = [_message_of(function, [(k, jobs[k]) for k in batch]) for batch in batches]
+            answers = self._exchange(messages)
+            for answer in filter(None, answers):
+                results.update(received(answer))
+            return [
+                k for batch, answer in zip(batches, answers, strict=True) if answer is None for k in batch
+            ]
+
+        for k in share(_batches(weights, self.n_alive)):
+            if not self.n_alive:
+                results[k] = function(jobs[k])
+            elif share([[k]]):
+                results[k] = lost(jobs[k])
+        return [results[k] for k in range(len(jobs))]
 
 
 def map_buildings(
