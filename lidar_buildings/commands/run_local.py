@@ -33,7 +33,8 @@ from lidar_buildings.io.results.run_summary import counted, run_info
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_store import KnownSurvey
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError
+from lidar_buildings.pipeline.agenda import NoWorkerError
+from lidar_buildings.pipeline.building_pool import BuildingPool
 
 if TYPE_CHECKING:  # what takes time to import, and dask, which is there for those who ask for it
     from lidar_buildings.io.vectors.footprints import FootprintFile

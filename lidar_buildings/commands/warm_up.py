@@ -13,10 +13,7 @@ import gc
 import multiprocessing
 import sys
 import time
-from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from pathlib import Path
 
 from lidar_buildings.core import kernel_cache
 from lidar_buildings.core.kernel_cache import TEXT
@@ -29,22 +26,23 @@ _PLAIN_LOOPS = ("--unroll-runtime=false", "--force-target-max-vector-interleave=
 def warm_up_command(options: argparse.Namespace) -> int:
     """Compile what is not compiled yet; say how far it is, where it is kept and how long it took."""
     started = time.perf_counter()
-    compile_loops(lambda done, n: _say(f"{TEXT}: {done} of {n}"))
+    compile_loops()
     if not options.quiet:
         print(f"compiled loops: {kernel_cache.kernel_folder()} ({time.perf_counter() - started:.1f} s)")
     return 0
 
 
-def compile_loops(tell: Callable[[int, int], None]) -> None:
-    """Compile every loop that is not compiled yet; `tell` hears of the number of parts done, and of all."""
+def compile_loops() -> None:
+    """Compile every loop that is not compiled yet, and say how far it is."""
     complete = kernel_cache.marker()
     if complete is not None and not complete.exists():
         complete.parent.mkdir(parents=True, exist_ok=True)
-        with _alone(complete.with_suffix(".lock")):
+        with complete.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
             if not complete.exists():
                 if not kernel_cache.is_installed():
                     _say(f"the installation cannot be written: compiled loops are kept in {complete.parent}")
-                _call_all(tell)
+                _call_all()
                 complete.touch()
                 kernel_cache.remove_earlier_folders()
 
@@ -53,26 +51,18 @@ def _say(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-@contextmanager
-def _alone(path: Path) -> Iterator[None]:
-    """Hold a lock file."""
-    with path.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
-
-
-def _call_all(tell: Callable[[int, int], None]) -> None:
+def _call_all() -> None:
     from lidar_buildings.commands.stage_calls import CALLS
     from lidar_buildings.core.neighbours.parallel import n_cores
 
-    tell(0, len(CALLS))
+    _say(f"{TEXT}: 0 of {len(CALLS)}")
     # forked: what is imported once need not be imported again
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(n_cores(), mp_context=context, initializer=_compile_alone) as pool:
         calls = [pool.submit(call) for call in CALLS]
         for done, call in enumerate(as_completed(calls), start=1):
             call.result()
-            tell(done, len(CALLS))
+            _say(f"{TEXT}: {done} of {len(CALLS)}")
 
 
 def _compile_alone() -> None:

@@ -15,13 +15,11 @@ from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
 
-_CLASSES = {name: "".join(word.title() for word in name.split("_")) for name in NODE_CONFIGS}
-
 
 def node_class(name: str) -> type[StageNode]:
     """Return the class of a node, `GroundFilter` for `ground_filter`."""
     module = import_module(f"lidar_buildings.nodes.{name}")
-    found: type[StageNode] = getattr(module, _CLASSES[name])
+    found: type[StageNode] = getattr(module, name.title().replace("_", ""))
     return found
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from concurrent.futures import Future
 from typing import Any
 
 from lidar_buildings.pipeline.parcels import Parcel
+from lidar_buildings.pipeline.sharing import received
 
 
 class WorkerLostError(RuntimeError):
@@ -23,17 +24,14 @@ class Task:
     """
     Work for one process.
 
-    `is_tile`: a whole tile, one whose process ends, is done once more by another one. `read` makes the result
-    of what the process answers.
+    `is_tile`: a whole tile, one whose process ends, is done once more by another one. Its answer is read
+    here, that of a batch by the one that shares it.
     """
 
-    def __init__(
-        self, message: Parcel, *, is_tile: bool = False, read: Callable[[Parcel], Any] = lambda reply: reply
-    ) -> None:
+    def __init__(self, message: Parcel, *, is_tile: bool = False) -> None:
         self.message = message
         self.is_tile = is_tile
         self.answer: Future[Any] = Future()
-        self.read = read
         self.n_tries = 0
 
 
@@ -77,7 +75,7 @@ class Agenda:
     def finish(self, task: Task, reply: Parcel) -> None:
         """Take a process's answer to a task."""
         try:
-            task.answer.set_result(task.read(reply))
+            task.answer.set_result(received(reply) if task.is_tile else reply)
         except Exception as error:
             task.answer.set_exception(error)
         with self._changed:

@@ -17,12 +17,10 @@ from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
-from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task, WorkerLostError
+from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task
 from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send
 from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings, received
-
-__all__ = ["BuildingPool", "Call", "NoWorkerError", "Sharing", "WorkerLostError", "map_buildings"]
+from lidar_buildings.pipeline.sharing import Sharing
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -86,7 +84,7 @@ class BuildingPool(Sharing):
         The future raises `WorkerLostError` if two processes ended at it, or the last one did, and
         `NoWorkerError` if none was left to begin.
         """
-        task = Task(packed((function, job)), is_tile=True, read=received)
+        task = Task(packed((function, job)), is_tile=True)
         if self._put([task]):
             return task.answer
         done: Future[_Result] = Future()

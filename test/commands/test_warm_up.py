@@ -70,12 +70,12 @@ def test_warming_up_says_how_far_it_is_and_where_the_loops_are(folder, monkeypat
 def test_of_processes_that_start_together_one_compiles(folder, monkeypatch):
     calls = []
 
-    def slowly(tell):
+    def slowly():
         calls.append(threading.current_thread())
         time.sleep(0.2)
 
     monkeypatch.setattr(warm_up, "_call_all", slowly)
-    together = [threading.Thread(target=warm_up.compile_loops, args=(print,)) for _ in range(4)]
+    together = [threading.Thread(target=warm_up.compile_loops) for _ in range(4)]
     for one in together:
         one.start()
     for one in together:
@@ -86,5 +86,5 @@ def test_of_processes_that_start_together_one_compiles(folder, monkeypatch):
 def test_a_stage_that_fails_leaves_the_loops_uncompiled(folder, monkeypatch):
     monkeypatch.setattr(stage_calls, "CALLS", (os.wait,))
     with pytest.raises(ChildProcessError):
-        warm_up.compile_loops(lambda done, n: None)
+        warm_up.compile_loops()
     assert not kernel_cache.is_compiled()

@@ -17,7 +17,8 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.pipeline.building_pool import BuildingPool, NoWorkerError, WorkerLostError
+from lidar_buildings.pipeline.agenda import NoWorkerError, WorkerLostError
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
 
