@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, partial
 
 import numpy as np
 
@@ -21,20 +21,12 @@ from lidar_buildings.ros.tile_join import Parts, TileJoin, agree_on_buildings
 Rasterise = Callable[[PointTile], TerrainRasters | None]
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class _AllPoints:
-    """All points of a tile, and their rasters, which are made when first asked for."""
+    """All points of a tile, and what makes their rasters when first asked for; None where none are wanted."""
 
     tile: PointTile
-    rasterise: Rasterise
-
-    def rasters(self) -> TerrainRasters | None:
-        """Return the rasters, None where none are wanted."""
-        return self._made
-
-    @cached_property
-    def _made(self) -> TerrainRasters | None:
-        return self.rasterise(self.tile)
+    rasters: Callable[[], TerrainRasters | None]
 
 
 class TileGathering:
@@ -55,8 +47,9 @@ class TileGathering:
 
     def add_points(self, topic: str, tile: PointTile) -> Parts | None:
         """Take points of one tile."""
-        is_whole = topic == self._topics[0]
-        return self._join.add(tile.stamp, topic, _AllPoints(tile, self._rasterise) if is_whole else tile)
+        if topic != self._topics[0]:
+            return self._join.add(tile.stamp, topic, tile)
+        return self._join.add(tile.stamp, topic, _AllPoints(tile, cache(partial(self._rasterise, tile))))
 
     def add_rings(self, topic: str, stamp: int, rings: Rings) -> Parts | None:
         """
