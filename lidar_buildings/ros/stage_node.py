@@ -198,7 +198,7 @@ class StageNode(Node):
 
         def on_messages(_: int, messages: Iterable[Any]) -> None:
             for message in messages:
-                work(message)
+                subscription.callback(message)
 
         subscription = self.create_subscription(kind, topic, work, qos, event_callbacks=SILENT_SUBSCRIPTION)
         self._inbox(subscription, on_messages)
