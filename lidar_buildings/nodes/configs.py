@@ -28,8 +28,8 @@ class SendingConfig(StageConfig):
 
     max_tiles_in_flight: int = fixed(
         2,
-        "How many tiles may be in the graph, and unless it is 1 more, up to 8, while they have together no "
-        "more points than one may have (`max_tile_points`); 0 sends without waiting for `tile_done`.",
+        "How many tiles may be in the graph, and unless it is 1 more, up to 8, while they have fewer than "
+        "300,000 points together; 0 sends without waiting for `tile_done`.",
         within=(0, MOST_TILES),
         advanced=True,
     )

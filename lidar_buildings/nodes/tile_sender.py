@@ -59,11 +59,7 @@ class TileSender(StageNode):
         # by ticks, so that silence is what the node has listened to, not what it was too busy to hear
         self._time = 0.0
         self._flow = FlowControl(
-            sending.max_tiles_in_flight,
-            sending.tile_timeout,
-            sending.max_attempts,
-            lambda: self._time,
-            self.parameters[config].max_tile_points,
+            sending.max_tiles_in_flight, sending.tile_timeout, sending.max_attempts, lambda: self._time
         )
         self.summary.watch(self._flow.gauges)
         self._watch = GraphWatch(self)

@@ -14,6 +14,8 @@ from lidar_buildings.ros.stamps import tile_of
 #: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
 #: message to a node that has nothing else to do [s].
 _SILENCE = 1.0
+#: Processes are at so many points for about a second, ten times as long as tiles are on their way.
+FEW_POINTS = 300_000
 
 
 @dataclass
@@ -48,20 +50,14 @@ class FlowControl:
     order, unless nodes share their tiles or have several in hand. Beside that it is lost if all nodes are
     idle and silent: for a second if a node has started meanwhile, else for `timeout` [s], which doubles with
     each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight; 0: as many as
-    come, and none is waited for. Unless it is 1 there are more while they have fewer than `few_points`: on
-    its way from node to node nobody works on a tile.
+    come, and none is waited for. Unless it is 1 there are more while they have few points: on its way from
+    node to node nobody works on a tile.
     """
 
     def __init__(
-        self,
-        limit: int,
-        timeout: float,
-        max_attempts: int,
-        now: Callable[[], float] = time.monotonic,
-        few_points: int = 0,
+        self, limit: int, timeout: float, max_attempts: int, now: Callable[[], float] = time.monotonic
     ) -> None:
         self._limit = limit
-        self._few_points = few_points
         self._timeout = timeout
         self._max_attempts = max_attempts
         self._now = now
@@ -102,7 +98,7 @@ class FlowControl:
         if len(self._flights) < self._limit or not self.is_counting:
             return True
         n_points = sum(len(flight.tile) for flight in self._flights.values())
-        return self._limit > 1 and len(self._flights) < MOST_TILES and n_points < self._few_points
+        return self._limit > 1 and len(self._flights) < MOST_TILES and n_points < FEW_POINTS
 
     def is_held(self, stamp: int) -> bool:
         """Whether a node has a tile in its hands, whatever revision of it."""

@@ -20,6 +20,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.nodes.tile_player import TilePlayer
+from lidar_buildings.ros import flow_control
 from lidar_buildings.ros.node_summary import ERROR
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
@@ -127,8 +128,9 @@ def test_every_point_comes_once_as_a_core_point(play):
     assert len(names) == 3000
 
 
-def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play):
-    player, end = play({"delay": 0.2}, max_tiles_in_flight=2, max_tile_points=1000)
+def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play, monkeypatch):
+    monkeypatch.setattr(flow_control, "FEW_POINTS", 0)
+    player, end = play({"delay": 0.2}, max_tiles_in_flight=2)
     assert most_in_flight(player, end) == 2
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.ros import flow_control
 from lidar_buildings.ros.depths import MOST_TILES
-from lidar_buildings.ros.flow_control import FlowControl
+from lidar_buildings.ros.flow_control import FEW_POINTS, FlowControl
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.receipts import DONE, FAILED, TAKEN, Receipt
 
@@ -37,7 +38,8 @@ def hear(flow, node, state, stamp):
     flow.hear(Receipt(node, f"life of {node}", state, stamp))
 
 
-def test_no_more_tiles_than_credits_are_in_flight(flow):
+def test_no_more_tiles_than_credits_are_in_flight(flow, monkeypatch):
+    monkeypatch.setattr(flow_control, "FEW_POINTS", 0)
     for stamp in (A, B):
         assert flow.has_room
         flow.sent(tile(stamp))
@@ -48,11 +50,11 @@ def test_no_more_tiles_than_credits_are_in_flight(flow):
 
 
 @pytest.mark.parametrize(
-    ("limit", "few_points", "n_points", "most"),
-    [(2, 6, 1, 6), (2, 6, 3, 2), (2, 6, 2, 3), (1, 6, 1, 1), (2, 100, 1, MOST_TILES), (4, 2, 1, 4)],
+    ("limit", "share", "most"),
+    [(2, 1 / 6, 6), (2, 1 / 2, 2), (2, 1 / 3, 3), (1, 1 / 6, 1), (2, 1 / 100, MOST_TILES), (4, 1, 4)],
 )
-def test_more_tiles_than_credits_are_in_flight_while_they_have_few_points(limit, few_points, n_points, most):
-    flow = FlowControl(limit, TIMEOUT, 3, few_points=few_points)
+def test_more_tiles_than_credits_are_in_flight_while_they_have_few_points(limit, share, most):
+    flow, n_points = FlowControl(limit, TIMEOUT, 3), int(FEW_POINTS * share)
     while flow.has_room:
         flow.sent(PointTile(np.zeros((n_points, 3)), stamp=A * (1 + len(flow))))
     assert len(flow) == most
