@@ -31,6 +31,15 @@ class OpenGround(NamedTuple):
     middles: NDArray[np.float64]  #: the place of each part farthest from the building, shape (n_parts, 2) [m]
 
 
+def clear_ground(
+    ground: NDArray[np.float64], points: NDArray[np.float64], spacing: float, reach: float
+) -> NDArray[np.float64]:
+    """Return the ground within reach of points but not under eaves, shapes (n, 2), (m, 2) [m]."""
+    if not len(ground):
+        return ground
+    return _clear_of(cKDTree(points, balanced_tree=False, compact_nodes=False), ground, spacing, reach)
+
+
 def enclosed_ground(
     ground: NDArray[np.float64],
     points: NDArray[np.float64],
@@ -56,12 +65,11 @@ def enclosed_ground(
     min_area : float
         Of a courtyard [m²].
     """
-    if not _is_enough(_inside(ground, ring), spacing, min_area):
+    if not _is_enough(inside(ground, ring), spacing, min_area):
         return None
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    clearance = tree.query(ground, distance_upper_bound=reach)[0]
-    places = np.unique(ground[(clearance > _CLEAR * spacing) & np.isfinite(clearance)], axis=0)
-    if not _is_enough(_inside(places, ring), spacing, min_area):
+    places = np.unique(_clear_of(tree, ground, spacing, reach), axis=0)
+    if not _is_enough(inside(places, ring), spacing, min_area):
         return None
     clearance = tree.query(places)[0]
     is_open = ~_is_crossed(places, points, spacing)
@@ -72,7 +80,7 @@ def enclosed_ground(
     between = tree.query(places[pairs].mean(axis=1))[0]
     fences = _spanning_forest(places, pairs[between > _CLEAR * spacing])
     n_parts, part = connected_components(fences, directed=False)
-    size = np.bincount(part[_inside(places, ring)], minlength=n_parts)
+    size = np.bincount(part[inside(places, ring)], minlength=n_parts)
     kept = np.flatnonzero(size * spacing**2 >= min_area)
     if not len(kept):
         return None
@@ -87,14 +95,22 @@ def enclosed_ground(
     return OpenGround(places[is_kept], row[other_end[is_kept]], np.array(middles))
 
 
-def _inside(places: NDArray[np.float64], ring: shapely.Polygon) -> NDArray[np.bool_]:
+def _clear_of(
+    tree: cKDTree, ground: NDArray[np.float64], spacing: float, reach: float
+) -> NDArray[np.float64]:
+    clearance = tree.query(ground, distance_upper_bound=reach)[0]
+    return ground[(clearance > _CLEAR * spacing) & np.isfinite(clearance)]
+
+
+def inside(places: NDArray[np.float64], ring: shapely.Polygon) -> NDArray[np.bool_]:
+    """Tell which places, shape (n, 2), a ring holds."""
     shapely.prepare(ring)
-    inside: NDArray[np.bool_] = shapely.contains_xy(ring, places[:, 0], places[:, 1])
-    return inside
+    held: NDArray[np.bool_] = shapely.contains_xy(ring, places[:, 0], places[:, 1])
+    return held
 
 
-def _is_enough(inside: NDArray[np.bool_], spacing: float, min_area: float) -> bool:
-    return bool(np.count_nonzero(inside) * spacing**2 >= min_area)
+def _is_enough(held: NDArray[np.bool_], spacing: float, min_area: float) -> bool:
+    return bool(np.count_nonzero(held) * spacing**2 >= min_area)
 
 
 def _is_crossed(

@@ -16,7 +16,12 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
-from lidar_buildings.core.stages.boundary_tracing.open_ground import GROUND_REACH, enclosed_ground
+from lidar_buildings.core.stages.boundary_tracing.open_ground import (
+    GROUND_REACH,
+    clear_ground,
+    enclosed_ground,
+    inside,
+)
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import NO_WALK, RingTracer
 
@@ -112,13 +117,17 @@ def trace_boundary(
     )
     rules = yards if config.courtyards else None
     seen = ground[:, :2] if ground is not None and config.courtyards else np.zeros((0, 2))
-    outline, reasons = _traced(grid, known, seen, GROUND_REACH * spacing, config, rules)
+    reach = GROUND_REACH * spacing
+    outline, reasons = _traced(grid, known, seen, reach, config, rules)
     if not is_rectangle:
         across_gaps = _across_gaps(known, grid, outline)
         if across_gaps != known:
+            clear = clear_ground(seen, np.column_stack((grid.x, grid.y)), known.spacing, reach)
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
-            smoother, why = _traced(grid, across_gaps, seen, GROUND_REACH * spacing, config, rules)
-            if len(smoother.holes) == len(outline.holes):
+            smoother, why = _traced(grid, across_gaps, seen, reach, config, rules)
+            more = (_n_within(smoother, clear) - _n_within(outline, clear)) * known.spacing**2
+            is_as_open = abs(more) < config.min_courtyard_area
+            if len(smoother.holes) == len(outline.holes) if is_as_open else more < 0.0:
                 outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
 
@@ -154,7 +163,12 @@ def _traced(
     both = np.concatenate((points, found.places))
     fenced = build_point_grid(both, pattern, config.window, is_rectangle=not grid.is_disc)
     beside, why = _rings(RingTracer(fenced, _MAX_WINDOW / config.window, found), rules)
-    return (outline, reasons) if NO_WALK in why else (beside, why)
+    is_worse = _n_within(beside, found.places) >= _n_within(outline, found.places)
+    return (outline, reasons) if NO_WALK in why or is_worse else (beside, why)
+
+
+def _n_within(outline: Outline, places: NDArray[np.float64]) -> int:
+    return int(np.count_nonzero(inside(places, outline.polygon)))
 
 
 def _rings(tracer: RingTracer, rules: CourtyardRules | None) -> tuple[Outline, list[str]]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import cKDTree
 from support.traced_rings import assert_sound, polygon
 
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
@@ -12,6 +13,9 @@ from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 SPACING = 1.5
 YARD = shapely.box(0.0, 0.0, 24.0, 28.0) - shapely.box(8.0, 8.0, 15.0, 20.0)
 WINGS = shapely.box(0.0, 0.0, 30.0, 24.0) - shapely.box(13.0, 8.0, 16.2, 24.0)
+BLOCK = shapely.box(0.0, 0.0, 60.0, 50.0) - shapely.union_all(
+    [shapely.box(*yard) for yard in ((8, 8, 26, 24), (34, 8, 52, 24), (8, 30, 52, 42))]
+)
 HOUSE = shapely.box(39.0, 0.0, 50.0, 12.0)
 
 
@@ -87,6 +91,26 @@ def test_a_building_that_hangs_together_across_ground_keeps_one_ring_round_all_i
     assert polygon(traced.outline).intersection(lane).area < 0.35 * lane.area
     blind = trace_boundary(points, point_spacing=SPACING)
     assert polygon(blind.outline).intersection(lane).area > 0.7 * lane.area
+
+
+@pytest.mark.parametrize(("shape", "seed"), [*((WINGS, seed) for seed in (0, 5, 15, 21, 27)), (BLOCK, 23)])
+def test_a_ring_across_wider_gaps_does_not_close_what_was_open(shape, seed):
+    is_closed = _closed(shape, seed)
+    assert is_closed.sum() <= 0.12 * is_closed.size
+
+
+def _closed(shape, seed):
+    """Tell which open ground within the hull of a shape a ring round points at random places holds."""
+    rng = np.random.default_rng(seed)
+    west, south, east, north = shape.buffer(15.0).bounds
+    xy = rng.uniform((west, south), (east, north), (int((east - west) * (north - south) / SPACING**2), 2))
+    is_roof = shapely.contains_xy(shape, *xy.T)
+    points, ground = np.column_stack([xy[is_roof], np.full(is_roof.sum(), 8.0)]), xy[~is_roof]
+    traced = trace_boundary(points, point_spacing=SPACING, ground=ground)
+    assert_sound(traced, points)
+    is_clear = cKDTree(points[:, :2]).query(ground)[0] > SPACING
+    clear = ground[is_clear & shapely.contains_xy(shape.convex_hull, *ground.T)]
+    return shapely.contains_xy(polygon(traced.outline), *clear.T)
 
 
 def test_ground_beyond_the_reach_has_no_say():
