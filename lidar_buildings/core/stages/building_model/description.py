@@ -78,6 +78,21 @@ def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # ty
 
 
 @inner_kernel
+def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return what all cells, edges and vertices cost [m³]."""
+    first, _, _, _, _, sides, _, prices, _, _, _ = graph
+    vertices = np.arange(len(first) - 1)
+    total = length_of(vertices[:0], vertices, np.inf, labels, costs, corner_cost, graph)
+    for c in range(len(labels)):
+        total += costs[c, labels[c]]
+    for e in range(len(sides)):
+        one, other = sides[e, 0], sides[e, 1]
+        if one >= 0 and other >= 0 and labels[one] != labels[other]:
+            total += prices[e]
+    return total
+
+
+@inner_kernel
 def plane_beside(e, side, sides, labels):  # type: ignore[no-untyped-def]
     """Plane on one side of an edge, -1 beside the outline."""
     return labels[sides[e, side]] if sides[e, side] >= 0 else -1

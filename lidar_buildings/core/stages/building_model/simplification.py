@@ -12,14 +12,16 @@ from lidar_buildings.core.stages.building_model.description import (
     length_of,
     plane_beside,
     sort_round,
+    whole_length,
 )
+from lidar_buildings.core.stages.building_model.plane_spreading import EPSILON, note, spread
 
 #: Rounds over all cells and faces at most.
 _MAX_ROUNDS = 20
-#: Most cells that a plane spreads over, and what the description may get longer by meanwhile [corners].
-_MOST_TOGETHER, _MOST_LONGER = 8, 8.0
-#: A gain smaller than this is none [m³].
-_EPSILON = 1e-9
+#: Most cells that a plane spreads over.
+_MOST_TOGETHER = 8
+#: Corners of a face by itself at least, those above its steps and those below.
+_FEWEST_CORNERS = 8
 #: What it costs to leave a face smaller than allowed as it is [m³].
 _TOO_SMALL = 1e6
 
@@ -39,7 +41,9 @@ def simplified(
     are counted in space, as people draw them: where planes meet they are one, above a step and below it two.
     Cells are first tried alone; then one after the other beside those that took the plane before, as far as
     the description gets longer by little only, until it is shorter than at first (Kernighan & Lin, 1970): so
-    borders move from one line to another beside it. Faces smaller than `min_area` go in any case.
+    borders move from one line to another beside it. Faces smaller than `min_area` go in any case. What a
+    plane lost cell by cell it gets back at once: it takes all cells that hang together and that it fits no
+    worse than theirs, cells and faces are tried again, and what is shorter then is kept.
 
     Parameters
     ----------
@@ -81,22 +85,59 @@ def _simplify(  # type: ignore[no-untyped-def]
     graph = (first, rows, begin, around, borders, sides, courses, prices, spots, planes, heights)
     members, vertices = np.empty(n_cells, np.int64), np.empty(n_vertices, np.int64)
     cell_mark, vertex_mark = np.zeros(n_cells, np.int64), np.zeros(n_vertices, np.int64)
-    # When each cell was last looked at, alone and in its face, and when anything about it last changed.
-    looked, changed = np.zeros((2, n_cells), np.int64), np.zeros(n_cells, np.int64)
+    # When each cell was last looked at, alone, with others and in its face, and when anything about it last
+    # changed.
+    looked, changed = np.full((3, n_cells), -1, np.int64), np.zeros(n_cells, np.int64)
     longer, stale = np.empty(n_cells), np.zeros(n_cells, np.int64)
     taken, member = np.empty(_MOST_TOGETHER, np.int64), np.empty(1, np.int64)
     tried, mark = np.zeros(costs.shape[1], np.int64), np.zeros(1, np.int64)
     work = (members, vertices, vertex_mark, cell_mark, stale, taken, member, tried)
-    for most in (1, _MOST_TOGETHER):
-        looked[0] = -1
+    known = (mark, work, longer, looked, changed, areas, min_area)
+    _search(known, labels, costs, corner_cost, graph)
+    shortest, before, is_new = whole_length(labels, costs, corner_cost, graph), labels.copy(), True
+    gathered = np.zeros(n_cells, np.int64)
+    while is_new:
+        is_new = False
+        for label in range(costs.shape[1]):
+            mark[0] += 1
+            visit = mark[0]
+            for c in range(n_cells):
+                if gathered[c] == visit or not costs[c, label] < costs[c, labels[c]]:
+                    continue
+                n, gain = _fitting(c, label, visit, members, gathered, labels, costs, graph)
+                if gain <= _FEWEST_CORNERS * corner_cost:
+                    continue
+                mark[0] += 1
+                for i in range(n):
+                    labels[members[i]] = label
+                    for k in range(begin[members[i]], begin[members[i] + 1]):
+                        for end in range(2):
+                            note(borders[around[k], end], mark[0], changed, graph)
+                _search(known, labels, costs, corner_cost, graph)
+                length = whole_length(labels, costs, corner_cost, graph)
+                if length < shortest - EPSILON:
+                    shortest, is_new = length, True
+                    before[:] = labels
+                else:
+                    labels[:] = before
+
+
+@inner_kernel
+def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Shorten the description by cells and faces that changed, and what lies round them."""
+    mark, work, longer, looked, changed, areas, min_area = known
+    members, vertices, vertex_mark, cell_mark, _, _, _, tried = work
+    n_cells = len(labels)
+    for together in range(2):
+        most = _MOST_TOGETHER if together else 1
         for _ in range(_MAX_ROUNDS):
             is_new = False
             for c in range(n_cells):
-                if changed[c] < looked[0, c]:
+                if changed[c] < looked[together, c]:
                     continue
                 mark[0] += 1
-                looked[0, c] = mark[0]
-                is_new |= _spread(c, most, mark, work, longer, changed, labels, costs, corner_cost, graph)
+                looked[together, c] = mark[0]
+                is_new |= spread(c, most, mark, work, longer, changed, labels, costs, corner_cost, graph)
             face_mark = mark[0] + 1
             for c in range(n_cells):
                 if cell_mark[c] >= face_mark:
@@ -105,15 +146,15 @@ def _simplify(  # type: ignore[no-untyped-def]
                 n = _gather(c, mark[0], members, cell_mark, labels, graph)
                 was_looked_at = True
                 for i in range(n):
-                    was_looked_at &= changed[members[i]] < looked[1, members[i]]
-                    looked[1, members[i]] = mark[0]
+                    was_looked_at &= changed[members[i]] < looked[2, members[i]]
+                    looked[2, members[i]] = mark[0]
                 m = 0 if was_looked_at else _touch(members[:n], mark[0], vertices, vertex_mark, labels, graph)
                 if m == 0:
                     continue
                 area = 0.0
                 for i in range(n):
                     area += areas[members[i]]
-                least = _TOO_SMALL if area < min_area else -_EPSILON
+                least = _TOO_SMALL if area < min_area else -EPSILON
                 label = _best(
                     members[:n], vertices[:m], least, mark[0], tried, labels, costs, corner_cost, graph
                 )
@@ -122,103 +163,29 @@ def _simplify(  # type: ignore[no-untyped-def]
                     for i in range(n):
                         labels[members[i]] = label
                     for i in range(m):
-                        _note(vertices[i], mark[0], changed, graph)
+                        note(vertices[i], mark[0], changed, graph)
             if not is_new:
                 break
 
 
 @inner_kernel
-def _spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
-    """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
+def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # type: ignore[no-untyped-def]
+    """Write the cells about one that a plane fits no worse than theirs; return their number and the gain."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
-    fringe, vertices, vertex_mark, seen, stale, taken, member, tried = work
-    own, bound = labels[start], _MOST_LONGER * corner_cost if most > 1 else 0.0
-    visit = mark[0]
-    tried[own] = visit
-    for at in range(begin[start], begin[start + 1]):
-        label = plane_beside(around[at], 0 if sides[around[at], 0] != start else 1, sides, labels)
-        if label < 0 or tried[label] == visit:
-            continue
-        tried[label] = visit
-        mark[0] += 1
-        begun, n, m, total = mark[0], 0, 1, 0.0
-        fringe[0], seen[start], stale[start] = start, begun, begun
-        while m > 0 and n < most:
-            best = 0
-            for i in range(m):
-                c = fringe[i]
-                if stale[c] >= 0:
-                    mark[0] += 1
-                    member[0] = c
-                    longer[c] = _longer(
-                        member,
-                        label,
-                        bound,
-                        mark[0],
-                        vertices,
-                        vertex_mark,
-                        labels,
-                        costs,
-                        corner_cost,
-                        graph,
-                    )
-                    stale[c] = -1
-                if longer[c] < longer[fringe[best]]:
-                    best = i
-            c = fringe[best]
-            total += longer[c]
-            if total >= bound and total > -_EPSILON:
-                break
-            m -= 1
-            fringe[best], taken[n], labels[c] = fringe[m], c, label
-            n += 1
-            if total < -_EPSILON:
-                for i in range(n):
-                    for k in range(begin[taken[i]], begin[taken[i] + 1]):
-                        for end in range(2):
-                            _note(graph[4][around[k], end], mark[0], changed, graph)
-                return True
-            m = _widen(c, begun, m, fringe, seen, stale, own, labels, graph)
-        for i in range(n):
-            labels[taken[i]] = own
-    return False
-
-
-@inner_kernel
-def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignore[no-untyped-def]
-    """Add a cell's neighbours of a plane to the fringe; what lies round its vertices is to be looked at."""
-    first, rows, begin, around, borders, sides, _, _, _, _, _ = graph
-    for k in range(begin[c], begin[c + 1]):
-        for side in range(2):
-            other = sides[around[k], side]
-            if other >= 0 and labels[other] == own and seen[other] != begun:
-                fringe[m], seen[other] = other, begun
-                m += 1
-            v = borders[around[k], side]
-            for e in rows[first[v] : first[v + 1]]:
-                for s in range(2):
-                    if sides[e, s] >= 0:
-                        stale[sides[e, s]] = begun
-    return m
-
-
-@inner_kernel
-def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
-    """Return by how much a cell with another plane makes the description longer, or `most` and more [m³]."""
-    _, _, begin, around, borders, _, _, _, _, _, _ = graph
-    n, c = 0, member[0]
-    own = labels[c]
-    for k in range(begin[c], begin[c + 1]):
-        for end in range(2):
-            v = borders[around[k], end]
-            if vertex_mark[v] != mark:
-                vertex_mark[v], vertices[n] = mark, v
-                n += 1
-    before = length_of(member, vertices[:n], np.inf, labels, costs, corner_cost, graph)
-    labels[c] = label
-    after = length_of(member, vertices[:n], before + most, labels, costs, corner_cost, graph)
-    labels[c] = own
-    return after - before
+    members[0], gathered[start], n, done, gain = start, visit, 1, 0, 0.0
+    while done < n:
+        c = members[done]
+        gain += costs[c, labels[c]] - costs[c, label]
+        for k in range(begin[c], begin[c + 1]):
+            for side in range(2):
+                o = sides[around[k], side]
+                if o < 0 or gathered[o] == visit or labels[o] == label:
+                    continue
+                if costs[o, label] <= costs[o, labels[o]]:
+                    gathered[o], members[n] = visit, o
+                    n += 1
+        done += 1
+    return n, gain
 
 
 @inner_kernel
@@ -253,16 +220,6 @@ def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore
                     vertex_mark[v], vertices[n] = mark, v
                     n += 1
     return n
-
-
-@inner_kernel
-def _note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
-    """Note for the cells round a vertex that one of them changed."""
-    first, rows, _, _, _, sides, _, _, _, _, _ = graph
-    for k in range(first[v], first[v + 1]):
-        for side in range(2):
-            if sides[rows[k], side] >= 0:
-                changed[sides[rows[k], side]] = mark
 
 
 @inner_kernel

@@ -185,6 +185,20 @@ def test_a_tooth_of_a_seam_goes_to_the_plane_beyond():
     assert np.array_equal(simplified(cells, labels, costs, levels, (0.0, 0.01), 0.0), labels)
 
 
+def test_a_plane_gets_back_a_roof_that_it_lost_in_small_cells():
+    at = np.arange(0.5, 10.0, 0.5)
+    low, high = np.full(at.shape, -1.0), np.full(at.shape, 11.0)
+    lines = [np.column_stack([at, low, at, high]), np.column_stack([low, at, high, at])]
+    cells = cut_into_cells(Outline(SQUARE), np.concatenate(lines).reshape(-1, 2, 2))
+    middles = np.array([polygon.centroid.coords[0] for polygon in cells.polygons])
+    truth = (middles[:, 0] > 5.0).astype(np.int64)
+    levels = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.4]])
+    costs = 0.4 * (truth[:, None] != np.arange(2)) * cells.areas[:, None]
+    nothing_seen = (abs(middles - [7.5, 5.0]) < 1.0).all(axis=1)
+    costs[nothing_seen] = 0.0
+    assert np.array_equal(simplified(cells, np.zeros_like(truth), costs, levels, (0.05, 0.15), 0.0), truth)
+
+
 def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
     cells, order = strips([3.0, 6.0])
     planes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 6.0], [0.0, 0.0, 5.0]])
