@@ -30,8 +30,8 @@ WALL_GAP = 1.0
 _MIN_BARE_SHARE = 0.1
 #: How far eaves reach beyond walls [m].
 _EAVES = 1.0
-#: Spacing from which a tile is sparse: windows of the tracing are wider than the smallest courtyard [m].
-SPARSE = 0.5
+#: Spacing from which a tile is sparse: the disc that tells a courtyard, of 8, is wider than the smallest [m].
+SPARSE = 0.375
 #: How far below the top of a wall points tell its height [m].
 _TOP = 0.5
 

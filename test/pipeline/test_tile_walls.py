@@ -121,8 +121,9 @@ def test_ground_about_sparse_roofs_goes_on_and_opens_courts():
     assert not blind.outline.holes
 
 
-def test_no_ground_about_dense_roofs_goes_on():
-    assert roof_points(sparse_yard(0.45)).is_roof.all()
+def test_ground_goes_on_where_a_courtyard_may_be_narrower_than_the_disc_that_tells_it():
+    assert not roof_points(sparse_yard(0.45)).is_roof.all()
+    assert roof_points(sparse_yard(0.35)).is_roof.all()
 
 
 @pytest.mark.parametrize(("core", "is_own"), [((-20.0, 8.0), True), ((8.0, 60.0), False)])

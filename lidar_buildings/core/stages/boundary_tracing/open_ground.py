@@ -11,10 +11,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from lidar_buildings.core.stages.boundary_tracing.closed_walls import GROUND_CELL
+
 #: Ground is open beyond this distance from the building's points: what is nearer lies under eaves, or was
 #: seen through the roof [spacings].
 _CLEAR = 1.0
-#: Open ground nearer to each other than this is one place [spacings].
+#: Open ground nearer to each other than this is one place [spacings of the ground].
 _LINK = 2.0
 #: Ground is looked at up to this distance from the building's points, as far as windows reach, whatever else
 #: a tile has of it [spacings of the pulses].
@@ -29,6 +31,11 @@ class OpenGround(NamedTuple):
     #: shape (n,).
     other_end: NDArray[np.int64]
     middles: NDArray[np.float64]  #: the place of each part farthest from the building, shape (n_parts, 2) [m]
+
+
+def ground_spacing(spacing: float) -> float:
+    """Return how far apart the ground is that is known about points of a spacing: one a cell at most [m]."""
+    return max(spacing, GROUND_CELL)
 
 
 def clear_ground(
@@ -57,7 +64,7 @@ def enclosed_ground(
     Parameters
     ----------
     ground, points : ndarray of shape (n, 2), (m, 2)
-        Ground and the building's distinct positions [m].
+        Ground, one a cell of `GROUND_CELL` at most, and the building's distinct positions [m].
     ring : shapely.Polygon
         Traced without regard to the ground.
     spacing, reach : float
@@ -65,23 +72,24 @@ def enclosed_ground(
     min_area : float
         Of a courtyard [m²].
     """
-    if not _is_enough(inside(ground, ring), spacing, min_area):
+    pitch = ground_spacing(spacing)
+    if not _is_enough(inside(ground, ring), pitch, min_area):
         return None
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     places = np.unique(_clear_of(tree, ground, spacing, reach), axis=0)
-    if not _is_enough(inside(places, ring), spacing, min_area):
+    if not _is_enough(inside(places, ring), pitch, min_area):
         return None
     clearance = tree.query(places)[0]
     is_open = ~_is_crossed(places, points, spacing)
     places, clearance = places[is_open], clearance[is_open]
     if not len(places):
         return None
-    pairs = cKDTree(places).query_pairs(_LINK * spacing, output_type="ndarray")
+    pairs = cKDTree(places).query_pairs(_LINK * pitch, output_type="ndarray")
     between = tree.query(places[pairs].mean(axis=1))[0]
     fences = _spanning_forest(places, pairs[between > _CLEAR * spacing])
     n_parts, part = connected_components(fences, directed=False)
     size = np.bincount(part[inside(places, ring)], minlength=n_parts)
-    kept = np.flatnonzero(size * spacing**2 >= min_area)
+    kept = np.flatnonzero(size * pitch**2 >= min_area)
     if not len(kept):
         return None
     other_end, middles = np.arange(len(places)), []
@@ -109,8 +117,8 @@ def inside(places: NDArray[np.float64], ring: shapely.Polygon) -> NDArray[np.boo
     return held
 
 
-def _is_enough(held: NDArray[np.bool_], spacing: float, min_area: float) -> bool:
-    return bool(np.count_nonzero(held) * spacing**2 >= min_area)
+def _is_enough(held: NDArray[np.bool_], pitch: float, min_area: float) -> bool:
+    return bool(np.count_nonzero(held) * pitch**2 >= min_area)
 
 
 def _is_crossed(

@@ -20,6 +20,7 @@ from lidar_buildings.core.stages.boundary_tracing.open_ground import (
     GROUND_REACH,
     clear_ground,
     enclosed_ground,
+    ground_spacing,
     inside,
 )
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
@@ -83,7 +84,7 @@ def trace_boundary(
     point_spacing : float, optional
         The spacing of the building's points [m]; that of the pattern, or measured, if not given.
     ground : ndarray of shape (n_ground, 2 or more), optional
-        Ground about the building [m].
+        Ground about the building, a point each half metre at most [m].
 
     Returns
     -------
@@ -125,9 +126,9 @@ def trace_boundary(
             clear = clear_ground(seen, np.column_stack((grid.x, grid.y)), known.spacing, reach)
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
             smoother, why = _traced(grid, across_gaps, seen, reach, config, rules)
-            more = (_n_within(smoother, clear) - _n_within(outline, clear)) * known.spacing**2
-            is_as_open = abs(more) < config.min_courtyard_area
-            if len(smoother.holes) == len(outline.holes) if is_as_open else more < 0.0:
+            more = _n_within(smoother, clear) - _n_within(outline, clear)
+            is_as_open = abs(more) * ground_spacing(known.spacing) ** 2 < config.min_courtyard_area
+            if len(smoother.holes) == len(outline.holes) if is_as_open else more < 0:
                 outline, reasons = smoother, why
     return TracedBoundary(outline, spacing, BuildingStatus.OK, "; ".join(reasons))
 

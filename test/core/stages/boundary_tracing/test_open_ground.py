@@ -6,6 +6,7 @@ import shapely
 from scipy.spatial import cKDTree
 from support.traced_rings import assert_sound, polygon
 
+from lidar_buildings.core.stages.boundary_tracing.closed_walls import GROUND_CELL
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.open_ground import enclosed_ground
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
@@ -99,18 +100,36 @@ def test_a_ring_across_wider_gaps_does_not_close_what_was_open(shape, seed):
     assert is_closed.sum() <= 0.12 * is_closed.size
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_yard_narrower_than_discs_is_open_by_ground_with_a_point_a_cell(seed):
+    spacing, yard = 0.4, shapely.box(6.0, 3.0, 8.5, 11.0)
+    points, ground = _scattered(shapely.box(0.0, 0.0, 14.0, 14.0) - yard, spacing, seed)
+    ground = ground[np.unique(np.floor(ground / GROUND_CELL), axis=0, return_index=True)[1]]
+    blind = trace_boundary(points, point_spacing=spacing)
+    traced = trace_boundary(points, point_spacing=spacing, ground=ground)
+    assert_sound(traced, points)
+    held = [polygon(one.outline).intersection(yard).area / yard.area for one in (blind, traced)]
+    assert held[0] > 0.9
+    assert held[1] < 0.1
+
+
 def _closed(shape, seed):
     """Tell which open ground within the hull of a shape a ring round points at random places holds."""
-    rng = np.random.default_rng(seed)
-    west, south, east, north = shape.buffer(15.0).bounds
-    xy = rng.uniform((west, south), (east, north), (int((east - west) * (north - south) / SPACING**2), 2))
-    is_roof = shapely.contains_xy(shape, *xy.T)
-    points, ground = np.column_stack([xy[is_roof], np.full(is_roof.sum(), 8.0)]), xy[~is_roof]
+    points, ground = _scattered(shape, SPACING, seed)
     traced = trace_boundary(points, point_spacing=SPACING, ground=ground)
     assert_sound(traced, points)
     is_clear = cKDTree(points[:, :2]).query(ground)[0] > SPACING
     clear = ground[is_clear & shapely.contains_xy(shape.convex_hull, *ground.T)]
     return shapely.contains_xy(polygon(traced.outline), *clear.T)
+
+
+def _scattered(shape, spacing, seed):
+    """Roof points of a shape, and the ground about it in plan, at random places."""
+    rng = np.random.default_rng(seed)
+    west, south, east, north = shape.buffer(15.0).bounds
+    xy = rng.uniform((west, south), (east, north), (int((east - west) * (north - south) / spacing**2), 2))
+    is_roof = shapely.contains_xy(shape, *xy.T)
+    return np.column_stack([xy[is_roof], np.full(is_roof.sum(), 8.0)]), xy[~is_roof]
 
 
 def test_ground_beyond_the_reach_has_no_say():
