@@ -28,15 +28,6 @@ class PlanGraph(NamedTuple):
     #: Number of the piece to the left of each edge and to its right, OUTSIDE for none, shape (n_edges, 2).
     sides: IntArray
 
-    @property
-    def area(self) -> int:
-        """Twice the area of all pieces together [square steps of the grid]."""
-        if not len(self.ends):
-            return 0
-        (ax, ay), (bx, by) = (self.places - self.places[0])[self.ends].transpose(1, 2, 0)
-        is_piece = (self.sides != OUTSIDE).astype(np.int64)
-        return int(((ax * by - bx * ay) * (is_piece[:, 0] - is_piece[:, 1])).sum())
-
     def joined(self, numbers: IntArray) -> PlanGraph:
         """Return the graph of pieces of which those of one number are one, without edges between them."""
         sides = np.append(numbers, OUTSIDE)[self.sides]

@@ -23,11 +23,8 @@ from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 #: Codes of faces that are not flat.
 _NON_PLANAR = {203, 204}
-#: What is tried if a solid fails its checks: details narrower than the first vanish, on a grid of the second
-#: [steps of the output grid].
-_SIMPLER = ((10.0, 5.0), (50.0, 25.0))
-#: Share of its area that a plan may gain or lose by being simplified.
-_MAX_CHANGE = 0.05
+#: If a solid fails its checks, details narrower than the first vanish, on a grid of the second [grid steps].
+_SIMPLER = (10.0, 5.0)
 
 
 def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
@@ -36,7 +33,7 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
 
     Pieces cover the building's plan and share their edges; gaps and overlaps of some millimetres and vertices
     in the middle of a neighbour's edge are put right. If the solid is not valid, folded faces are cut into
-    triangles and details are left out, the smallest first, until it is. If it never is, that of the plan as
+    triangles, and if that does not help small details are left out. If it still is not, that of the plan as
     given is returned: `checked_roof_solid` says what is wrong with it. Empty if no piece has an area.
     """
     return checked_roof_solid(pieces, ground_elevation)[0]
@@ -59,6 +56,8 @@ def checked_roof_solid(
         numbers = np.array([first.setdefault(piece.plane, k) for k, piece in enumerate(pieces)])
     first_tried = None
     for graph in _plans(pieces, numbers):
+        if not len(graph.ends):
+            break
         shell = assemble(HalfEdges(graph, planes, ground))
         codes = raised_codes(shell)
         if not codes:
@@ -73,14 +72,9 @@ def checked_roof_solid(
 
 
 def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:
-    """Yield the plan of numbered pieces and simpler ones, those left out that change its area much."""
-    given = matched_coverage(pieces, numbers)
-    if len(given.ends):
-        yield given
-    for within, grid in _SIMPLER if len(given.ends) else ():
-        simpler = noded_coverage(pieces, numbers, within, grid)
-        if abs(simpler.area - given.area) <= _MAX_CHANGE * given.area:
-            yield simpler
+    """Yield the plan of numbered pieces, and a simpler one."""
+    yield matched_coverage(pieces, numbers)
+    yield noded_coverage(pieces, numbers, *_SIMPLER)
 
 
 def triangulate_non_planar(solid: Solid) -> Solid:
