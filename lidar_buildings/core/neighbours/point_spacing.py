@@ -51,7 +51,7 @@ def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     shape or is not finite.
     """
     x, y, _ = checked_points(points).T
-    positions = _distinct(x, y)
+    positions = distinct_positions(x, y)
     if len(positions) < 2:
         return FALLBACK_SPACING
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
@@ -79,7 +79,7 @@ def _middle(distance: NDArray[np.float64]) -> tuple[float, float]:
     return float(distance[np.searchsorted(area, 0.5 * area[-1])]), median
 
 
-def _distinct(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.complex128]:
+def distinct_positions(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.complex128]:
     """
     Return the distinct positions x + iy by x, then y.
 
