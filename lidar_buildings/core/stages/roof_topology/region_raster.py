@@ -20,8 +20,6 @@ CELL = 0.5
 _NEARER = 0.249
 #: Cells are enlarged until so many suffice.
 _MAX_CELLS = 4_000_000
-#: Without an outline a cell belongs to the roof if a point lies within so many spacings.
-_REACH = 1.5
 #: Where the outline reaches beyond the points by more than their extent and so much [m], it is cut.
 _LEAST_MARGIN = 20.0
 
@@ -42,18 +40,13 @@ class RegionRaster(NamedTuple):
 def region_raster(
     points: FloatArray, plane_id: NDArray[np.uint16], rings: tuple[FloatArray, ...], spacing: float
 ) -> RegionRaster:
-    """
-    Give each cell inside the outline the plane of its nearest point that is in one.
-
-    Without rings it is the cells near points.
-    """
+    """Give each cell inside an outline's rings the plane of its nearest point that is in one."""
     low, high = extent_of(points)[:, :2]
     reach = np.maximum(high - low, _LEAST_MARGIN)
-    for ring in rings[:1]:
-        low, high = (
-            np.maximum(np.minimum(low, ring.min(axis=0)), low - reach),
-            np.minimum(np.maximum(high, ring.max(axis=0)), high + reach),
-        )
+    low, high = (
+        np.maximum(np.minimum(low, rings[0].min(axis=0)), low - reach),
+        np.minimum(np.maximum(high, rings[0].max(axis=0)), high + reach),
+    )
     cell = CELL * spacing
     while np.prod((high - low) / cell + 5.0) > _MAX_CELLS:
         cell *= 2.0
@@ -67,12 +60,8 @@ def region_raster(
     square = np.full((n_rows, n_columns), np.inf)
     _nearest_points(points, plane_id, west, south, cell, nearest, square)
     label = np.zeros((n_rows, n_columns), dtype=np.int32)
-    if rings:
-        ends = np.cumsum([len(ring) for ring in rings])
-        _label_inside(np.concatenate(rings), ends, west, south, cell, nearest, plane_id, label)
-    else:
-        reached = (np.sqrt(square) <= _REACH * spacing) & (nearest >= 0)
-        label[reached] = plane_id[nearest[reached]]
+    ends = np.cumsum([len(ring) for ring in rings])
+    _label_inside(np.concatenate(rings), ends, west, south, cell, nearest, plane_id, label)
     return RegionRaster(label, nearest, square, west, south, cell)
 
 

@@ -29,15 +29,15 @@ _SAME_DECIMALS = 9
 def find_topology(
     points: FloatArray,
     plane_id: ArrayLike,
-    outline: Outline | None = None,
+    outline: Outline,
     *,
     point_spacing: float | None = None,
 ) -> RoofTopology:
     """
     Adjust a roof's planes, and find the ridges, hips, valleys and step edges between them.
 
-    Planes come numbered from 1, 0 = none, and are numbered anew without gaps. Without an outline the roof is
-    where points are; the point spacing is measured if not given [m].
+    Planes come numbered from 1, 0 = none, and are numbered anew without gaps. The point spacing is
+    measured if not given [m].
     """
     numbers = without_gaps(np.asarray(plane_id, dtype=np.uint16))
     spacing = point_spacing or quantised_spacing(points)
@@ -49,9 +49,8 @@ def find_topology(
         # One plane borders on none.
         kind = roof_type(points, seen, adjustment.coefficients, (), (), spacing)
         return RoofTopology(adjustment.planes, (), (), kind)
-    rings = tuple(ring for ring in outline.rings if len(ring) >= 3) if outline is not None else ()
-    raster = region_raster(points, seen, rings, spacing)
-    centre, walls = adjustment.centre, ring_walls(rings)
+    raster = region_raster(points, seen, outline.rings, spacing)
+    centre, walls = adjustment.centre, ring_walls(outline.rings)
     about = walls - centre[:2]
     borders = find_borders(raster, centre)
     pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)

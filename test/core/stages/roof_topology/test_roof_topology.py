@@ -203,22 +203,19 @@ def parallel():
 @pytest.mark.parametrize(
     "ring",
     [
-        None,
-        np.zeros((0, 2)),
         np.zeros((4, 2)),
         np.array([(0, 0), (9, 0), (9, 9), (0, 9.0)]),
         np.array([(1e5, 0), (1e5 + 1, 0), (1e5, 1.0)]),
     ],
 )
 def test_degenerate_input_gives_a_topology(points, plane_id, ring):
-    outline = None if ring is None else Outline(ring)
-    topology = find_topology(points, plane_id, outline)
+    topology = find_topology(points, plane_id, Outline(ring))
     assert len(topology.planes) == len({0, *plane_id}) - 1
     assert isinstance(topology.roof_type, str)
 
 
 def test_parallel_planes_have_a_step_and_no_line():
-    topology = find_topology(*parallel())
+    topology = find_topology(*parallel(), Outline.of(shapely.box(0, 0, 10, 10)))
     assert not topology.intersections
     (step,) = topology.steps
     assert step.segment[:, 0] == pytest.approx([5.0, 5.0], abs=0.3)
@@ -250,5 +247,6 @@ def test_numbers_of_planes_may_have_gaps():
 
 def test_very_many_planes_stay_by_themselves():
     random = np.random.default_rng(0)
-    topology = find_topology(random.random((8000, 3)) * (100, 100, 1), 1 + np.arange(8000) // 4)
+    points, outline = random.random((8000, 3)) * (100, 100, 1), Outline.of(shapely.box(0, 0, 100, 100))
+    topology = find_topology(points, 1 + np.arange(8000) // 4, outline)
     assert len(topology.planes) == 2000
