@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.stages.footprints.footprints import last_polygon_around
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
 #: Smaller parts of a reference's class are noise, not roofs: as small as a run drops them [m²].
@@ -29,23 +30,10 @@ def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int6
 
     There is one geometry a roof or block; invalid ones are repaired.
     """
-    given = np.atleast_1d(np.asarray(polygons, dtype=object))
-    valid = shapely.make_valid(given)
-    plan = np.asarray(points, dtype=np.float64)[:, :2]
-    order = np.argsort(plan[:, 0], kind="stable")
-    x, y = np.ascontiguousarray(plan[order].T)
-    roof = np.full(len(plan), NO_ROOF, dtype=np.int64)
+    valid = shapely.make_valid(np.atleast_1d(np.asarray(polygons, dtype=object)))
     # From the last to the first, so that the first one stays.
-    for row in range(len(valid) - 1, -1, -1):
-        polygon = valid[row]
-        if polygon is None or polygon.is_empty:
-            continue
-        west, _, east, _ = polygon.bounds
-        begin, end = np.searchsorted(x, west, "left"), np.searchsorted(x, east, "right")
-        shapely.prepare(polygon)
-        inside = np.asarray(shapely.intersects_xy(polygon, x[begin:end], y[begin:end]), dtype=bool)
-        roof[order[begin:end][inside]] = row
-    return roof
+    found = last_polygon_around(np.asarray(points, dtype=np.float64)[:, :2], valid[::-1])
+    return np.where(found >= 0, len(valid) - 1 - found.astype(np.int64), NO_ROOF)
 
 
 def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> NDArray[np.int64]:

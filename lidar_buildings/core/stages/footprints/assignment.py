@@ -16,7 +16,7 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import Footprints, last_outline_around
+from lidar_buildings.core.stages.footprints.footprints import Footprints, last_polygon_around
 
 #: Classes of what may be a building that was not recognised as one.
 _STANDING = (0, 1, PointClass.LOW_VEGETATION, PointClass.MEDIUM_VEGETATION, PointClass.HIGH_VEGETATION)
@@ -59,7 +59,7 @@ def assign_footprints(
     if not len(tile) or not len(footprints):
         return AssignedPoints(building_id, (), NONE)
     places = footprints.touching(_box(tile.points, _SEARCH_DISTANCE))
-    owner = last_outline_around(tile.points[:, :2], [footprints.outlines[row] for row in places])
+    owner = last_polygon_around(tile.points[:, :2], [footprints.outlines[row].polygon for row in places])
     is_core, is_roof, stands = tile.is_core, tile.is_roof, _may_stand(tile, config.min_height)
     tile_spacing = tile.point_spacing
     outlines, clipped = [], NONE

@@ -59,14 +59,15 @@ def footprints_of(polygons: Sequence[shapely.Polygon]) -> Footprints:
     return Footprints(outlines, _unique_ids(anchors, order), bounds, area)
 
 
-def last_outline_around(xy: NDArray[np.float64], outlines: Sequence[Outline]) -> NDArray[np.int32]:
-    """Return for each point the last of the outlines that it lies in, or on the walls of, −1 for none."""
+def last_polygon_around(
+    xy: NDArray[np.float64], polygons: Sequence[shapely.Geometry | None]
+) -> NDArray[np.int32]:
+    """Return for each point the last of the polygons that it lies in, or on the edge of, −1 for none."""
     found = np.full(len(xy), -1, dtype=np.int32)
     order = np.argsort(xy[:, 0], kind="stable")
     x, y = np.ascontiguousarray(xy.take(order, axis=0).T)
-    for number, outline in enumerate(outlines):
-        polygon = outline.polygon
-        west, south, east, north = polygon.bounds
+    for number, polygon in enumerate(polygons):
+        west, south, east, north = shapely.bounds(polygon)
         begin, end = np.searchsorted(x, west), np.searchsorted(x, east, side="right")
         near = begin + np.flatnonzero((y[begin:end] >= south) & (y[begin:end] <= north))
         shapely.prepare(polygon)

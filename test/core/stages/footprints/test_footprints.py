@@ -5,12 +5,11 @@ import pytest
 import shapely
 
 from lidar_buildings.core.model.ids import CELL, anchor_near
-from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.assignment import assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import footprints_of, last_outline_around
+from lidar_buildings.core.stages.footprints.footprints import footprints_of, last_polygon_around
 from lidar_buildings.core.stages.footprints.repair import repaired_polygons
 
 HOUSE = shapely.box(10, 10, 20, 18)
@@ -149,22 +148,18 @@ def test_points_are_told_inside_from_outside_as_shapely_does():
     expected = np.full(len(xy), -1)
     for number, shape in enumerate(shapes):
         expected[shapely.contains_xy(shape, xy)] = number
-    outlines = [
-        Outline(np.array(s.exterior.coords)[:-1], tuple(np.array(r.coords)[:-1] for r in s.interiors))
-        for s in shapes
-    ]
-    assert np.array_equal(last_outline_around(xy, outlines), expected)
+    assert np.array_equal(last_polygon_around(xy, shapes), expected)
 
 
 def test_each_point_on_a_shared_wall_lies_in_one_at_least_and_those_beside_it_in_their_own():
     slanted = np.array([(20.0, 10.0), (21.0, 18.0)])
-    one = Outline(np.array([(10, 10), *slanted, (10, 18)], dtype=float))
-    other = Outline(np.array([slanted[1], slanted[0], (30, 10), (30, 18)], dtype=float))
+    one = shapely.Polygon([(10, 10), *slanted, (10, 18)])
+    other = shapely.Polygon([slanted[1], slanted[0], (30, 10), (30, 18)])
     share = np.linspace(0.01, 0.99, 999)[:, None]
     xy = (1 - share) * slanted[0] + share * slanted[1]
-    assert (last_outline_around(xy, [one, other]) >= 0).all()
+    assert (last_polygon_around(xy, [one, other]) >= 0).all()
     for number, aside in enumerate((-1e-6, 1e-6)):
-        assert (last_outline_around(xy + np.array([aside, 0.0]), [one, other]) == number).all()
+        assert (last_polygon_around(xy + np.array([aside, 0.0]), [one, other]) == number).all()
 
 
 def test_a_footprints_points_are_the_roof_points_within():
