@@ -105,7 +105,7 @@ def histograms(result: Result) -> list[dict[str, Any]]:
     """Return counts per bin and the bins' bounds of what tells how good the buildings are."""
     found = []
     for name, title in HISTOGRAMS.items():
-        values = _values(result, name) * _unit_of(result, name)
+        values = _values(result, name)
         if not len(values):
             continue
         low, high = 0.0, max(float(np.percentile(values, _LAST)), 0.01)
@@ -175,7 +175,7 @@ def _how_sure(result: Result) -> str:
         ("outline_sigma", "traced points {:.2f} m off the outlines (90 %: {:.2f} m)", 90),
         ("coverage", "{:.1%} of outlines supported by points (10 %: {:.1%})", 10),
     ):
-        values = _values(result, name) * _unit_of(result, name)
+        values = _values(result, name)
         if len(values):
             words.append(text.format(float(np.median(values)), float(np.percentile(values, tail))))
     n_valid = sum(one.attributes.get("validity") == "[]" for one in result.buildings)
@@ -205,10 +205,7 @@ def _how_long(run: Mapping[str, Any]) -> str:
 
 
 def _values(result: Result, name: str) -> NDArray[np.float64]:
+    """Return an attribute of all buildings that have it, lengths in metres."""
+    units = {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}
     found = [one.attributes.get(name) for one in result.buildings]
-    return np.array([value for value in found if value is not None], dtype=np.float64)
-
-
-def _unit_of(result: Result, name: str) -> float:
-    """Return the metres in an attribute's unit."""
-    return {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}.get(name, 1.0)
+    return np.array([value for value in found if value is not None], np.float64) * units.get(name, 1.0)
