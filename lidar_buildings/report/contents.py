@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.results.run_folder import DTM, Share
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.report.models import ModelArrays, model_arrays
 from lidar_buildings.report.relief import Relief, read_relief
 from lidar_buildings.report.result_folder import ReportedBuilding, Result
-from lidar_buildings.report.shown_points import Box, ShownPoints, read_shown_points
+from lidar_buildings.report.shown_points import ShownPoints, read_shown_points
 
 #: What fits into 20 MB: a triangle takes some 10 bytes of the page, a point 9, a building's attributes 200.
 MOST_BUILDINGS, MOST_TRIANGLES, MOST_POINTS = 4_000, 900_000, 400_000
@@ -91,7 +92,9 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Sh
     )
 
 
-def _in_the_middle(buildings: Sequence[ReportedBuilding]) -> tuple[Sequence[ReportedBuilding], Box | None]:
+def _in_the_middle(
+    buildings: Sequence[ReportedBuilding],
+) -> tuple[Sequence[ReportedBuilding], Rectangle | None]:
     """Return the buildings, or the budget of them nearest to their middle and where these are."""
     if len(buildings) <= MOST_BUILDINGS:
         return buildings, None
@@ -105,12 +108,12 @@ def _in_the_middle(buildings: Sequence[ReportedBuilding]) -> tuple[Sequence[Repo
 
 def _beside(
     buildings: Sequence[ReportedBuilding], focus: ReportedBuilding
-) -> tuple[Sequence[ReportedBuilding], Box | None]:
+) -> tuple[Sequence[ReportedBuilding], Rectangle | None]:
     """Return a building with those next to it, and where they are."""
     if focus.shape is None:
         return [focus], None
     box = _box_of([focus])
-    is_near = shapely.intersects(_shapes(buildings), shapely.box(*box))
+    is_near = shapely.intersects(_shapes(buildings), shapely.box(box.x_min, box.y_min, box.x_max, box.y_max))
     return [one for one, near in zip(buildings, is_near, strict=True) if near or one is focus], box
 
 
@@ -122,9 +125,8 @@ def _shapes(buildings: Sequence[ReportedBuilding]) -> NDArray[np.object_]:
     return np.array([one.shape for one in buildings], dtype=object)
 
 
-def _box_of(buildings: Sequence[ReportedBuilding]) -> Box:
-    west, south, east, north = shapely.total_bounds(_shapes(buildings)).tolist()
-    return Box(west - _MARGIN, south - _MARGIN, east + _MARGIN, north + _MARGIN)
+def _box_of(buildings: Sequence[ReportedBuilding]) -> Rectangle:
+    return Rectangle(*shapely.total_bounds(_shapes(buildings)).tolist()).grown(_MARGIN)
 
 
 class Worst(NamedTuple):

@@ -14,7 +14,7 @@ from rasterio.windows import Window, from_bounds
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.report.shown_points import Box
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: What stands in cells that are not known.
 UNKNOWN = -32_768
@@ -36,7 +36,7 @@ class Relief:
     cell: tuple[float, float]  #: width and height of a cell [m]
 
 
-def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -> Relief:
+def read_relief(path: Path, frame: MapFrame, box: Rectangle | None, most_cells: int) -> Relief:
     """
     Read a raster of elevations, or what is in a box of it, coarser where it is larger.
 
@@ -61,7 +61,7 @@ def read_relief(path: Path, frame: MapFrame, box: Box | None, most_cells: int) -
     return _in_steps(elevations, (x, y), (cell[0], cell[1]))
 
 
-def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Box | None) -> Window:
+def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None) -> Window:
     whole = Window(0, 0, file.width, file.height)
     if box is None:
         return whole

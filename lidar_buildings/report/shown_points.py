@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud, xyz_of
 from lidar_buildings.io.results.cloud_sample import every_stretch, kept_points, stretches
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: Set in `classes` for points of walls.
 FACADE = 128
@@ -23,15 +24,6 @@ _DIMENSIONS = ("BuildingId", "PlaneId", "EdgeLabel", "intensity", "HeightAboveGr
 #: Share of the budget that the points of buildings may take.
 _OF_BUILDINGS = 0.6
 _STEPS = 65_535
-
-
-class Box(NamedTuple):
-    """A rectangle of the map frame [m]."""
-
-    x_min: float
-    y_min: float
-    x_max: float
-    y_max: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +49,7 @@ def read_shown_points(
     frame: MapFrame,
     n_per_class: Mapping[int, int],
     rows: Mapping[int, int],
-    box: Box | None,
+    box: Rectangle | None,
     most: int,
 ) -> ShownPoints:
     """
@@ -65,7 +57,8 @@ def read_shown_points(
 
     `rows` leads from a building's id to its row.
     """
-    opened = [one for one in map(open_cloud, clouds) if one.point_count and _reaches(one, frame, box)]
+    opened = [one for one in map(open_cloud, clouds) if one.point_count]
+    opened = [one for one in opened if box is None or box.touches(limits_of(one, frame))]
     n_points = sum(one.point_count for one in opened)
     every = every_stretch(n_points)
     share = n_points / max(sum(n_per_class.values()), 1)
@@ -93,11 +86,9 @@ def read_shown_points(
     )
 
 
-def _reaches(cloud: Cloud, frame: MapFrame, box: Box | None) -> bool:
-    if box is None:
-        return True
-    (west, south, _), (east, north, _) = frame.to_map(np.stack([cloud.mins, cloud.maxs]))
-    return bool(west <= box.x_max and east >= box.x_min and south <= box.y_max and north >= box.y_min)
+def limits_of(cloud: Cloud, frame: MapFrame) -> Rectangle:
+    """Return where a cloud's points lie in the map frame [m]."""
+    return Rectangle(*frame.to_map(np.stack([cloud.mins, cloud.maxs]))[:, :2].ravel().tolist())
 
 
 def _chunks(clouds: Sequence[Cloud], every: int, *, is_all: bool) -> Iterator[Any]:
@@ -129,15 +120,14 @@ def _thinned(
 
 
 def _joined(
-    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Box | None
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Rectangle | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Put chunks together, of the points within the box."""
     xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
     labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
     if box is None:
         return xyz, labels
-    within = (xyz[:, 0] >= box.x_min) & (xyz[:, 0] <= box.x_max)
-    within &= (xyz[:, 1] >= box.y_min) & (xyz[:, 1] <= box.y_max)
+    within = box.holds(xyz[:, 0], xyz[:, 1])
     return xyz[within], labels[within]
 
 

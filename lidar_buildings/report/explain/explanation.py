@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 
 import numpy as np
 import shapely
@@ -13,13 +12,13 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import outline_findings
 from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
 from lidar_buildings.report.explain.roof_findings import line_findings, roof_findings
 from lidar_buildings.report.explain.site import read_site
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
-from lidar_buildings.report.shown_points import Box
 from lidar_buildings.report.summary_words import early_end
 
 #: A place as X,Y in the source's coordinates.
@@ -65,7 +64,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
     sections: dict[str, list[Finding]] = {}
     sections["Outline"] = list(outline_findings(building, spacing, limits))
     if building.shape is not None and not building.shape.is_empty and result.clouds():
-        site = read_site(result.clouds(), frame, _box(building.shape.bounds))
+        site = read_site(result.clouds(), frame, Rectangle(*building.shape.bounds).grown(3.0))
         roof = site.roof_of(building.building_id)
         is_top = (site.building_id == building.building_id) & (site.facade == Facade.BARE)
         if is_top.any():
@@ -91,7 +90,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
 def explain_place(result: Result, place: tuple[float, float]) -> str:
     """Say why there is no building at a place of the map frame [m]."""
     x, y = place
-    site = read_site(result.clouds(), result.frame, Box(x - _RADIUS, y - _RADIUS, x + _RADIUS, y + _RADIUS))
+    site = read_site(result.clouds(), result.frame, Rectangle(x, y, x, y).grown(_RADIUS))
     spacing = measure_spacing(site.points) if len(site.points) else _SPACING
     limits = Limits(result.run, spacing)
     findings = list(rejected_at(site, spacing, limits))
@@ -139,8 +138,3 @@ def _text(head: list[str], sections: dict[str, list[Finding]], limits: Limits) -
     if others:
         lines += ["", "Also changed in this run", *(f"  {one}" for one in others)]
     return "\n".join(lines)
-
-
-def _box(bounds: Iterable[float]) -> Box:
-    west, south, east, north = bounds
-    return Box(west - 3.0, south - 3.0, east + 3.0, north + 3.0)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.las import open_cloud, xyz_of
-from lidar_buildings.report.shown_points import Box
+from lidar_buildings.io.tiling.tile_grid import Rectangle
+from lidar_buildings.report.shown_points import limits_of
 
 _COLUMNS = {
     "classification": "classification",
@@ -50,7 +51,7 @@ class Site:
         return ", ".join(f"{n:,} {CLASS_NAMES.get(code, f'class {code}')}" for n, code in named) or "none"
 
 
-def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
+def read_site(clouds: Iterable[Path], frame: MapFrame, box: Rectangle) -> Site:
     """
     Read the points of classified clouds within a box of the map frame.
 
@@ -59,14 +60,12 @@ def read_site(clouds: Iterable[Path], frame: MapFrame, box: Box) -> Site:
     parts = [np.empty((0, 3 + len(_COLUMNS)))]
     for path in clouds:
         cloud = open_cloud(path)
-        (west, south, _), (east, north, _) = frame.to_map(np.stack([cloud.mins, cloud.maxs]))
-        if west > box.x_max or east < box.x_min or south > box.y_max or north < box.y_min:
+        if not box.touches(limits_of(cloud, frame)):
             continue
         known = set(cloud.header.point_format.dimension_names)
         for chunk in cloud.chunks():
             xyz = frame.to_map(xyz_of(chunk))
-            inside = (xyz[:, 0] >= box.x_min) & (xyz[:, 0] <= box.x_max)
-            inside &= (xyz[:, 1] >= box.y_min) & (xyz[:, 1] <= box.y_max)
+            inside = box.holds(xyz[:, 0], xyz[:, 1])
             inside &= ~np.isin(chunk["classification"], (PointClass.LOW_NOISE, PointClass.HIGH_NOISE))
             columns = [
                 np.asarray(chunk[name], dtype=np.float64)[inside] if name in known else np.zeros(inside.sum())
