@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_shape import face_plane
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
+from lidar_buildings.core.surfaces.roof_planes import fitted_planes
 from lidar_buildings.io.results.building_layers import READABLE_ID
 from lidar_buildings.io.vectors.polygon_file import read_layer
 from lidar_buildings.report.explain.finding import Finding, Limits
@@ -42,45 +44,23 @@ _LONG_STEP = 5.0
 _STEPS = ("segmentation.split_at_steps", "segmentation.min_step_height")
 
 
-class FittedPlane(NamedTuple):
-    """A plane of a roof: number, points, area that these stand for [m²], slope, direction, scatter [m]."""
-
-    number: int
-    n_points: int
-    area: float
-    slope_deg: float
-    azimuth_deg: float
-    rms: float
-
-
-def fitted_planes(roof: Site, spacing: float) -> list[FittedPlane]:
-    """Return the planes of a roof's points, the largest first, each fitted to its points by least squares."""
-    found = []
-    for number in np.unique(roof.plane_id[roof.plane_id > 0]).tolist():
-        points = roof.points[roof.plane_id == number]
-        centred = points - points.mean(axis=0)
-        _, singular, axes = np.linalg.svd(centred, full_matrices=False)
-        normal = axes[-1] * np.sign(axes[-1][2] or 1.0)
-        slope = float(np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0))))
-        azimuth = float(np.degrees(np.arctan2(normal[0], normal[1])) % 360.0)
-        rms = float(singular[-1] / np.sqrt(len(points))) if len(points) > 3 else 0.0
-        area = len(points) * spacing**2 / max(normal[2], 0.1)
-        found.append(FittedPlane(int(number), len(points), area, slope, azimuth, rms))
-    return sorted(found, key=lambda one: one.n_points, reverse=True)
-
-
 def roof_findings(
     roof: Site, solid: Solid | None, spacing: float, frame: MapFrame, limits: Limits
 ) -> Iterator[Finding]:
     """Yield what there is to say of a building's roof."""
-    planes = fitted_planes(roof, spacing)
+    numbers = np.unique(roof.plane_id[roof.plane_id > 0])
+    place = np.where(roof.plane_id > 0, np.searchsorted(numbers, roof.plane_id) + 1, 0).astype(np.uint16)
+    planes = dict(zip(numbers.astype(int).tolist(), fitted_planes(roof.points, place), strict=True))
     yield Finding(f"{len(planes)} planes of {len(roof.points):,} roof points; the largest:")
-    for one in planes[:_MOST_PLANES]:
+    by_size = sorted(planes.items(), key=lambda item: item[1].n_points, reverse=True)
+    for number, one in by_size[:_MOST_PLANES]:
+        x, y, z = one.normal.tolist()
+        slope, azimuth = math.degrees(math.acos(min(z, 1.0))), math.degrees(math.atan2(x, y)) % 360.0
         yield Finding(
-            f"  plane {one.number}: {one.n_points:,} points, {one.area:.1f} m², slope {one.slope_deg:.0f}°, "
-            f"looks to {round(one.azimuth_deg) % 360}°, rms {one.rms:.3f} m"
+            f"  plane {number}: {one.n_points:,} points, {one.n_points * spacing**2 / max(z, 0.1):.1f} m², "
+            f"slope {slope:.0f}°, looks to {round(azimuth) % 360}°, rms {one.rms:.3f} m"
         )
-    bent = [f"{one.number}" for one in planes if one.rms > _BENT]
+    bent = [f"{number}" for number, one in by_size if one.rms > _BENT]
     if bent:
         yield Finding(f"Plane {', '.join(bent)}: several surfaces taken for one, or a curved one.", _BENDING)
     n_free = int((roof.plane_id == 0).sum())
