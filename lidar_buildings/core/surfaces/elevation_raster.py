@@ -1,8 +1,4 @@
-"""
-Rasters of elevations: the lowest point of each cell, and cells without one filled from those around.
-
-Grids start at multiples of the cell from the map's origin; a raster is a window of the grid.
-"""
+"""Rasters of elevations: cells without one are filled from those around."""
 
 from __future__ import annotations
 
@@ -11,28 +7,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.point_array import extent_of
 
 #: Rounds of relaxation on each level of filling; more change nothing that a filter would notice.
 RELAXATIONS = 2
-
-
-def cell_bounds(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return the (row, column) of the first and of the last cell that holds a point, shape (2, 2)."""
-    return np.floor(extent_of(points)[:, 1::-1] / cell)
-
-
-def lowest_elevations(
-    points: NDArray[np.float64], cell: float, first: NDArray[np.float64], shape: tuple[int, int]
-) -> NDArray[np.float64]:
-    """
-    Return the lowest elevation in each cell, +inf where there is no point; all points lie within the raster.
-
-    `first` is its first row and column, as `cell_bounds` counts them.
-    """
-    lowest = np.full(shape, np.inf)
-    _lower(np.ascontiguousarray(points), cell, first, lowest)
-    return lowest
 
 
 def nearest_filled(elevation: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -67,15 +44,6 @@ def filled(
     for _ in range(RELAXATIONS):
         _relax(out, known)
     return out
-
-
-@kernel
-def _lower(points, cell, first, lowest):  # type: ignore[no-untyped-def]
-    for i in range(len(points)):
-        row = int(np.floor(points[i, 1] / cell) - first[0])
-        column = int(np.floor(points[i, 0] / cell) - first[1])
-        if points[i, 2] < lowest[row, column]:
-            lowest[row, column] = points[i, 2]
 
 
 @kernel

@@ -8,12 +8,7 @@ from scipy import ndimage
 
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.surfaces.elevation_raster import (
-    cell_bounds,
-    filled,
-    lowest_elevations,
-    nearest_filled,
-)
+from lidar_buildings.core.surfaces.elevation_raster import filled, nearest_filled
 
 #: Side of a cell: so many spacings, and at least so many metres.
 CELL_SPACINGS = 2.0
@@ -44,9 +39,10 @@ def height_above_minimum(points: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(points) == 0:
         return np.zeros(0)
     cell = _cell_size(points)
-    first, last = cell_bounds(points, cell)
-    n_rows, n_columns = (last - first).astype(np.int64) + 1
-    lowest = lowest_elevations(points, cell, first, (n_rows, n_columns))
+    places = np.floor(points[:, 1::-1] / cell).astype(np.int64)
+    first = places.min(axis=0)
+    lowest = np.full(places.max(axis=0) - first + 1, np.inf)
+    np.minimum.at(lowest, tuple((places - first).T), points[:, 2])
     known = np.isfinite(lowest)
     surface = _without_pits(nearest_filled(lowest, known))
     # Levelled, because an opening cuts off the upper rim of a slope.

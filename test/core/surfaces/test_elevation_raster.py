@@ -1,16 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.surfaces.elevation_raster import cell_bounds, filled, lowest_elevations
-
-
-def test_cells_hold_their_lowest_point_and_infinity_where_there_is_none():
-    points = np.array([[0.5, 0.5, 3.0], [0.9, 0.1, 2.0], [2.1, 1.0, 7.0], [-0.1, 0.0, 5.0]])
-    first, last = cell_bounds(points, 1.0)
-    assert first.tolist() == [0, -1]
-    assert last.tolist() == [1, 2]
-    lowest = lowest_elevations(points, 1.0, first, (2, 4))
-    np.testing.assert_array_equal(lowest, [[5, 2, np.inf, np.inf], [np.inf, np.inf, np.inf, 7]])
+from lidar_buildings.core.surfaces.elevation_raster import filled
 
 
 def holes(shape, share, seed=0):
