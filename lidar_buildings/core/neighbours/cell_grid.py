@@ -16,8 +16,6 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 MAX_CELLS = 2.0**60
 #: Up to so many cells a point are counted one by one, else numbers are sorted; the result is the same.
 MAX_COUNTED_CELLS = 8
-#: Cells with more points than this are sorted by numpy; the result is the same.
-LARGE_CELL = 50_000
 #: Cells a block of work: some ten thousand points.
 CELLS_A_BLOCK = 2048
 #: Steps of the sort within a cell (Ciura 2001, each further one 2.25 times the one before).
@@ -63,8 +61,6 @@ def sort_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
     rows, numbers, first = _rows_by_number(numbers)
     ordered = np.empty_like(points)
     for_row_blocks(lambda a, b: _fill_cells(points, rows, ordered, first, a, b), len(numbers), CELLS_A_BLOCK)
-    for k in np.flatnonzero(np.diff(first) > LARGE_CELL):
-        _sort_large_cell(ordered, rows, slice(first[k], first[k + 1]))
     return CellGrid(ordered, rows, numbers, first, n_columns, cell)
 
 
@@ -191,10 +187,12 @@ def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
 @kernel
 def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-untyped-def]
     """Sort the rows of the cells `begin` to `end` and copy their points into their places."""
-    elevation = np.empty(LARGE_CELL)
+    most = 0
     for k in range(begin, end):
-        if first[k + 1] - first[k] <= LARGE_CELL:
-            _sort_cell(points, rows[first[k] : first[k + 1]], elevation)
+        most = max(most, first[k + 1] - first[k])
+    elevation = np.empty(most)
+    for k in range(begin, end):
+        _sort_cell(points, rows[first[k] : first[k + 1]], elevation)
     for i in range(first[begin], first[end]):
         for axis in range(3):
             ordered[i, axis] = points[rows[i], axis]
@@ -224,11 +222,6 @@ def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped
         if points[row, axis] != points[other_row, axis]:
             return points[row, axis] < points[other_row, axis]
     return False
-
-
-def _sort_large_cell(points: NDArray[np.float64], rows: NDArray[np.intp], cell: slice) -> None:
-    order = np.lexsort((points[cell, 1], points[cell, 0], points[cell, 2]))
-    points[cell], rows[cell] = points[cell][order], rows[cell][order]
 
 
 @kernel
