@@ -12,9 +12,8 @@ from typing import Any
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.command.options import LODS, ScoreOptions
 
-KINDS = ("ground", "buildings", "outlines", "edges", "planes", "models")
-#: Which options apply to which kind.
-_OPTIONS = {
+#: The kinds of comparison, and which options apply to each.
+KINDS = {
     "ground": {"reference_classes"},
     "buildings": {"cell", "fill", "reference_classes"},
     "outlines": {"merge_touching", "corner_tolerance"},
@@ -104,17 +103,17 @@ def score_command(options: argparse.Namespace) -> int:
     InputError if a file cannot be read or the two sides cannot be compared; ParameterError if an option is
     out of range or has no meaning for this kind.
     """
-    names = sorted(set().union(*_OPTIONS.values()))
+    names = sorted(set().union(*KINDS.values()))
     given = {name: getattr(options, name) for name in names}
     given = {name: value for name, value in given.items() if value is not None}
-    for name in given.keys() - set().union(*(_OPTIONS[kind] for kind in options.kinds)):
+    for name in given.keys() - set().union(*(KINDS[kind] for kind in options.kinds)):
         kinds = " or ".join(options.kinds)
         raise ParameterError(
             f"score {kinds}: --{name.replace('_', '-')} does not apply to {kinds}: leave it out"
         )
     found = []
     for kind in options.kinds:
-        own = {name: value for name, value in given.items() if name in _OPTIONS[kind]}
+        own = {name: value for name, value in given.items() if name in KINDS[kind]}
         score = run_score(kind, options.result, options.reference, aoi=options.aoi, **own)
         found.append({"kind": kind, **score.figures})
         if not options.json:

@@ -62,18 +62,13 @@ def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
     """
     Count the agreement of two masks over the same items; ValueError if their shapes differ or are not 1D.
     """
-    result_mask, reference_mask = _same_length(np.asarray(result, bool), np.asarray(reference, bool))
+    result_mask, reference_mask = np.asarray(result, bool), np.asarray(reference, bool)
+    if result_mask.ndim != 1 or result_mask.shape != reference_mask.shape:
+        given = reference_mask.shape
+        raise ValueError(f"reference has shape {given}: must be one-dimensional, as long as result")
     hits = int(np.count_nonzero(result_mask & reference_mask))
     yes, wanted = int(np.count_nonzero(result_mask)), int(np.count_nonzero(reference_mask))
     return Confusion(hits, yes - hits, wanted - hits, len(result_mask) - yes - wanted + hits)
-
-
-def _same_length(
-    result: NDArray[np.bool_], reference: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    if result.ndim != 1 or result.shape != reference.shape:
-        raise ValueError(f"reference has shape {reference.shape}: must be one-dimensional, as long as result")
-    return result, reference
 
 
 def ratio(part: float, whole: float) -> float:
