@@ -49,7 +49,8 @@ class Outline:
 
     def as_carried(self) -> Outline:
         """Return the outline as a message carries it: coordinates rounded to float32."""
-        return Outline(*_carried(self.exterior, self.holes))
+        exterior, *holes = (ring.astype(np.float32).astype(np.float64) for ring in self.rings)
+        return Outline(exterior, tuple(holes))
 
     def same_as(self, other: Outline) -> bool:
         """Whether both have the same rings, vertex for vertex."""
@@ -97,11 +98,3 @@ def ring_walls(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         own[:, 0], own[:-1, 1], own[-1:, 1] = ring, ring[1:], ring[:1]
         first += len(ring)
     return walls
-
-
-def _carried(
-    exterior: NDArray[np.float64], holes: tuple[NDArray[np.float64], ...]
-) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]]:
-    """Round all rings to what float32 holds."""
-    rounded = [ring.astype(np.float32).astype(np.float64) for ring in (exterior, *holes)]
-    return rounded[0], tuple(rounded[1:])

@@ -56,16 +56,11 @@ def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     The lines are noded with snap rounding on the output grid, so that the cells are valid as they will be
     written. Segments that end inside do not cut: see `extend_segments`.
     """
-    units, borders, enclosed, corners = node_segments(walls_of(outline), segments)
+    units, borders, enclosed, corners = node_segments(ring_walls(outline.rings), segments)
     first, order, place, sides, doubled = enclosed_cells(units, borders, enclosed)
     scale = round(1.0 / GRID)
     areas, rotation = 0.5 * doubled / scale**2, Rotation(first, order, place)
     return Cells(units / scale, borders, sides, areas, corners, units, rotation)
-
-
-def walls_of(outline: Outline) -> FloatArray:
-    """Return the edges of an outline, shape (n_walls, 2, 2) [m]."""
-    return ring_walls(outline.rings)
 
 
 def rings_round(

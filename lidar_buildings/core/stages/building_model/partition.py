@@ -9,7 +9,7 @@ import numpy as np
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
-from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells, walls_of
+from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import face_rings, join_equal_cells, parts_of_one_height
@@ -44,7 +44,7 @@ def partition_outline(
     cuts = lines[0][:0]
     if len(planes) > 1:
         segments = np.concatenate([*lines, *map(_reentrant_walls, outline.rings)])
-        cuts = extend_segments(segments, walls_of(outline), len(lines[0]))
+        cuts = extend_segments(segments, ring_walls(outline.rings), len(lines[0]))
     cells = cut_into_cells(outline, cuts)
     cell = cells_of_points(cells, points)
     costs = plane_costs(points, point_weights(points, outline, spacing), cell, cells, planes, spacing)

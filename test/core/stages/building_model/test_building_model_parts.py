@@ -5,9 +5,9 @@ import pytest
 import shapely
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.raising import extrude
-from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells, walls_of
+from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, point_weights
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.faces import (
@@ -45,7 +45,7 @@ def length_of_borders(cells):
 @pytest.mark.parametrize("seed", range(5))
 def test_cells_cover_the_outline_exactly_and_share_whole_edges(seed):
     outline = Outline(SQUARE, (COURT,))
-    segments = extend_segments(random_segments(12, seed), walls_of(outline))
+    segments = extend_segments(random_segments(12, seed), ring_walls(outline.rings))
     cells = cut_into_cells(outline, segments)
     assert len(cells.polygons) > 10
     assert shapely.coverage_is_valid(cells.polygons)
@@ -71,7 +71,7 @@ def test_cells_are_those_that_shapely_cuts(n_segments, holes, extended):
     outline = Outline(SQUARE, holes)
     segments = random_segments(n_segments, n_segments)
     if extended:
-        segments = extend_segments(segments, walls_of(outline))
+        segments = extend_segments(segments, ring_walls(outline.rings))
     cells, expected = cut_into_cells(outline, segments), cells_of_shapely(outline, segments)
     assert len(cells) == len(expected)
     found = {shapely.normalize(polygon).wkb for polygon in cells.polygons}
@@ -95,20 +95,20 @@ def test_a_courtyard_within_a_court_keeps_its_cells_apart():
 
 def test_a_segment_runs_on_to_the_next_one_at_both_ends():
     segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
-    extended = extend_segments(segments, walls_of(Outline(SQUARE)))
+    extended = extend_segments(segments, ring_walls([SQUARE]))
     assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
     assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
 
 def test_a_step_runs_past_the_next_segment_but_not_past_a_wall():
     segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[7.0, 2.0], [7.0, 8.0]], [[8.0, 2.0], [8.0, 8.0]]])
-    extended = extend_segments(segments, walls_of(Outline(SQUARE)), 1)
+    extended = extend_segments(segments, ring_walls([SQUARE]), 1)
     assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
 
 
 def test_segments_that_meet_in_a_point_run_on_to_a_wall_just_behind_it():
     meeting = np.array([[[5.0, 5.0], [8.0, 9.4]], [[8.0, 2.0], [8.0, 9.4]], [[5.0, 2.0], [5.0, 5.0]]])
-    extended = extend_segments(meeting, walls_of(Outline(SQUARE)))
+    extended = extend_segments(meeting, ring_walls([SQUARE]))
     assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
     assert extended[0, 1, 1] == pytest.approx(10.0)
     assert extended[2, 1] == pytest.approx((5.0, 5.0))  # the wall is 5 m behind
@@ -116,7 +116,7 @@ def test_segments_that_meet_in_a_point_run_on_to_a_wall_just_behind_it():
 
 def test_a_segment_without_length_stays_where_it_is():
     segments = np.array([[[4.0, 5.0], [4.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
-    extended = extend_segments(segments, walls_of(Outline(SQUARE)))
+    extended = extend_segments(segments, ring_walls([SQUARE]))
     assert np.array_equal(extended[0], segments[0])
     assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
@@ -135,7 +135,7 @@ def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
 def test_a_place_above_a_vertex_lies_where_the_next_one_east_does():
     ends = np.random.default_rng(4).uniform(-1.0, 11.0, (20, 2))
     lines = np.stack([ends, ends[::-1]], axis=1)
-    cells = cut_into_cells(Outline(SQUARE), extend_segments(lines, walls_of(Outline(SQUARE))))
+    cells = cut_into_cells(Outline(SQUARE), extend_segments(lines, ring_walls([SQUARE])))
     inner = cells.vertices[(cells.vertices > 0.0).all(axis=1) & (cells.vertices < 10.0).all(axis=1)]
     above = np.concatenate([inner + np.array([0.0, 0.001 * k]) for k in range(1, 1000, 50)])
     beside = above + np.array([1e-9, 0.0])
