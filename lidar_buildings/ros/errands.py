@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from rclpy.node import Node
@@ -42,17 +42,21 @@ class Errands:
     def run(self) -> None:
         """Call what is due until `stop`; raises what a function raises."""
         self._is_running = True
-        while (errand := self._due.get()) is not None:
+        while not self._is_over and (errand := self._due.get()) is not None:
             with self.turn:
                 errand()
 
     def stop(self) -> None:
         """Call nothing more."""
         self._is_over = True
-        self._due.put(None)
+        self._due.put(None)  # `run` may wait
 
     def _do_due(self) -> None:
-        while not self._is_running and not self._due.empty():
-            if (errand := self._due.get()) is not None:
+        """Call what is due, until `run` does: it may begin, and take what there is, in the middle of this."""
+        with suppress(Empty):
+            while not (self._is_running or self._is_over):
+                if (errand := self._due.get_nowait()) is None:
+                    self._due.put(None)
+                    return
                 with self.turn:
                     errand()
