@@ -183,7 +183,7 @@ def test_an_outline_that_could_not_be_regularised_says_so():
 def test_a_lost_courtyard_names_the_smallest_one():
     holed = shapely.difference(shapely.box(0, 0, 30, 30), shapely.box(10, 10, 12, 12))
     text, named = said_of(shapely.box(0, 0, 30, 30), holed)
-    assert "1 courtyards were traced and 0 kept" in text
+    assert "Traced with 1 courtyard, of which 0 kept" in text
     assert named == {"boundary_tracing.min_courtyard_area"}
 
 

@@ -100,8 +100,9 @@ def _moves(outline: shapely.Polygon, traced: shapely.Polygon, limits: Limits) ->
                 else (),
             )
     if len(traced.interiors) != len(outline.interiors):
+        n_traced = counted(len(traced.interiors), "courtyard")
         yield Finding(
-            f"{len(traced.interiors)} courtyards were traced and {len(outline.interiors)} kept.",
+            f"Traced with {n_traced}, of which {len(outline.interiors)} kept.",
             ("boundary_tracing.min_courtyard_area",),
         )
 
