@@ -8,8 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
     columns_in_row,
@@ -46,8 +44,7 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
 
     Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
     """
-    bottom = layers.first[:-1].copy()
-    seeds = bottom[_isolated(layers, gap)]
+    bottom, seeds = layers.first[:-1].copy(), layers.first[:-1]
     n_layers = len(layers.column)
     state, group_of = np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
     for _ in range(MAX_PASSES):
@@ -60,13 +57,6 @@ def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDAr
     return state == ERROR
 
 
-def _isolated(layers: Layers, gap: float) -> NDArray[np.bool_]:
-    """Return the columns at the western and eastern ends of what lies apart; see `_mark_isolated`."""
-    isolated = np.empty(len(layers.numbers), dtype=np.bool_)
-    for_row_blocks(lambda a, b: _mark_isolated(layers, gap, isolated, a, b), len(isolated))
-    return isolated
-
-
 def _new_bottoms(
     layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
 ) -> NDArray[np.int64]:
@@ -76,29 +66,6 @@ def _new_bottoms(
         bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
     raised = bottom[columns]
     return raised[raised >= 0]
-
-
-@kernel
-def _mark_isolated(layers, gap, isolated, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Mark the columns, from `begin` to `end`, to whose west or east most columns end above their bottom.
-
-    Whatever lies apart has a westernmost and an easternmost column.
-    """
-    around, level = np.empty(2, dtype=np.int64), np.empty(2, dtype=np.int64)
-    windows = first_windows(layers.numbers, layers.width, REACH, begin)
-    for k in range(begin, end):
-        move_windows(layers.numbers, layers.width, REACH, k, windows)
-        top = high_end(layers, layers.first[k]) + gap
-        around[0], around[1], level[0], level[1] = 0, 0, 0, 0
-        for step in range(-1, 2):
-            for other in range(windows[REACH + step, 0], windows[REACH + step, 1]):
-                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
-                if across != 0:
-                    side = 0 if across < 0 else 1
-                    around[side] += 1
-                    level[side] += low_end(layers, layers.first[other]) - rise(layers, k, across, step) <= top
-        isolated[k] = 2 * level[0] <= around[0] or 2 * level[1] <= around[1]
 
 
 @kernel
