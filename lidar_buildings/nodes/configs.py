@@ -19,7 +19,7 @@ from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
-from lidar_buildings.ros.depths import MOST_TILES
+from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class SendingConfig(StageConfig):
 
     max_tiles_in_flight: int = fixed(
         2,
-        "How many tiles may be in the graph, and unless it is 1 more, up to 8, while they have fewer than "
-        "300,000 points together; 0 sends without waiting for `tile_done`.",
+        f"How many tiles may be in the graph, and unless it is 1 more, up to {MOST_TILES}, while they have "
+        f"fewer than {FEW_POINTS:,} points together; 0 sends without waiting for `tile_done`.",
         within=(0, MOST_TILES),
         advanced=True,
     )

@@ -3,6 +3,10 @@
 #: Tiles in flight, however small; as many as a host has processes.
 MOST_TILES = 8
 
+#: More tiles than asked for are in flight while they have fewer points: processes are at so many for about a
+#: second, ten times as long as tiles are on their way.
+FEW_POINTS = 300_000
+
 #: Clouds of a topic; wide margin: each tile in flight is sent at most a few times.
 CLOUD_DEPTH = 32
 

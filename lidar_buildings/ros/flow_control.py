@@ -7,15 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.depths import MOST_TILES
+from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
 from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
 from lidar_buildings.ros.stamps import tile_of
 
 #: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
 #: message to a node that has nothing else to do [s].
 _SILENCE = 1.0
-#: Processes are at so many points for about a second, ten times as long as tiles are on their way.
-FEW_POINTS = 300_000
 
 
 @dataclass

@@ -127,9 +127,8 @@ class StageNode(Node):
         """
         Have `work` called with every tile of a topic; what it raises ends that tile alone.
 
-        Where that is only a part of what the node waits for, `work` tells itself when it is `reporting`.
-
-        The tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
+        Where that is only a part of what the node waits for, `work` tells itself when it is `reporting`. The
+        tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
         counts for `diagnostics`; what yields lets the next tile begin before it has come to its end.
         """
         infos = self.tile_infos = self.tile_infos or TileInfos(self)

@@ -5,8 +5,8 @@ import pytest
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros import flow_control
-from lidar_buildings.ros.depths import MOST_TILES
-from lidar_buildings.ros.flow_control import FEW_POINTS, FlowControl
+from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
+from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.receipts import DONE, FAILED, TAKEN, Receipt
 
