@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +32,7 @@ class Columns:
     size: float  #: side of a column [m]
     _shared: dict[str, NDArray[np.int32]] = field(default_factory=dict)
 
-    @cached_property
+    @property
     def column(self) -> NDArray[np.int64]:
         """The column of each point."""
         return np.repeat(np.arange(len(self.numbers)), np.diff(self.first))

@@ -55,9 +55,11 @@ class Candidates:
         self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False
     ) -> tuple[NDArray[np.int64], int]:
         """Return the parts that steps of a length [m] connect some points to, −1 for others; how many."""
-        chosen, label = np.zeros(len(self.points), dtype=bool), np.full(len(self.points), -1)
+        chosen = np.zeros(len(self.points), dtype=bool)
         chosen[rows] = True
-        label[chosen] = connected_columns(self.columns.select(chosen), step, in_plan=in_plan)
+        part = connected_columns(self.columns.select(chosen), step, in_plan=in_plan)
+        label = np.full(len(self.points), -1)
+        label[chosen] = part
         return label, label.max(initial=-1) + 1
 
     def areas(self, label: NDArray[np.int64], n_labels: int) -> NDArray[np.float64]:

@@ -62,6 +62,7 @@ def find_facades(
     for own, limit in ((is_last, far), (~is_last, max(reach, min(far, MAX_SPLIT_REACH)))):
         both = columns.select(is_roof | (hangs & own))
         hangs[both.rows] &= near_in_plan(both, is_roof[both.rows], limit)
+    del both  # memory
     is_inside = can_be & is_last & ~hangs
     well = surroundings(columns, is_roof, max(WELL_REACH, far), is_inside)
     is_inside &= (well.n_sectors >= MIN_SECTORS)[column] & (z <= well.highest[column])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -176,14 +176,30 @@ def select_roofs(
     each: slice | NDArray[np.int64] = slice(None)
     if not is_chosen.all():
         columns, chosen, each = columns.select(is_chosen), rows[is_chosen], place
-    del is_chosen, place  # memory
-    own = (height[chosen].astype(float, copy=False), is_last[chosen], is_only[chosen])
-    roof, wall = _roofs(columns, *own, lambda: points.take(np.flatnonzero(is_low), axis=0), spacing, config)
+    # Points are taken in when they are asked for: a second copy of all makes a tenth of a tile's memory.
+    columns = replace(columns, points=np.empty((0, 3)), rows=np.empty(0, dtype=np.intp))
+    del is_chosen, place
+    is_raised = height[chosen].astype(float, copy=False) >= config.min_height
+    raised = chosen[is_raised]
+    candidates = Candidates(
+        _filled(columns, points, raised, columns.first_of(is_raised)),
+        is_last[raised],
+        is_only[raised],
+        lambda: points.take(np.flatnonzero(is_low), axis=0),
+        radius,
+        AREA_CELL * spacing,
+    )
+    del raised
+    roof, wall = np.zeros((2, len(chosen)), dtype=bool)
+    roof[is_raised], wall[is_raised] = METHODS[config.method](candidates, config)
+    del candidates, is_raised
     is_roof[rows] = roof[each]
     if config.method in COMPLETIONS:
-        as_float = height.astype(float, copy=False)
-        is_roof |= COMPLETIONS[config.method](points, as_float, is_open, is_roof, spacing, config)
-    of_chosen = _open_classes(columns, own[0], is_roof[chosen], wall, own[1], spacing, config)
+        complete = COMPLETIONS[config.method]
+        is_roof |= complete(points, height.astype(float, copy=False), is_open, is_roof, spacing, config)
+    columns = _filled(columns, points, chosen, columns.first)
+    own_height = height[chosen].astype(float, copy=False)
+    of_chosen = _open_classes(columns, own_height, is_roof[chosen], wall, is_last[chosen], spacing, config)
     classes[rows], facade[rows] = (values[each] for values in of_chosen)
     if config.road_method == "grey_values":
         if intensity is not None:
@@ -242,22 +258,11 @@ def _is_of(classes: tuple[PointClass, ...]) -> NDArray[np.bool_]:
     return np.isin(np.arange(256), classes)
 
 
-def _roofs(
-    columns: Columns,
-    height: NDArray[np.float64],
-    is_last: NDArray[np.bool_],
-    is_only: NDArray[np.bool_],
-    low: Callable[[], NDArray[np.float64]],
-    spacing: float,
-    config: RoofSelectionConfig,
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which points are roof by the method chosen, and which are walls."""
-    is_raised = height >= config.min_height
-    raised, radius = columns.select(is_raised), max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
-    candidates = Candidates(raised, is_last[is_raised], is_only[is_raised], low, radius, AREA_CELL * spacing)
-    is_roof, is_wall = np.zeros((2, len(height)), dtype=bool)
-    is_roof[is_raised], is_wall[is_raised] = METHODS[config.method](candidates, config)
-    return is_roof, is_wall
+def _filled(
+    columns: Columns, points: NDArray[np.float64], rows: NDArray[np.intp], first: NDArray[np.int64]
+) -> Columns:
+    """Return columns with some of the points, which come column by column."""
+    return replace(columns, points=points.take(rows, axis=0), first=first)
 
 
 def _open_classes(
@@ -275,8 +280,10 @@ def _open_classes(
     stands = is_roof | is_wall
     reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
     highest = surroundings(columns, is_roof, reach, ~is_roof).highest
-    classes[columns.points[:, 2] <= highest[columns.column]] = PointClass.UNCLASSIFIED
-    is_bare = columns.points[:, 2] > highest[columns.column] + TOP_REACH
+    above = columns.points[:, 2] - highest[columns.column]
+    classes[above <= 0.0] = PointClass.UNCLASSIFIED
+    is_bare = above > TOP_REACH
+    del above  # memory
     if is_wall.any():
         highest = np.maximum(highest, surroundings(columns, is_wall, reach, ~stands).highest)
     is_facade = find_facades(columns, height, stands, is_last, highest, config.facade_reach, spacing)

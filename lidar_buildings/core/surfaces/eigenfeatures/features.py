@@ -106,8 +106,7 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]) / WINDOW_REACH)
     lookup = shell_lookup(squares)
     n = len(cloud.points)
-    eigenvalues, normals = np.empty((2, n, 3))
-    outputs = (eigenvalues, normals, np.empty(n), np.empty(n, dtype=np.int64))
+    outputs = (np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64))
     for_row_blocks(
         lambda a, b: describe_cells(cloud, squares, lookup, min_neighbours, outputs, a, b),
         len(cloud.numbers),

@@ -122,6 +122,7 @@ def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
     patch = np.full(len(candidates.points), -1, dtype=np.int64)
     patch[points.rows] = label
     area = candidates.areas(patch, label.max(initial=-1) + 1)
+    del patch
     accepted = (area >= MIN_PATCH_AREA) & _is_opaque(candidates, patches, area)
     asked = np.flatnonzero(accepted[label])
     decks = is_deck(

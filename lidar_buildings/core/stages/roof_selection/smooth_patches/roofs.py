@@ -51,11 +51,13 @@ def find_roofs(
     roof = ~surface.is_other & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
+    is_other, is_wall = surface.is_other, surface.is_wall
+    del surface  # memory
     roof = _levels(candidates, roof, config, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~surface.is_other
-    return _without_narrow(candidates, roof, config), surface.is_wall
+    roof |= stands & ~is_other
+    return _without_narrow(candidates, roof, config), is_wall
 
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
