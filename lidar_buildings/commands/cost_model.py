@@ -1,11 +1,10 @@
 """
 What a run will take, from the points, the area and the tiles of its survey.
 
-All figures of the model stand here. They were fitted to runs on two cores with all defaults: the virtual
-village whole and in 36 tiles, Delft once and four times, Montpellier, fusa, Toronto, Amsterdam and two sparse
-surveys of 0.75 and 1 km² (0.3 to 28 points a square metre), then moved to what the village and Delft take
-with a report. What it does not know is how much of a survey is roofs: `bench.scale.plans` compares it with
-runs.
+All figures of the model stand here. They were fitted to runs on two cores with all defaults, through the
+graph and without ROS: a virtual village, Delft once and 16 times, Montpellier, fusa, Toronto, Amsterdam,
+Saint Barthélemy, a thin survey and two sparse ones of 0.75 and 1 km² (0.3 to 28 points a square metre). What
+it does not know is how much of a survey is roofs: `bench.scale.plans` compares it with runs.
 """
 
 from __future__ import annotations
@@ -23,21 +22,21 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan
 
 #: Processor time to read a point, do it once, and write it [s].
-_POINT = 3.55e-6
+_POINT = 1.45e-6
 #: Processor time of a point in a tile or its buffer [s]: buffers are seen again and again.
-_SEEN_POINT = 1.55e-6
+_SEEN_POINT = 2.4e-6
 #: Processor time of a square metre: rasters, terrain, and houses, however many points they have [s].
-_SQUARE_METRE = 15.1e-6
+_SQUARE_METRE = 9.0e-6
 #: Part of a core that several workers lose to each other, and to what one of them does alone.
 _LOSS = 0.08
 #: Memory of a point of a tile that is worked on, buffer included, and of a square metre of it [bytes].
-_POINT_MEMORY, _METRE_MEMORY = 199, 428
+_POINT_MEMORY, _METRE_MEMORY = 137, 500
 #: Temporary files: of a point, and of a square metre [bytes].
 _POINT_DISK, _METRE_DISK = 68, 97
 #: Results: of a byte of the inputs, and of a square metre [bytes].
 _BYTE_OUTPUT, _METRE_OUTPUT = 2.3, 61
 #: Share of the work that each stage is, in their order; the rest is reading, rasters and writing.
-_STAGE_SHARES = (0.22, 0.15, 0.06, 0.06, 0.03, 0.06, 0.12)
+_STAGE_SHARES = (0.11, 0.15, 0.04, 0.10, 0.05, 0.04, 0.09)
 #: Processor time of the calibration on the machine on which the figures were measured [s].
 _REFERENCE = 0.00434
 #: How often it is repeated; the least counts.
@@ -50,21 +49,19 @@ class _WayFigures(NamedTuple):
     #: Processor time until it works, and of each worker until that does [s].
     start: float
     worker_start: float
-    factor: float  #: of the time of the work
     #: Of the command, and of each worker [bytes].
     memory: float
     worker_memory: float
-    memory_factor: float  #: of the memory of points
     kept: float  #: temporary files of a point more: it stays decoded [bytes]
 
 
 class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
-    PROCESSES = _WayFigures(1.2, 0.0, 1.0, 320e6, 90e6, 1.0, 30.0)
-    GRAPH = _WayFigures(1.8, 0.0, 1.13, 410e6, 90e6, 1.75, 30.0)
+    PROCESSES = _WayFigures(1.6, 0.0, 250e6, 60e6, 30.0)
+    GRAPH = _WayFigures(1.8, 0.0, 340e6, 60e6, 30.0)
     #: Workers load compiled loops each for itself, where the others are forked with them.
-    CLUSTER = _WayFigures(2.0, 1.2, 1.0, 320e6, 180e6, 1.0, 0.0)
+    CLUSTER = _WayFigures(2.0, 1.2, 250e6, 160e6, 0.0)
 
 
 @dataclass(frozen=True)
@@ -90,13 +87,12 @@ def expected_cost(
     """
     of_way, share = way.value, 1.0 - sum(_STAGE_SHARES[STAGES.index(until) + 1 :])
     work = _POINT * plan.n_points + _SEEN_POINT * plan.tile_points.sum() + _SQUARE_METRE * plan.area
-    work *= slowness * of_way.factor * share
+    work *= slowness * share
     start = slowness * of_way.start
     n_busy = min(n_workers, plan.n_tiles) if way is Way.CLUSTER else n_workers
     processor = start + slowness * of_way.worker_start * n_busy + work
     wall = start + slowness * of_way.worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
-    of_points = of_way.memory_factor * _POINT_MEMORY * plan.tile_points
-    heaviest = np.sort(of_points + _METRE_MEMORY * plan.tile_areas)[::-1]
+    heaviest = np.sort(_POINT_MEMORY * plan.tile_points + _METRE_MEMORY * plan.tile_areas)[::-1]
     worker = of_way.worker_memory + heaviest.max(initial=0.0)
     return Cost(
         wall,

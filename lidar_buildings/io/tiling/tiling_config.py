@@ -49,7 +49,7 @@ class TilingConfig(StageConfig):
     max_tile_points: int = fixed(
         3_300_000,
         "Most points of a tile with its buffer where tile_size is 0; raising it lets stages see fewer points "
-        "twice, and takes about 0.3 GB of memory a million points, for each tile that is worked on.",
+        "twice, and takes about 0.2 GB of memory a million points, for each tile that is worked on.",
         within=(1_000, 1_000_000_000),
         advanced=True,
     )
