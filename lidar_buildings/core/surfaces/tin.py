@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.neighbours.cell_grid import cell_order
 from lidar_buildings.core.neighbours.parallel import BLOCK, for_row_blocks
 
 
@@ -51,20 +50,10 @@ class Tin:
         return self.elevation_and_slope(xy)[0]
 
     def elevation_and_slope(self, xy: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the elevation [m] and the slope (rise over run) of the TIN at each point."""
-        xy = np.asarray(xy, dtype=np.float64)[:, :2]
-        order = cell_order(xy, self._typical_side())
-        elevation, slope = np.empty(len(xy)), np.empty(len(xy))
-        elevation[order], slope[order] = self.elevation_and_slope_along(xy[order])
-        return elevation, slope
-
-    def elevation_and_slope_along(
-        self, xy: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """
-        Return the same as `elevation_and_slope` of points whose consecutive ones are near each other.
+        Return the elevation [m] and the slope (rise over run) of the TIN at each point.
 
-        Without sorting them first; on all cores.
+        Fastest where consecutive points are near each other; on all cores.
         """
         elevation, slope = np.empty(len(xy)), np.empty(len(xy))
         mesh = (self.vertices, self.triangles, self.neighbours)
@@ -80,11 +69,6 @@ class Tin:
     def _inside_frame(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the points relative to the origin, those beyond the frame moved onto it."""
         return np.clip(np.asarray(xy)[:, :2] - self.origin, *self.frame)
-
-    def _typical_side(self) -> float:
-        """Side of a square as large as two mean triangles [m]."""
-        width, height = self.frame[1] - self.frame[0]
-        return math.sqrt(2.0 * width * height / len(self.triangles))
 
 
 @kernel

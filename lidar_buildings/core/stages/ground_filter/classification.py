@@ -127,7 +127,7 @@ def classify_ground(
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = _labelled_ground(points, cloud, free, config, scan)
     terrain, cut_off = _terrain(cloud, free if labels is None else labels, config)
-    elevation, slope = terrain.elevation_and_slope_along(cloud.points)
+    elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
     ground = near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED

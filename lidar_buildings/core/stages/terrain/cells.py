@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.stages.terrain.interpolation import LINEAR, interpolated
+from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.stages.terrain.interpolation import LINEAR, interpolator
 from lidar_buildings.core.stages.terrain.known_cells import squared_distance
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 
@@ -21,6 +22,8 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow
 _STEPS_PER_METRE = 65536.0
 #: Cells so near an empty one are corners of the triangles that close it.
 _RIM = 3
+#: So many cells are filled at a time by the TIN: a block takes 20 MB.
+_PLACES = 1 << 18
 #: What a point is: of no account, or seen, or ground.
 LEFT_OUT, SEEN, GROUND = range(3)
 
@@ -131,11 +134,17 @@ class Cells:
 
         `method` is one of `interpolation.METHODS`.
         """
-        rows, columns = np.nonzero(chosen)
-        if len(rows) == 0 or len(vertices.points) == 0:
-            return np.full(len(rows), np.nan, dtype=np.float32)
-        centres = self.window.centres(rows, columns, self.origin)
-        return interpolated(vertices.points, centres, method).astype(np.float32)
+        places = np.flatnonzero(chosen)
+        found = np.full(len(places), np.nan, dtype=np.float32)
+        if len(places) == 0 or len(vertices.points) == 0:
+            return found
+        rows, columns = (np.flatnonzero(chosen.any(axis=axis))[[0, -1]] for axis in (1, 0))
+        corners = extent_of(self.window.centres(rows, columns, self.origin))
+        elevations = interpolator(vertices.points, corners, method)
+        for start in range(0, len(places), _PLACES):
+            some = np.divmod(places[start : start + _PLACES], chosen.shape[1])
+            found[start : start + _PLACES] = elevations(self.window.centres(*some, self.origin))
+        return found
 
 
 @kernel
