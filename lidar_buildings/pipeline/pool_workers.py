@@ -29,8 +29,9 @@ _log = logging.getLogger(__name__)
 #: and what it answers: share this out, or here is the result.
 DO, SHARED = "do", "shared"
 SHARE, DONE = "share", "done"
-#: Free memory goes back to the system so often [s]: what the largest tile left would stay else.
-_MEMORY_PERIOD = 10.0
+#: Free memory goes back to the system so often, and when nothing has come for so long [s]: what the largest
+#: tile left would stay else.
+_MEMORY_PERIOD, _IDLE = 10.0, 0.5
 
 
 def start_workers(n: int, prepare: Callable[[], object] | None) -> tuple[list[BaseProcess], list[Connection]]:
@@ -105,6 +106,8 @@ def _work(link: Connection, n_workers: int, busy: memoryview | None = None) -> N
     worker = _Worker(link, n_workers)
     with contextlib.suppress(EOFError, OSError), rare_collection():
         while True:
+            if not link.poll(_IDLE):
+                give_memory_back()
             _, is_tile = link.recv()
             busy[0] = 1
             worker.answer(is_tile, receive(link))
