@@ -10,8 +10,8 @@ import shapely
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import IntArray
+from lidar_buildings.core.solids.clearance import n_joints
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.clearance import n_joints
 from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, LEFT, LEVEL, START, X, Y
 from lidar_buildings.core.solids.raising.half_edges import HalfEdges
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
@@ -74,22 +74,15 @@ def assemble(plan: HalfEdges) -> RaisedShell:
         ring_starts[: n_all + 1],
         face_starts,
     )
+    ends = vertices[edges[:, START], :2].reshape(-1, 4).astype(np.float64)
     is_clean = (
         plan.is_settled
         and is_wide
         and kinds.count(GROUND_SURFACE) == 1
         and all(_holes_lie_apart(plan, around, first, face) for _, face in faces if len(face) > 1)
-        and n_joints(_edges_from_west(plan, order), CLEARANCE) >= 0
+        and n_joints(ends, CLEARANCE) >= 0
     )
     return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls), len(faces), is_clean)
-
-
-def _edges_from_west(plan: HalfEdges, order: IntArray) -> IntArray:
-    """Return the ends of each edge, the western first, by these."""
-    places = plan.vertices[:, :2]
-    edges = np.concatenate([places[plan.edges[order, START]], places[plan.edges[order ^ 1, START]]], axis=1)
-    forward = (edges[:, 0] < edges[:, 2]) | ((edges[:, 0] == edges[:, 2]) & (edges[:, 1] < edges[:, 3]))
-    return edges[forward]
 
 
 def _holes_lie_apart(plan: HalfEdges, around: IntArray, first: IntArray, face: list[int]) -> bool:

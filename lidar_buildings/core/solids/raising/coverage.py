@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import IntArray
-from lidar_buildings.core.solids.raising.clearance import n_joints
+from lidar_buildings.core.solids.clearance import n_joints
 from lidar_buildings.core.solids.raising.grid_rings import GridRings, first_of_each, grid_rings, piece_rings
 from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE, PlanGraph, labelled_graph
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
@@ -28,15 +28,16 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
     if by_piece is not None and len(by_piece.ends):
         graph = by_piece.joined(numbers)
         # Edges that keep clear of each other cross nowhere and leave no slits.
-        if _is_clear(by_piece) and _are_simple(by_piece, rings):
+        if _are_clear(by_piece.places[by_piece.ends]) and _are_simple(by_piece, rings):
             return graph
-        if shapely.is_valid(_polygons(rings)).all() and (_is_clear(graph) or not _has_slit(graph)):
+        outer = graph.ends[(graph.sides == OUTSIDE).any(axis=1)]
+        if shapely.is_valid(_polygons(rings)).all() and _are_clear(graph.places[outer]):
             return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
 
-def _is_clear(graph: PlanGraph) -> bool:
-    return n_joints(graph.places[graph.ends].reshape(-1, 4), LEAST_DISTANCE) >= 0
+def _are_clear(edges: IntArray) -> bool:
+    return bool(n_joints(edges.reshape(-1, 4).astype(np.float64), LEAST_DISTANCE) >= 0)
 
 
 def _are_simple(graph: PlanGraph, rings: GridRings) -> bool:
@@ -53,22 +54,6 @@ def _polygons(rings: GridRings) -> NDArray[np.object_]:
     ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
     shells = shapely.linearrings(rings.corners.astype(np.float64), indices=ring)
     return np.asarray(shapely.polygons(shells, indices=np.cumsum(rings.is_exterior) - 1))
-
-
-def _has_slit(graph: PlanGraph) -> bool:
-    """Whether an end of an outer edge lies next to another one that it does not belong to, or two cross."""
-    edges = graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]].astype(np.float64)
-    if not len(edges):
-        return True
-    lines = shapely.linestrings(edges)
-    ends = np.unique(edges.reshape(-1, 2), axis=0)
-    points = shapely.points(ends)
-    near = shapely.STRtree(lines).query(points, predicate="dwithin", distance=LEAST_DISTANCE)
-    apart = (edges[near[1]] != ends[near[0], None, :]).any(axis=2).all(axis=1)
-    if apart.any():
-        return True
-    crossing = shapely.STRtree(lines).query(lines, predicate="crosses")
-    return bool(crossing.size)
 
 
 def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float, grid: float) -> PlanGraph:

@@ -6,10 +6,10 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.solids.clearance import n_joints
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.assembly import CLEARANCE
-from lidar_buildings.core.solids.raising.clearance import edges_of_rings, n_joints
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
 from lidar_buildings.core.solids.validity import check_solid
 
@@ -43,7 +43,7 @@ def extrusion_codes(outline: Outline, solid: Solid, height: float) -> tuple[int,
     """
     rings = outline.rings
     if height > _CLEARANCE and min(map(len, rings)) >= 3:
-        edges = edges_of_rings(rings)
+        edges = ring_walls(rings).reshape(-1, 4)
         if n_joints(edges, _CLEARANCE) == len(edges) and (len(rings) == 1 or outline.polygon.is_valid):
             return ()
     return check_solid(solid)

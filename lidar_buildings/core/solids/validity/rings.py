@@ -7,11 +7,11 @@ from itertools import combinations, pairwise, permutations
 import numpy as np
 import shapely
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.solids.clearance import n_joints
 from lidar_buildings.core.solids.validity.codes import TOUCHING
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
-from lidar_buildings.core.solids.validity.triangulation import turn
 
 
 def repeated_points(faces: FaceArrays) -> set[int]:
@@ -51,55 +51,15 @@ def _any_meets_itself(flat: FloatArray, ring_starts: IntArray) -> bool:
     """Whether a ring has no area, folds back at a corner, or has edges that meet away from common corners."""
     for number in range(len(ring_starts) - 1):
         begin, end = ring_starts[number], ring_starts[number + 1]
-        doubled_area, length, before = 0.0, 0.0, end - 1
+        edges, doubled_area, length = np.empty((end - begin, 4)), 0.0, 0.0
         for k in range(begin, end):
-            dx, dy = flat[k, 0] - flat[before, 0], flat[k, 1] - flat[before, 1]
-            doubled_area += (flat[before, 0] - flat[begin, 0]) * dy - (flat[before, 1] - flat[begin, 1]) * dx
-            length += np.sqrt(dx * dx + dy * dy)
-            before = k
-        if abs(doubled_area) <= TOUCHING * length:
+            (ax, ay), (bx, by) = flat[k], flat[k + 1 if k + 1 < end else begin]
+            edges[k - begin] = (ax, ay, bx, by)
+            doubled_area += (ax - flat[begin, 0]) * (by - ay) - (ay - flat[begin, 1]) * (bx - ax)
+            length += np.hypot(bx - ax, by - ay)
+        if abs(doubled_area) <= TOUCHING * length or n_joints(edges, TOUCHING) != len(edges):
             return True
-        for k in range(begin, end):
-            a = k - 1 if k > begin else end - 1
-            far = a - 1 if a > begin else end - 1
-            # A corner where the ring turns back upon its last edge.
-            if _is_near(flat, k, far, a) or _is_near(flat, far, a, k):
-                return True
-            low_x, high_x = min(flat[a, 0], flat[k, 0]) - TOUCHING, max(flat[a, 0], flat[k, 0]) + TOUCHING
-            low_y, high_y = min(flat[a, 1], flat[k, 1]) - TOUCHING, max(flat[a, 1], flat[k, 1]) + TOUCHING
-            # The last edge is followed by the first.
-            for d in range(begin + 1 if k == end - 1 else begin, k - 1):
-                c = d - 1 if d > begin else end - 1
-                if (
-                    (flat[c, 0] < low_x and flat[d, 0] < low_x)
-                    or (flat[c, 0] > high_x and flat[d, 0] > high_x)
-                    or (flat[c, 1] < low_y and flat[d, 1] < low_y)
-                    or (flat[c, 1] > high_y and flat[d, 1] > high_y)
-                ):
-                    continue
-                if (turn(flat, a, k, c) > 0.0) != (turn(flat, a, k, d) > 0.0) and (
-                    turn(flat, c, d, a) > 0.0
-                ) != (turn(flat, c, d, k) > 0.0):
-                    return True
-                if (
-                    _is_near(flat, a, c, d)
-                    or _is_near(flat, k, c, d)
-                    or _is_near(flat, c, a, k)
-                    or _is_near(flat, d, a, k)
-                ):
-                    return True
     return False
-
-
-@inner_kernel
-def _is_near(flat: FloatArray, p: int, a: int, b: int) -> bool:
-    """Whether a corner lies within `TOUCHING` of a segment between two others."""
-    ex, ey = flat[b, 0] - flat[a, 0], flat[b, 1] - flat[a, 1]
-    px, py = flat[p, 0] - flat[a, 0], flat[p, 1] - flat[a, 1]
-    squared = ex * ex + ey * ey
-    share = 0.0 if squared == 0.0 else min(1.0, max(0.0, (px * ex + py * ey) / squared))
-    dx, dy = px - share * ex, py - share * ey
-    return dx * dx + dy * dy <= TOUCHING**2
 
 
 def misplaced_holes(faces: FaceArrays, flat: FloatArray) -> set[int]:

@@ -1,48 +1,36 @@
-"""Whether the edges of a plan keep clear of each other."""
+"""Whether edges keep clear of each other."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import ring_walls
+from lidar_buildings.core.neighbours.few_rows import sort_rows
 
 
-def n_joints(edges: FloatArray | IntArray, distance: float) -> int:
+@kernel
+def n_joints(edges, distance):  # type: ignore[no-untyped-def]
     """
     Return how many pairs of edges have a common end, −1 if edges do not keep clear of each other.
 
     They do if they meet in common ends only, and lie farther than a distance from the ends of others. Rings
-    that pass no place twice have as many joints as edges. Edges are x and y of one end, which lies no further
-    east, and of the other, rising by the first x.
+    that pass no place twice have as many joints as edges. Edges are x and y of both ends, float64 (n, 4);
+    they are swept from west to east, and sides of points are exact for whole numbers.
     """
-    return int(_n_joints(edges.astype(np.float64), distance))
-
-
-def edges_of_rings(rings: Sequence[FloatArray]) -> FloatArray:
-    """Return the edges of open rings as `n_joints` takes them."""
-    edges = ring_walls(rings).reshape(-1, 4)
-    turned = edges[:, 0] > edges[:, 2]
-    edges[turned] = edges[turned][:, [2, 3, 0, 1]]
-    return edges[np.argsort(edges[:, 0])]
-
-
-@kernel
-def _n_joints(edges: FloatArray, distance: float) -> int:
-    """Sweep the edges from west to east; sides of points are exact for whole numbers."""
-    square, n = distance * distance, 0
+    first, order = np.empty(len(edges)), np.arange(len(edges))
     for i in range(len(edges)):
-        ax, ay, bx, by = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        first[i] = min(edges[i, 0], edges[i, 2])
+    sort_rows(first, order, len(order))
+    square, n = distance * distance, 0
+    for i in range(len(order)):
+        ax, ay, bx, by = edges[order[i]]
         low, high = min(ay, by) - distance, max(ay, by) + distance
         ux, uy = bx - ax, by - ay
         if ux * ux + uy * uy <= square:
             return -1
-        for j in range(i + 1, len(edges)):
-            cx, cy, dx, dy = edges[j, 0], edges[j, 1], edges[j, 2], edges[j, 3]
-            if cx > bx + distance:
+        for j in range(i + 1, len(order)):
+            cx, cy, dx, dy = edges[order[j]]
+            if first[j] > max(ax, bx) + distance:
                 break
             if (cy < low and dy < low) or (cy > high and dy > high):
                 continue
