@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from lidar_buildings.core.solids.raising.level_cut import cut_at
 from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
 
@@ -18,13 +16,6 @@ _TOLERATED = 0.004
 def with_minimum_height(pieces: Sequence[RoofPiece], ground_elevation: float) -> list[RoofPiece]:
     """Return the pieces, with what lies lower than `MIN_HEIGHT` above the ground replaced by flat pieces."""
     floor = ground_elevation + MIN_HEIGHT
-    corners = [piece.rings[0] for piece in pieces if piece.rings]
-    if corners and all(map(len, corners)) and len(corners) == len(pieces):
-        # Mostly all of a roof is high above the ground.
-        a, b, c = np.repeat([piece.plane for piece in pieces], list(map(len, corners)), axis=0).T
-        x, y = np.concatenate(corners).T
-        if (a * x + b * y + c).min() >= floor:
-            return list(pieces)
     return [part for piece in pieces for part in _part_above(piece, floor)]
 
 
