@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
@@ -37,7 +37,6 @@ from lidar_buildings.core.stages.building_model.levels import (
     part_elevations,
 )
 from lidar_buildings.core.stages.building_model.partition import partition_outline
-from lidar_buildings.core.stages.building_model.point_order import rows_in_order
 from lidar_buildings.core.stages.building_model.quality import measure_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch, RoofFaces
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
@@ -120,7 +119,7 @@ def build_model(
         )
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
-    order = rows_in_order(points, plane_id)
+    order = _rows_in_order(points, plane_id)
     points, plane_id = points[order], plane_id[order]
     outline = gridded_outline(outline)
     spacing = point_spacing or (measure_spacing(points, FEW_PROBES) if len(points) > 1 else _ASSUMED_SPACING)
@@ -129,6 +128,18 @@ def build_model(
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     known = (spacing, ground_elevation, attributes, config)
     return _model(points, plane_id if is_roof_seen else None, outline, *known)
+
+
+def _rows_in_order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:
+    """Return the rows by y, x, z and plane; all but y are looked at only where it is equal."""
+    x, y, z = points.T
+    order = np.argsort(y)
+    is_equal = np.zeros(len(y) + 1, dtype=np.bool_)
+    is_equal[1:-1] = y[order[1:]] == y[order[:-1]]
+    tied = np.flatnonzero(is_equal[1:] | is_equal[:-1])
+    own = order[tied]
+    order[tied] = own[np.lexsort((plane_id[own], z[own], x[own], y[own]))]
+    return order
 
 
 def _model(
