@@ -118,7 +118,7 @@ def _failed(job: _Job, reason: str) -> BuildingModel:
     known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
     known |= {"area": job.outline.area, "n_points": len(job.points), "roof_type": "unknown"}
     known |= {"lod": "", "validity": ""}
-    return BuildingModel({}, known, (), BuildingStatus.FAILED, reason)
+    return BuildingModel({}, known, BuildingStatus.FAILED, reason)
 
 
 def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:

@@ -24,7 +24,7 @@ def products_of(tile):
     ring = np.array([[west, south], [west + 8.0, south], [west + 8.0, south + 6.0], [west, south + 6.0]])
     hole = np.array([[west + 2.0, south + 2.0], [west + 2.0, south + 4.0], [west + 4.0, south + 2.0]])
     one = BuildingOutline(number, Outline(ring, (hole,)))
-    model = BuildingModel({}, {"height": 8.5}, (), BuildingStatus.NO_SOLID, "made up")
+    model = BuildingModel({}, {"height": 8.5}, BuildingStatus.NO_SOLID, "made up")
     line = feature_line(model, number, tile.frame, model.attributes, anchor=(west, south))
     return TileProducts.from_tiles(classified, planes, [one], [one], [line])
 

@@ -72,7 +72,7 @@ def tower():
 def ruin():
     """A building without any solid."""
     attributes = {"ground_elevation": GROUND, "reason": "no roof points"}
-    model = BuildingModel({}, attributes, (), BuildingStatus.DEGENERATE, "no roof points")
+    model = BuildingModel({}, attributes, BuildingStatus.DEGENERATE, "no roof points")
     return Outline(rectangle(80, 0, 84, 4)), model
 
 

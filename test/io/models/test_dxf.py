@@ -157,7 +157,7 @@ def test_feet_are_written_in_feet(tmp_path):
 def test_metres_are_named_and_texts_beyond_ascii_survive(tmp_path):
     def named():
         outline, model = model_survey.gable()
-        return outline, type(model)(model.solids, {"footprint_id": "Wohnhaus Süd — Ł"}, ())
+        return outline, type(model)(model.solids, {"footprint_id": "Wohnhaus Süd — Ł"})
 
     _, path = written(tmp_path, buildings={5: named})
     drawing = ezdxf.readfile(path)

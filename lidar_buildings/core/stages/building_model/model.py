@@ -17,7 +17,7 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline
 from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
-from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
+from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.attributes import (
     elevation_at,
     known_attributes,
@@ -38,7 +38,7 @@ from lidar_buildings.core.stages.building_model.levels import (
 )
 from lidar_buildings.core.stages.building_model.partition import partition_outline
 from lidar_buildings.core.stages.building_model.quality import measure_model
-from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch, RoofFaces
+from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
@@ -245,14 +245,14 @@ def _finished(
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if roof.has_extent else BuildingStatus.DEGENERATE
-    return BuildingModel(solids, attributes, _roof_faces(solids[finest]), status, reason)
+    return BuildingModel(solids, attributes, status, reason)
 
 
 def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
     """Return the model of a building whose LoD1.2 is sound and of which no more could be told."""
     attributes = attributes | solid_attributes(LOD12, solid)
     reason = "; ".join(text for text in remarks if text)
-    return BuildingModel({LOD12: solid}, attributes, _roof_faces(solid), BuildingStatus.OK, reason)
+    return BuildingModel({LOD12: solid}, attributes, BuildingStatus.OK, reason)
 
 
 def _has_extent(points: FloatArray) -> bool:
@@ -271,7 +271,7 @@ def _without_solid(
     attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
 ) -> BuildingModel:
     known = None if ground is None else elevation_on_grid(ground)
-    return BuildingModel({}, attributes | {"ground_elevation": known}, (), status, reason)
+    return BuildingModel({}, attributes | {"ground_elevation": known}, status, reason)
 
 
 def _ground(
@@ -282,11 +282,3 @@ def _ground(
         return elevation_on_grid(ground_elevation), ""
     assumed = elevation_on_grid(float(points[:, 2].min()) - config.assumed_height)
     return assumed, f"ground elevation unknown: taken {config.assumed_height:g} m below the lowest roof point"
-
-
-def _roof_faces(solid: Solid) -> RoofFaces:
-    return tuple(
-        solid.face_rings(face)
-        for face, kind in zip(solid.faces, solid.semantics, strict=True)
-        if kind == ROOF_SURFACE
-    )

@@ -7,7 +7,7 @@ from typing import Any
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 
 #: Names of a model's attributes, whatever becomes of it.
 ATTRIBUTES = (
@@ -30,8 +30,6 @@ ATTRIBUTES = (
     "lod",
     "validity",
 )
-#: The faces of a roof: each its rings of shape (n, 3), the exterior first and then its holes.
-RoofFaces = tuple[tuple[FloatArray, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +39,18 @@ class BuildingModel:
     solids: dict[str, Solid]  #: by level of detail ("1.2"); valid ones only
     #: By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
     attributes: dict[str, Any]
-    roof_faces: RoofFaces = ()  #: the faces of the finest solid's roof
     #: OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     status: BuildingStatus = BuildingStatus.OK
     reason: str = ""  #: why not OK, or what was assumed or repaired
+
+    @property
+    def roof_faces(self) -> tuple[tuple[FloatArray, ...], ...]:
+        """Faces of the finest solid's roof: rings of shape (n, 3) each, the exterior first [m]."""
+        if not self.solids:
+            return ()
+        finest = self.solids[max(self.solids)]
+        faces = zip(finest.faces, finest.semantics, strict=True)
+        return tuple(finest.face_rings(face) for face, kind in faces if kind == ROOF_SURFACE)
 
 
 @dataclass(frozen=True, eq=False)
