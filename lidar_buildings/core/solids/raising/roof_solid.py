@@ -104,14 +104,8 @@ def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
     check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
     leaves doubt, or one of them overhangs itself, all is checked.
     """
-    codes = _sloping_codes(shell) if shell.is_clean else None
+    codes = codes_of_upward_faces(_chosen(shell.faces, _sloping(shell))) if shell.is_clean else None
     return check_faces(shell.faces) if codes is None else codes
-
-
-def _sloping_codes(shell: RaisedShell) -> tuple[int, ...] | None:
-    """Return what is wrong with sloping faces of the roof by themselves, None where all is to be checked."""
-    sloping = _sloping(shell)
-    return codes_of_upward_faces(_chosen(shell.faces, sloping)) if sloping.any() else ()
 
 
 def _sloping(shell: RaisedShell) -> BoolArray:
