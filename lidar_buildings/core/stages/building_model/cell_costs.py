@@ -8,7 +8,6 @@ import numpy as np
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
 
@@ -104,15 +103,6 @@ def plane_costs(
     )  # fmt: skip
 
 
-def point_weights(points: FloatArray, outline: Outline, spacing: float) -> FloatArray:
-    """
-    Return the area that each point stands for [m²]: it shares a square of a spacing with others in it.
-
-    Points beside the outline's bounding box stand for none.
-    """
-    return _weights(points, outline.exterior, spacing)
-
-
 @inner_kernel
 def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
     """
@@ -141,9 +131,13 @@ def _square_of(x, y, squares):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _weights(points, places, spacing):  # type: ignore[no-untyped-def]
-    """See `point_weights`."""
-    squares = _squares_over(places, spacing)
+def point_weights(points, exterior, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the area that each point stands for [m²]: it shares a square of a spacing with others in it.
+
+    Points beside the bounding box of the outline's exterior stand for none.
+    """
+    squares = _squares_over(exterior, spacing)
     shared, square = np.zeros(squares[3] * squares[4], np.int64), np.empty(len(points), np.int64)
     for i in range(len(points)):
         square[i] = _square_of(points[i, 0], points[i, 1], squares)

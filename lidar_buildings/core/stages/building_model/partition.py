@@ -47,7 +47,8 @@ def partition_outline(
         cuts = extend_segments(segments, ring_walls(outline.rings), len(lines[0]))
     cells = cut_into_cells(outline, cuts)
     cell = cells_of_points(cells, points)
-    costs = plane_costs(points, point_weights(points, outline, spacing), cell, cells, planes, spacing)
+    weights = point_weights(points, outline.exterior, spacing)
+    costs = plane_costs(points, weights, cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
     return _faces(cells, labels, cell, planes, config.min_part_step)

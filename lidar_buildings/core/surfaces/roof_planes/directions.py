@@ -17,17 +17,13 @@ _LEAST_SHARE = 0.08
 _MOST = 6
 
 
-def main_directions(angles: FloatArray, weights: FloatArray) -> FloatArray:
+@kernel
+def main_directions(angles, weights):  # type: ignore[no-untyped-def]
     """
     Group weighted directions that are parallel or perpendicular; return the mean of each group, 0 to π/2.
 
     The weightiest comes first.
     """
-    return np.asarray(_main_directions(angles, weights))
-
-
-@kernel
-def _main_directions(angles, weights):  # type: ignore[no-untyped-def]
     x, y, left = np.empty(len(angles)), np.empty(len(angles)), np.empty(len(angles), np.bool_)
     total = 0.0
     for i in range(len(angles)):

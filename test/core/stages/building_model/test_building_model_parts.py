@@ -229,7 +229,7 @@ def test_a_plane_is_cut_off_level_where_it_rises_above_all_that_was_seen():
 
 def test_points_share_the_squares_of_a_spacing_and_those_beside_the_outline_stand_for_none():
     points = np.array([[0.1, 0.1], [0.4, 0.4], [0.6, 0.1], [10.2, 5.0], [10.6, 5.0], [-0.1, 5.0]])
-    weights = point_weights(points, Outline(SQUARE), 0.5)
+    weights = point_weights(points, SQUARE, 0.5)
     assert weights == pytest.approx([0.125, 0.125, 0.25, 0.25, 0.0, 0.0])
 
 

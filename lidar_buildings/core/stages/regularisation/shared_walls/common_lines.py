@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.outline import ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 
 #: Walls facing each other under a larger angle are no common wall.
@@ -82,17 +83,12 @@ def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) ->
 
 def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
     """Return the edges of closed rings."""
-    starts, ends, before, building = [], [], [], []
-    first = 0
-    for ring, owner in zip(rings, ring_of, strict=True):
-        places = shapely.get_coordinates(ring)
-        n = len(places) - 1
-        starts.append(places[:-1])
-        ends.append(places[1:])
-        before.append(first + np.roll(np.arange(n), 1))
-        building.append(np.full(n, owner))
-        first += n
-    return Walls(*(np.concatenate(columns) for columns in (starts, ends, building, before)))
+    sizes = shapely.get_num_coordinates(rings) - 1
+    ends = ring_walls([shapely.get_coordinates(ring)[:-1] for ring in rings])
+    first = np.cumsum(sizes) - sizes
+    before = np.arange(len(ends)) - 1
+    before[first] = first + sizes - 1
+    return Walls(ends[:, 0], ends[:, 1], np.repeat(ring_of, sizes), before)
 
 
 def _is_chord(walls: Walls) -> NDArray[np.bool_]:
