@@ -7,11 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.candidates import MAX_SLOPE_DEG, Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.surroundings import MAX_LINEARITY, near_tangent_plane
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
 from lidar_buildings.core.surfaces.symmetric_eigen import values_and_normal
 
 #: Places of the grid along x and along y at which every point is judged ("substeps").
@@ -50,14 +52,14 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Returns
     -------
     ndarray of bool, shape (n_points,)
-        Roofs of buildings.
+        Roofs.
     """
     high = candidates.columns
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
     kind, normals = _judged(high.points, side, config)
     is_planar = kind == PLANAR
     continued = near_tangent_plane(high, normals[is_planar], is_planar, side / 2.0, config.max_plane_distance)
-    return candidates.of_buildings(continued & (kind != RUGGED), config.min_building_area)
+    return continued & (kind != RUGGED)
 
 
 def _judged(
@@ -69,36 +71,31 @@ def _judged(
     least = np.full(len(points), np.inf)
     normals = np.zeros((len(points), 3))
     for place in range(SUBSTEPS**2):
-        shift = np.array(divmod(place, SUBSTEPS)) / SUBSTEPS
-        rows, first = _cells(points, side, shift)
+        east, north = np.array(divmod(place, SUBSTEPS)) * side / SUBSTEPS
+        cells = rows_by_cell(points - [east, north, 0.0], side)
         for_row_blocks(
-            lambda begin, end, rows=rows, first=first: _judge(  # type: ignore[misc]
-                points, rows, first, limits, kind, least, normals, begin, end
+            lambda begin, end, cells=cells: _judge(  # type: ignore[misc]
+                points, cells.rows, cells.first, limits, kind, least, normals, begin, end
             ),
-            len(first) - 1,
+            len(cells.numbers),
             CELL_BLOCK,
         )
     return kind, normals
 
 
-def _cells(
-    points: NDArray[np.float64], side: float, shift: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows in the order of their cells, and where in it each cell begins."""
-    column, row = np.floor(points[:, :2] / side - shift).T
-    rows = np.lexsort((row, column))
-    changes = (np.diff(column[rows]) != 0) | (np.diff(row[rows]) != 0)
-    return rows, np.concatenate([[0], np.flatnonzero(changes) + 1, [len(rows)]]).astype(np.int64)
-
-
 @kernel
 def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # type: ignore[no-untyped-def]
     max_planar, min_rugged, min_upward = limits
-    for c in range(begin, end):
-        inside = rows[first[c] : first[c + 1]]
+    moments = np.empty(N_MOMENTS)
+    for cell in range(begin, end):
+        inside = rows[first[cell] : first[cell + 1]]
         if len(inside) < MIN_CELL_POINTS:
             continue
-        first_value, second_value, third_value, a, b, c = values_and_normal(*_covariance(points, inside))
+        moments[:] = 0.0
+        x, y, z = points[inside[0]]
+        for i in inside:
+            add_point(moments, points[i, 0] - x, points[i, 1] - y, points[i, 2] - z)
+        first_value, second_value, third_value, a, b, c = values_and_normal(*covariance(moments))
         deviation = math.sqrt(third_value)
         found = RUGGED if deviation > min_rugged else NEITHER
         is_line = first_value - second_value > MAX_LINEARITY * first_value or first_value == 0.0
@@ -109,19 +106,3 @@ def _judge(points, rows, first, limits, kind, least, normals, begin, end):  # ty
             if found == PLANAR and deviation < least[i]:
                 least[i] = deviation
                 normals[i, 0], normals[i, 1], normals[i, 2] = a, b, c
-
-
-@inner_kernel
-def _covariance(points, inside):  # type: ignore[no-untyped-def]
-    """Return xx, xy, xz, yy, yz, zz about the mean of the points of one cell."""
-    n = len(inside)
-    x = y = z = 0.0
-    for i in inside:
-        x, y, z = x + points[i, 0], y + points[i, 1], z + points[i, 2]
-    x, y, z = x / n, y / n, z / n
-    xx = xy = xz = yy = yz = zz = 0.0
-    for i in inside:
-        dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
-        xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
-        yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
-    return xx / n, xy / n, xz / n, yy / n, yz / n, zz / n

@@ -43,29 +43,12 @@ OPEN = (
 )
 #: Classes of points that are no part of the scene.
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
-_Method = Callable[[Candidates, RoofSelectionConfig], NDArray[np.bool_]]
-
-
-def _roofs_alone(
-    find: _Method,
-) -> Callable[[Candidates, RoofSelectionConfig], tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Let a method that tells no walls say that there are none."""
-    return lambda candidates, config: (find(candidates, config), np.zeros(len(candidates.points), dtype=bool))
-
-
-#: Method → its function, which tells roofs and walls.
+#: Method that tells no walls → its function.
 METHODS = {
-    "smooth_patches": smooth_patches.find_roofs,
-    "lasclassify": _roofs_alone(lasclassify.find_roofs),
-    "single_returns": _roofs_alone(single_returns.find_roofs),
-    "all": _roofs_alone(
-        lambda candidates, config: candidates.of_buildings(
-            np.ones(len(candidates.points), dtype=bool), config.min_building_area
-        )
-    ),
+    "lasclassify": lasclassify.find_roofs,
+    "single_returns": single_returns.find_roofs,
+    "all": lambda candidates, config: np.ones(len(candidates.points), dtype=bool),
 }
-#: Method → what adds the roofs of which hardly anything came back, once small buildings are gone.
-COMPLETIONS = {"smooth_patches": find_wet_roofs}
 #: What is lower than this share of `min_height` may be what a bridge goes on as.
 LOW_SHARE = 0.5
 #: Cells in which areas are counted, in spacings: four points each, so that few cells of a roof stay empty.
@@ -191,12 +174,17 @@ def select_roofs(
     )
     del raised
     roof, wall = np.zeros((2, len(chosen)), dtype=bool)
-    roof[is_raised], wall[is_raised] = METHODS[config.method](candidates, config)
+    if config.method == "smooth_patches":
+        roof[is_raised], wall[is_raised] = smooth_patches.find_roofs(candidates, config)
+    else:
+        found = METHODS[config.method](candidates, config)
+        roof[is_raised] = candidates.of_buildings(found, config.min_building_area)
     del candidates, is_raised
     is_roof[rows] = roof[each]
-    if config.method in COMPLETIONS:
-        complete = COMPLETIONS[config.method]
-        is_roof |= complete(points, height.astype(float, copy=False), is_open, is_roof, spacing, config)
+    if config.method == "smooth_patches":
+        as_float = height.astype(float, copy=False)
+        is_roof |= find_wet_roofs(points, as_float, is_open, is_roof, spacing, config)
+        del as_float
     columns = _filled(columns, points, chosen, columns.first)
     own_height = height[chosen].astype(float, copy=False)
     of_chosen = _open_classes(columns, own_height, is_roof[chosen], wall, is_last[chosen], spacing, config)

@@ -39,7 +39,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     Returns
     -------
     ndarray of bool, shape (n_points,)
-        Roofs of buildings.
+        Roofs.
     """
     counts = {
         "single": candidates.is_only,
@@ -53,7 +53,7 @@ def find_roofs(candidates: Candidates, config: RoofSelectionConfig) -> NDArray[n
     found[counted.rows] = near_tangent_plane(
         counted, normals[is_plane], is_plane, radius, config.max_plane_distance
     )
-    return candidates.of_buildings(found, config.min_building_area)
+    return found
 
 
 def _planes(
