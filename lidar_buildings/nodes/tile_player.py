@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
@@ -17,6 +16,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags import bags_among
 from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
 from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
@@ -98,7 +98,7 @@ class TilePlayer(TileSender):
     def __init__(self, pool: BuildingPool | None = None, *, keep: bool = False, **kwargs: Any) -> None:
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
-        self._temporary = TemporaryDirectory(prefix="lidar_buildings_", ignore_cleanup_errors=True)
+        self._temporary: Path | None = None
         with self.starting():
             inputs = self._with_placed_bags(config)
             self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
@@ -144,14 +144,18 @@ class TilePlayer(TileSender):
         if hasattr(self, "tiles"):
             self.tiles.stop()
             self._source.close()
-        self._temporary.cleanup()
+        if self._temporary is not None:
+            remove_folder(self._temporary)
         super().destroy_node()
 
     def _with_placed_bags(self, config: TilePlayerConfig) -> tuple[str, ...]:
         """Return the inputs with clouds instead of bags, whose scans are placed now."""
-        folder = Path(config.placed or self._temporary.name)
-        if bags_among(config.input):
-            self.get_logger().info("placing the scans of bags")
+        if not bags_among(config.input):
+            return config.input
+        if not config.placed:
+            self._temporary = make_temporary_folder()
+        folder = self._temporary or Path(config.placed)
+        self.get_logger().info("placing the scans of bags")
         records = place_bags(
             config.input, folder, config, self.parameters[ScanConfig], self.get_logger().info
         )

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
-import tempfile
 import threading
 import time
 from collections import Counter
@@ -20,6 +18,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
+from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
 from lidar_buildings.io.tiling.live_frame import FrameSearch
 from lidar_buildings.io.tiling.live_inbox import LiveInbox
@@ -50,7 +49,7 @@ class LiveFeed:
         self.problems: Counter[str] = Counter()
         self.n_flushed, self.obstacle = 0, ""
         self._tiling, self._scans, self._inbox = tiling, scans, LiveInbox()
-        self.folder = Path(tiling.spool or tempfile.mkdtemp(prefix="lidar_buildings_"))
+        self.folder = Path(tiling.spool) if tiling.spool else make_temporary_folder()
         self.recorded = recorded_of(self.folder, tiling)
         self._search = FrameSearch(frame)
         self._placer = ScanPlacer(scans)
@@ -87,7 +86,7 @@ class LiveFeed:
                 self._survey.close()
         finally:
             if not self._tiling.spool:
-                shutil.rmtree(self.folder, ignore_errors=True)
+                remove_folder(self.folder)
 
     @property
     def frame(self) -> MapFrame | None:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
-import tempfile
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import contextmanager
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder, temporary_files
 from lidar_buildings.io.tiling.cell_table import Cell, CellTable
 
 #: What is kept of a point: the columns of a tile, map coordinates first. `take` and `compress` copy records
@@ -61,8 +57,6 @@ Pieces = dict[Cell, list[Piece]]
 
 #: Records read back at a time (10 MB).
 BLOCK = 262_144
-#: A folder is deleted again where a file was just being added: once a thread; wide margin.
-_ATTEMPTS = 10
 #: Cell numbers up to this sort fastest (radix sort).
 _SHORT = 65_536
 
@@ -73,8 +67,7 @@ class Spool:
     """
 
     def __init__(self, folder: str | Path | None = None) -> None:
-        with temporary_files(folder or tempfile.gettempdir()):
-            self.folder = Path(tempfile.mkdtemp(prefix="lidar_buildings_", dir=folder))
+        self.folder = make_temporary_folder(folder)
         #: How many records each cell has here, and where those are that were joined.
         self._counts, self._joined = CellTable(0), dict[Cell, list[Piece]]()
 
@@ -154,16 +147,8 @@ class Spool:
         return part
 
     def remove(self) -> None:
-        """Delete everything, also what another thread adds meanwhile, which by another name it cannot."""
-        folder = self.folder.with_name(f"{self.folder.name}.removed")
-        try:
-            self.folder.rename(folder)
-        except OSError:
-            folder = self.folder
-        for _ in range(_ATTEMPTS):
-            shutil.rmtree(folder, ignore_errors=True)
-            if not folder.exists():
-                break
+        """Delete everything, also what another thread adds meanwhile."""
+        remove_folder(self.folder)
 
     def _pieces(self, cell: Cell) -> list[Piece]:
         """Return where a cell's records are, in their order."""
@@ -172,18 +157,6 @@ class Spool:
 
     def _file(self, cell: Cell) -> Path:
         return self.folder / f"{cell[0]}_{cell[1]}.points"
-
-
-@contextmanager
-def temporary_files(folder: str | Path) -> Iterator[None]:
-    """Turn what fails in writing to a temporary folder into one OutputError."""
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: temporary files cannot be written ({one_line(error)}): "
-            "free some space, or set TMPDIR to a folder with more"
-        ) from error
 
 
 def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
