@@ -37,8 +37,9 @@ class FrameListener:
     Subscribes to `map_origin` and `map_units`; calls `on_frame` when a message has changed the frame.
 
     Where tiles wait for the frame and nobody publishes `map_origin`, the map frame is taken as it is after
-    `patience` [s]: origin 0, no reference system. What is published later counts from then on. Publishers of
-    `map_units` that the node has itself, `n_own`, tell it nothing.
+    `patience` [s]: origin 0, no reference system. What is published later counts from then on. Who publishes
+    one of the two but says nothing is waited for, and that is said. Publishers that the node has itself,
+    `n_own`, tell it nothing.
     """
 
     def __init__(
@@ -55,15 +56,14 @@ class FrameListener:
         self._origin: PointStamped | None = None
         self._units: Vector3Stamped | None = None
         self._timer: Timer | None = None
+        self._told: list[str] = []
         node.create_subscription(Vector3Stamped, "map_units", self._on_units, LATCHED)
         node.create_subscription(PointStamped, "map_origin", self._on_origin, LATCHED)
 
     @property
     def frame(self) -> MapFrame | None:
         """The frame, None as long as it is not known; in metres where nothing publishes units."""
-        if self._origin is None or (
-            self._units is None and self._node.count_publishers("map_units") > self._n_own
-        ):
+        if self._origin is None or self._silent():
             return None
         point, units = self._origin.point, self._units
         horizontal, vertical = (1.0, 1.0) if units is None else (units.vector.x, units.vector.z)
@@ -77,16 +77,30 @@ class FrameListener:
 
     def _lose_patience(self) -> None:
         """Take the frame as it is, unless somebody is there who may still tell of it."""
-        if self._origin is None and self._node.count_publishers("map_origin"):
-            self._node.get_logger().warning("map_origin has a publisher that says nothing: tiles wait for it")
-            return
-        self._timer.cancel()
-        if self._origin is None:
+        silent, told = self._silent(), self._told
+        if self._timer is None:
+            return  # it has come just now
+        if silent:
+            self._told = silent
+            if silent != told:
+                self._node.warn(f"{' and '.join(silent)} is published but says nothing: tiles wait for it")
+        elif self._origin is None:
             self._node.warn(
                 f"nobody has published map_origin for {self._patience:g} s: the map frame is taken as it is, "
                 "with origin 0 and without a reference system"
             )
             self._on_origin(origin_message(MapFrame()))
+        else:
+            self._notify()
+
+    def _silent(self) -> list[str]:
+        """Return which topics others publish, of which nothing has come."""
+        told = {"map_origin": self._origin, "map_units": self._units}
+        return [
+            topic
+            for topic, message in told.items()
+            if message is None and self._node.count_publishers(topic) > self._n_own
+        ]
 
     def _on_units(self, message: Vector3Stamped) -> None:
         units = (message.vector.x, message.vector.y, message.vector.z)
@@ -103,6 +117,8 @@ class FrameListener:
         self._notify()
 
     def _notify(self) -> None:
-        frame = self.frame
-        if frame is not None:
+        if (frame := self.frame) is not None:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
             self._on_frame(frame)

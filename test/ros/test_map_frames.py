@@ -15,7 +15,7 @@ class Listener:
     """Stands for a node."""
 
     def __init__(self, **publishers):
-        self.publishers, self.warnings, self.logged, self.timers = publishers, [], [], []
+        self.publishers, self.warnings, self.timers = publishers, [], []
         self.topics = {}
 
     def create_subscription(self, _, topic, callback, __):
@@ -30,12 +30,6 @@ class Listener:
 
     def cancel(self):
         self.timers.clear()
-
-    def get_logger(self):
-        return self
-
-    def warning(self, text):
-        self.logged.append(text)
 
     def warn(self, text):
         self.warnings.append(text)
@@ -89,14 +83,33 @@ def test_what_comes_later_counts_from_then_on():
     assert found.frame == DUTCH
 
 
-def test_a_publisher_that_is_there_is_waited_for_and_the_log_says_so():
-    node, frames, found = listener(map_origin=1)
-    found.expect()
-    node.timers[0][1]()
-    assert (frames, len(node.logged), len(node.timers)) == ([], 1, 1)
+@pytest.mark.parametrize("silent", ["map_origin", "map_units"])
+def test_who_publishes_but_says_nothing_is_waited_for_and_that_is_said_once(silent):
+    node, frames, found = listener(**{silent: 1})
+    if silent == "map_units":
+        node.topics["map_origin"](origin_message(DUTCH))
+    assert not found.expect()
+    for _ in range(3):
+        node.timers[0][1]()
+    assert frames == []
+    assert node.warnings == [f"{silent} is published but says nothing: tiles wait for it"]
     node.publishers.clear()
     node.timers[0][1]()
-    assert frames == [MapFrame()]
+    assert frames == [MapFrame() if silent == "map_origin" else DUTCH]
+    assert node.timers == []
+
+
+def test_units_that_somebody_begins_to_publish_later_are_waited_for_too():
+    node, frames, found = listener()
+    node.topics["map_origin"](origin_message(FEET))
+    assert found.expect()
+    node.publishers["map_units"] = 1
+    assert not found.expect()
+    node.timers[0][1]()
+    assert len(node.warnings) == 1
+    node.topics["map_units"](units_message(FEET))
+    assert frames[-1] == FEET
+    assert node.timers == []
 
 
 def test_a_frame_that_was_told_in_time_is_kept():
