@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
@@ -69,7 +68,7 @@ class ModelWriter(PoolNode):
         if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
         self._statuses = Letterbox(self, DiagnosticArray, "diagnostics", self._record.add, EVENT)
-        self.create_timer(_LOOK, self._statuses.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_LOOK, self._statuses.look)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self._subscribe_results()

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Header
 
@@ -44,8 +43,7 @@ class Diagnostics:
         self._parameters = parameters
         self._publisher = node.create_publisher(DiagnosticArray, TOPIC, EVENT)
         self._due = 0.0
-        # on a clock that goes on when that of a recording stands still
-        node.create_timer(_PERIOD, self.publish_summary, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(_PERIOD, self.publish_summary)
 
     def begin_tile(self, stamp: int) -> None:
         """Note that a tile is taken; a node that works for long cannot say so later."""

@@ -64,8 +64,7 @@ class StageNode(Node):
         self._share = self.parameters[ReplicaConfig] if shares else ReplicaConfig()
         self._receipts = ReceiptSender(self, name, self._share)
         self.tile_infos: TileInfos | None = None
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD), clock=steady)
+        self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD))
 
     @contextmanager
     def starting(self) -> Iterator[None]:
@@ -100,8 +99,9 @@ class StageNode(Node):
         return super().create_subscription(kind, topic, guarded, *args, **kwargs)
 
     def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Timer:
-        """Create a timer."""
-        return super().create_timer(period, self._in_turn(callback), *args, **kwargs)
+        """Create a timer, which goes on when the clock of a recording (`use_sim_time`) stands still."""
+        named = {"clock": Clock(clock_type=ClockType.STEADY_TIME), **kwargs}
+        return super().create_timer(period, self._in_turn(callback), *args, **named)
 
     def create_service(
         self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any

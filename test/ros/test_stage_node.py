@@ -217,3 +217,12 @@ def test_what_a_destroyed_node_has_waited_for_may_still_come(context):
     patient.errands.begin(patient.on_tile(tile(2, 1)))
     patient.destroy_node()
     patient.awaited[2]()
+
+
+def test_timers_go_on_while_the_clock_of_a_recording_stands_still(context):
+    simulated = rclpy.parameter.Parameter("use_sim_time", value=True)
+    node, ticks = Doubler(context=context, parameter_overrides=[simulated]), []
+    node.create_timer(0.01, lambda: ticks.append(node.get_clock().now().nanoseconds))
+    with running(node):
+        wait_until(lambda: len(ticks) > 1)
+    assert set(ticks) == {0}, "no clock is there"
