@@ -20,13 +20,12 @@ from lidar_buildings.nodes.machines import nodes_of
 from lidar_buildings.nodes.replication import replica_name, replicas_of, share_parameters
 from lidar_buildings.nodes.run_settings import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
+from lidar_buildings.ros.depths import MOST_TILES
 
 PACKAGE = "lidar_buildings"
 DEFAULTS = "pipeline.param.yaml"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
-#: As many tiles as the player lets into the graph at most.
-MOST_IN_FLIGHT = 8
 _OF_BOTH = {
     "tile_size": float,
     "max_tiles_in_flight": int,
@@ -164,7 +163,7 @@ def start_nodes(context) -> list:
     names += ["recorder"] if value("record") else []
     replicas = replicas_of(value("replicas"))
     if replicas and not value("max_tiles_in_flight"):  # so many that mostly each has one
-        own[source]["max_tiles_in_flight"] = min(4 * max(replicas.values()), MOST_IN_FLIGHT)
+        own[source]["max_tiles_in_flight"] = min(4 * max(replicas.values()), MOST_TILES)
     shares = {
         replica_name(name, number, replicas.get(name, 1)): (name, (number, replicas.get(name, 1)))
         for name in names
