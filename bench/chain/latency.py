@@ -95,7 +95,7 @@ class Sender:
         from sensor_msgs.msg import PointCloud2
         from std_msgs.msg import Header, String
 
-        from lidar_buildings.ros.map_frames import origin_message, units_message
+        from lidar_buildings.nodes.map_frames import origin_message, units_message
         from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, LATCHED_TILE
 
         self._node = Node("sender", **place)

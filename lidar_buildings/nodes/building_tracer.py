@@ -10,10 +10,10 @@ from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingC
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.nodes.configs import FootprintNodeConfig, MapFrameConfig
+from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
 from lidar_buildings.ros.clipped_tiles import ClippedTiles
-from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import outline_rings
 from lidar_buildings.ros.tile_join import Parts, TileJoin
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.errors import MessageError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, advanced, fixed, parameter
 from lidar_buildings.core.model.replicas import ReplicaConfig
@@ -106,15 +106,18 @@ class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
     def given_frame(self) -> MapFrame | None:
         """Return where the map lies, None if that is not given."""
         if not self.map_position.strip():
+            if self.map_crs:
+                raise ParameterError(f"{self.stage}.map_crs = {self.map_crs!r}: give map_position, too")
             return None
+        x, y, z = self._numbers("map_position", "x, y, z [m]")
+        frame = MapFrame(self.map_crs, (x, y, z))
+        from lidar_buildings.io.files.reference_systems import check_place  # loads slowly
+
         try:
-            x, y, z = (float(word) for word in self.map_position.split(","))
-        except ValueError:
-            given = f"{self.stage}.map_position = {self.map_position!r}"
-            raise ParameterError(
-                f"{given}: must be three numbers, x, y, z [m], with commas between"
-            ) from None
-        return MapFrame(self.map_crs, (x, y, z))
+            check_place(frame)
+        except MessageError as error:
+            raise ParameterError(f"{self.stage}.map_crs, map_position: {error}") from None
+        return frame
 
 
 @dataclass(frozen=True)

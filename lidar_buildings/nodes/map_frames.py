@@ -9,15 +9,11 @@ from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
 from rclpy.timer import Timer
 from std_msgs.msg import Header
 
-from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
+from lidar_buildings.io.files.reference_systems import check_place
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import FRAME_ID
-
-#: Nobody measures in smaller units, or in larger ones than its inverse [m].
-_SMALLEST_UNIT = 1e-6
 
 
 def origin_message(frame: MapFrame) -> PointStamped:
@@ -63,11 +59,7 @@ class FrameListener:
     @property
     def frame(self) -> MapFrame | None:
         """The frame, None as long as it is not known; in metres where nothing publishes units."""
-        if self._origin is None or self._silent():
-            return None
-        point, units = self._origin.point, self._units
-        horizontal, vertical = (1.0, 1.0) if units is None else (units.vector.x, units.vector.z)
-        return MapFrame(self._origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)
+        return None if self._origin is None or self._silent() else _frame(self._origin, self._units)
 
     def expect(self) -> bool:
         """Return whether the frame is known; if not, a tile waits for it from now on."""
@@ -103,16 +95,12 @@ class FrameListener:
         ]
 
     def _on_units(self, message: Vector3Stamped) -> None:
-        units = (message.vector.x, message.vector.y, message.vector.z)
-        if not all(_SMALLEST_UNIT <= unit <= 1 / _SMALLEST_UNIT for unit in units):
-            raise MessageError(f"{units} are no metres per unit")
+        check_place(_frame(PointStamped(), message))
         self._units = message
         self._notify()
 
     def _on_origin(self, message: PointStamped) -> None:
-        origin = (message.point.x, message.point.y, message.point.z)
-        if not all(abs(one) <= MAX_COORDINATE for one in origin):
-            raise MessageError(f"{origin} is no place on Earth")
+        check_place(_frame(message, None))
         self._origin = message
         self._notify()
 
@@ -122,3 +110,9 @@ class FrameListener:
                 self._timer.cancel()
                 self._timer = None
             self._on_frame(frame)
+
+
+def _frame(origin: PointStamped, units: Vector3Stamped | None) -> MapFrame:
+    """Return what messages say, in metres if none tells units."""
+    point, (horizontal, vertical) = origin.point, (units.vector.x, units.vector.z) if units else (1.0, 1.0)
+    return MapFrame(origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)

@@ -14,10 +14,10 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
 from lidar_buildings.nodes.configs import FlowControlConfig, MapFrameConfig
+from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
-from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.markers import model_markers
 from lidar_buildings.ros.outline_quality import qualities_of
 from lidar_buildings.ros.polygons import Rings, roof_rings

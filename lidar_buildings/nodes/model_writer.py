@@ -18,6 +18,7 @@ from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.nodes.configs import ModelWriterConfig
+from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.survey_folder import SurveyFolder
@@ -26,7 +27,6 @@ from lidar_buildings.nodes.tile_gathering import TileGathering
 from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, ROOF_FACES, TRACED_OUTLINES
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.ros.letterbox import Letterbox
-from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.polygons import Rings
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.receipts import DONE, TAKEN

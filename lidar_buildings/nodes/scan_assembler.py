@@ -14,8 +14,8 @@ from std_srvs.srv import Trigger
 
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
+from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.tile_sender import TileSender
-from lidar_buildings.ros.map_frames import FrameListener
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
 from lidar_buildings.ros.stamps import FRAME_ID, header_of

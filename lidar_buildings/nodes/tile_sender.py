@@ -14,10 +14,10 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
+from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.ros.flow_control import FlowControl
 from lidar_buildings.ros.graph_watch import GraphWatch
 from lidar_buildings.ros.letterbox import Letterbox
-from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
 from lidar_buildings.ros.receipts import TOPIC as RECEIPTS

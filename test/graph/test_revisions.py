@@ -12,8 +12,8 @@ from visualization_msgs.msg import Marker
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.graph import make_node
+from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.nodes.table import nodes_until
-from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.stamps import to_stamp
 

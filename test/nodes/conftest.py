@@ -6,8 +6,8 @@ pytest.importorskip("rclpy")
 
 from support.node_bench import FRAME, TO_WRITER, Bench, made, running, wait_until
 
+from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.nodes.model_writer import ModelWriter
-from lidar_buildings.ros.map_frames import origin_message
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from support.results import building_ids
 from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.ros.map_frames import origin_message
+from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
 

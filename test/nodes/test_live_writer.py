@@ -23,7 +23,7 @@ from support.node_bench import (
 from support.results import building_ids
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.ros.map_frames import origin_message
+from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import LATCHED_EVENT
 from lidar_buildings.ros.receipts import DONE, TAKEN, TOPIC, receipt_of

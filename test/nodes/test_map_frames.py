@@ -5,7 +5,7 @@ import pytest
 
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.ros.map_frames import FrameListener, origin_message, units_message
+from lidar_buildings.nodes.map_frames import FrameListener, origin_message, units_message
 
 DUTCH = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
 FEET = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
@@ -131,6 +131,8 @@ def test_who_gives_no_time_waits_for_good():
 @pytest.mark.parametrize(
     ("topic", "message"),
     [
+        ("map_origin", origin_message(MapFrame("map"))),
+        ("map_origin", origin_message(MapFrame("EPSG:4326"))),
         ("map_origin", origin_message(MapFrame("", (np.nan, 0.0, 0.0)))),
         ("map_origin", origin_message(MapFrame("", (0.0, 1e300, 0.0)))),
         ("map_units", units_message(MapFrame(horizontal_unit=0.0))),

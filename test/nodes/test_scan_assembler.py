@@ -8,9 +8,11 @@ import pytest
 from sensor_msgs.msg import PointCloud2
 from support.node_bench import Bench, call, made, running, wait_until
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.nodes.configs import ScanAssemblerConfig
+from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.nodes.scan_assembler import ScanAssembler
-from lidar_buildings.ros.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import cloud_message, from_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.stamps import tile_of, to_stamp
@@ -135,6 +137,15 @@ def test_given_parameters_say_where_the_map_lies(start):
     wait_until(lambda: end.heard["map_origin"])
     (origin,) = end.heard["map_origin"]
     assert (origin.header.frame_id, origin.point.x, origin.point.y) == ("EPSG:28992", 85_000.0, 447_000.0)
+
+
+@pytest.mark.parametrize(
+    ("crs", "place"),
+    [("EPSG:28992", ""), ("map", "0, 0, 0"), ("EPSG:4326", "5, 52, 0"), ("", "0, 0"), ("", "0, nan, 0")],
+)
+def test_parameters_that_say_no_place_are_refused(crs, place):
+    with pytest.raises(ParameterError, match=r"scan_assembler\.map_"):
+        ScanAssemblerConfig(map_crs=crs, map_position=place)
 
 
 def test_a_spool_keeps_the_points_and_they_become_files(start, tmp_path):

@@ -35,12 +35,12 @@ from lidar_buildings.nodes import building_tracer, ground_filter
 from lidar_buildings.nodes.building_tracer import BuildingTracer
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.ground_filter import GroundFilter
+from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.features import tile_closing_message
-from lidar_buildings.ros.map_frames import origin_message, units_message
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages

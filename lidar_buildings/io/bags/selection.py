@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.bags.bag import (
     CLOUD,
@@ -21,6 +21,7 @@ from lidar_buildings.io.bags.bag import (
     topic_contents,
 )
 from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.files.reference_systems import check_place
 
 _ORIGIN, _UNITS = "map_origin", "map_units"
 
@@ -76,12 +77,22 @@ def chosen_messages(bag: Bag, topics: BagTopics, choice: BagConfig) -> Iterator[
 
 
 def told_frame(message: BagMessage, frame: MapFrame) -> MapFrame:
-    """Return a map frame with what a message of `map_origin` or `map_units` says of it."""
+    """
+    Return a map frame with what a message of `map_origin` or `map_units` says of it.
+
+    MessageError if that is nowhere.
+    """
     if message.type == POINT:
         point = message.message.point
-        return replace(frame, crs=message.message.header.frame_id, origin=(point.x, point.y, point.z))
-    units = message.message.vector
-    return replace(frame, horizontal_unit=units.x, vertical_unit=units.z)
+        frame = replace(frame, crs=message.message.header.frame_id, origin=(point.x, point.y, point.z))
+    else:
+        units = message.message.vector
+        frame = replace(frame, horizontal_unit=units.x, vertical_unit=units.z)
+    try:
+        check_place(frame)
+    except MessageError as error:
+        raise MessageError(f"{message.topic}: {error}") from None
+    return frame
 
 
 def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, *, is_needed: bool) -> str:

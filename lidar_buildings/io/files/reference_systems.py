@@ -11,12 +11,16 @@ import shapely
 from numpy.typing import NDArray
 from pyproj.exceptions import CRSError, ProjError
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, MessageError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 
 #: Metres per unit: international foot and US survey foot (ISO 19111, EPSG units 9002 and 9003).
 FOOT, US_SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
 #: Two units this close are the same: a US survey foot is 6e-7 m longer than a foot.
 _SAME_UNIT = 1e-7
+#: Nobody measures in smaller units, or in larger ones than its inverse [m].
+_SMALLEST_UNIT = 1e-6
 #: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
 #: that is a thousand times as much and more.
 _N_CLOUD, _STEEP = 100, 100.0
@@ -89,6 +93,25 @@ def is_in_degrees(crs: str) -> bool:
         return bool(crs) and bool(horizontal_part(crs).is_geographic)
     except CRSError:
         return False
+
+
+def check_place(frame: MapFrame) -> None:
+    """
+    Refuse what is said of where the map lies if that is nowhere.
+
+    MessageError if the reference system is none, or has degrees; origin or units are not those of a place.
+    """
+    try:
+        if frame.crs and horizontal_part(frame.crs).is_geographic:
+            raise MessageError(f"{frame.crs[:100]!r} has degrees: must be a system with metres or feet")
+    except CRSError:
+        raise MessageError(
+            f"{frame.crs[:100]!r} is no reference system that is known: must be such as EPSG:28992, or empty"
+        ) from None
+    if not (np.abs(frame.origin) <= MAX_COORDINATE).all():
+        raise MessageError(f"{frame.origin} is no place on Earth")
+    if not ((frame.units >= _SMALLEST_UNIT) & (frame.units <= 1 / _SMALLEST_UNIT)).all():
+        raise MessageError(f"{tuple(frame.units.tolist())} are no metres per unit")
 
 
 def check_metres(label: object, n_points: int, size: Iterable[float]) -> None:

@@ -10,10 +10,8 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
@@ -56,16 +54,8 @@ class PlacedLaz:
         self.n_points = self.n_far = 0
 
     def place(self, frame: MapFrame) -> None:
-        """Say where the map lies, as `map_origin` and `map_units` do; InputError if that is nowhere."""
-        try:
-            self._crs = pyproj.CRS(frame.crs) if frame.crs else None
-        except pyproj.exceptions.CRSError:
-            name = repr(frame.crs[:100])
-            raise InputError(f"map_origin names no reference system that is known: {name}") from None
-        if not (np.abs(frame.origin) <= MAX_COORDINATE).all():
-            raise InputError(f"map_origin {frame.origin} is no place on Earth")
-        if not (np.isfinite(frame.units) & (frame.units > 0.0)).all():
-            raise InputError(f"map_units {tuple(frame.units.tolist())} are no lengths")
+        """Say where the map lies, as `map_origin` and `map_units` do."""
+        self._crs = pyproj.CRS(frame.crs) if frame.crs else None
         self._frame = frame
 
     def add(self, scan: PlacedScan) -> None:

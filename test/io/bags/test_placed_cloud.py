@@ -244,14 +244,19 @@ def test_degrees_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("crs", "x", "what"),
-    [("EPSG:999999", 0.0, "no reference system"), ("", np.nan, "no place"), ("", 1e30, "no place")],
+    [
+        ("EPSG:999999", 0.0, "no reference system"),
+        ("EPSG:4326", 0.0, "degrees"),
+        ("", np.nan, "no place"),
+        ("", 1e30, "no place"),
+    ],
 )
 def test_an_origin_that_is_none_is_refused(tmp_path, crs, x, what):
     bag = BagWriter(tmp_path / "lost")
     bag.write("/map_origin", ORIGIN_TYPE, T0, bag.origin(crs, x, 0.0, 0.0))
     bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
     bag.close()
-    with pytest.raises(InputError, match=f"lost: map_origin .*{what}"):
+    with pytest.raises(InputError, match=f"lost: /map_origin: .*{what}"):
         placed(tmp_path, bag.path, ScanConfig())
 
 
