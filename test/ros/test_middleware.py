@@ -89,12 +89,16 @@ def test_large_clouds_of_a_driver_that_never_sends_again_come_in(context):
     plain = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     plain["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     driver = subprocess.Popen(
-        [sys.executable, plain_driver.__file__, str(N_BYTES)], stdin=subprocess.PIPE, env=plain
+        [sys.executable, plain_driver.__file__, str(N_BYTES)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=plain,
     )
 
     def ask():
         driver.stdin.write(b"next\n")
         driver.stdin.flush()
+        assert driver.stdout.readline()
 
     def is_heard(count):
         executor.spin_once(timeout_sec=0.1)
@@ -108,8 +112,9 @@ def test_large_clouds_of_a_driver_that_never_sends_again_come_in(context):
             while not is_heard(1) and time.monotonic() < end:
                 pass
         for _ in range(N_CLOUDS):
-            count, end = len(heard) + 1, time.monotonic() + 2.0
+            count = len(heard) + 1
             ask()
+            end = time.monotonic() + 2.0
             while not is_heard(count) and time.monotonic() < end:
                 pass
     finally:

@@ -1,4 +1,4 @@
-"""A driver that knows nothing of this package: publishes a cloud for each line that it reads."""
+"""A driver that knows nothing of this package: publishes a cloud for each line that it reads, and says so."""
 
 import sys
 
@@ -17,6 +17,7 @@ def drive(n_bytes):
     for number, _ in enumerate(sys.stdin):
         cloud.width = number
         publisher.publish(cloud)
+        print("published", flush=True)
     rclpy.shutdown()
 
 
