@@ -27,8 +27,6 @@ DONE, IN_PART, LEFT = 0, 2, 130
 #: Period of looking at the nodes, and of telling how far they are [s].
 _TICK, _TELL = 0.1, 5.0
 _NODE = "scan_assembler"
-#: Type of the messages that scanners publish.
-_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 def live_command(options: argparse.Namespace) -> int:
@@ -124,24 +122,11 @@ def _watch(
 
 
 def _come(source: ScanAssembler) -> str:
+    from lidar_buildings.nodes.scan_assembler import missing_scans  # needs ROS
+
     counts = source.tiles.counts()
     told = ", ".join(f"{number:,} {name}" for name, number in counts.items() if number)
-    return told or _no_scan(source)
-
-
-def _no_scan(source: ScanAssembler) -> str:
-    """Say on which topic no scan has come, and on which others clouds are published."""
-    from lidar_buildings.nodes.table import NODE_TABLE  # needs the nodes' configs, which load slowly
-
-    names = {"scan", *(topic.name for card in NODE_TABLE for topic in card.publishes)}
-    own = {source.resolve_topic_name(name) for name in names}
-    clouds = sorted(
-        name
-        for name, types in source.get_topic_names_and_types()
-        if _CLOUD in types and name not in own and source.count_publishers(name)
-    )
-    others = f"; clouds are published on {', '.join(clouds)}: --scan TOPIC" if clouds else ""
-    return f"no scan has come on {source.resolve_topic_name('scan')}{others}"
+    return told or missing_scans(source)
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Any
 
 from nav_msgs.msg import Odometry
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_srvs.srv import Trigger
@@ -15,6 +16,7 @@ from std_srvs.srv import Trigger
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
 from lidar_buildings.nodes.map_frames import FrameListener
+from lidar_buildings.nodes.table import NODE_TABLE
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
@@ -22,6 +24,10 @@ from lidar_buildings.ros.stamps import FRAME_ID, header_of
 
 #: A warning of lost scans is repeated no sooner [s].
 _REMIND = 10.0
+#: After so long it is told that no scan has come [s].
+_PATIENCE = 10.0
+#: Type of the messages that scanners publish.
+_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 class ScanAssembler(TileSender):
@@ -36,6 +42,7 @@ class ScanAssembler(TileSender):
             self.tiles: LiveFeed = LiveFeed(config, config, config.given_frame())
         self._n_flushed = self._n_lost = 0
         self._told: set[str] = set()
+        self._has_looked = False
         self._has_frame = False
         self.summary.watch(self.tiles.counts)
         self.summary.watch(lambda: {"scans_lost": self._n_lost})
@@ -49,6 +56,10 @@ class ScanAssembler(TileSender):
     def on_tick(self) -> None:
         """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
         self._tell_of_problems()
+        if not self._has_looked and self._time > _PATIENCE:
+            self._has_looked = True
+            if not any(self.tiles.counts().values()):  # by a topic or a bag
+                self.warn(f"so far {missing_scans(self)}")
         if not self._has_frame and self.tiles.frame is not None:
             self._has_frame = True
             self._tell_place()
@@ -138,3 +149,19 @@ class ScanAssembler(TileSender):
                 self._told.add(problem)
                 self.get_logger().error(problem)
                 self.summary.warned(problem)
+
+
+def missing_scans(node: Node) -> str:
+    """Say where no scan has come, what is published there instead, and on which other topics clouds are."""
+    scan, *own = (
+        node.resolve_topic_name(name)
+        for name in ("scan", *(topic.name for card in NODE_TABLE for topic in card.publishes))
+    )
+    published = {
+        name: kinds for name, kinds in node.get_topic_names_and_types() if node.count_publishers(name)
+    }
+    others = [kind for kind in published.pop(scan, ()) if kind != _CLOUD]
+    clouds = sorted(name for name, kinds in published.items() if _CLOUD in kinds and name not in own)
+    instead = f", which is published as {', '.join(others)}" if others else ""
+    hint = f"; clouds are published on {', '.join(clouds)}: --scan TOPIC" if clouds else ""
+    return f"no scan has come on {scan}{instead}{hint}"

@@ -10,6 +10,7 @@ from support.node_bench import Bench, call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.nodes import scan_assembler
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
 from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.nodes.scan_assembler import ScanAssembler
@@ -86,6 +87,26 @@ def test_scans_that_are_lost_on_the_way_are_told_of(start):
     state = assembler.summary.state()
     assert state.values["scans_lost"] == 3
     assert "3 scans were lost" in state.message
+
+
+def test_that_no_scan_has_come_is_told_once(start, monkeypatch):
+    monkeypatch.setattr(scan_assembler, "_PATIENCE", 0.0)
+    said = []
+    monkeypatch.setattr(ScanAssembler, "warn", lambda _, text: said.append(text))
+    end = start()
+    wait_until(lambda: said)
+    end.send_scans(scan(0))
+    assert said == ["so far no scan has come on /scan"]
+
+
+def test_of_scans_of_a_bag_that_is_played_to_it_no_such_thing_is_told(start, monkeypatch):
+    said = []
+    monkeypatch.setattr(ScanAssembler, "warn", lambda _, text: said.append(text))
+    assembler = start().assembler
+    assembler.tiles.add_scan(scan(0))
+    monkeypatch.setattr(scan_assembler, "_PATIENCE", 0.0)
+    wait_until(lambda: assembler._has_looked)
+    assert said == []
 
 
 def test_more_points_make_a_later_revision(start):

@@ -160,6 +160,18 @@ class ScanPlacer:
             if len(scan.times):
                 self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
 
+    def why_waiting(self) -> str:
+        """Say what the scan that has waited longest waits for, empty if none waits."""
+        if (scan := self._waiting.oldest) is None:
+            return ""
+        if (target := self.target_of(scan.frame)) == scan.frame:
+            return why_no_way(scan.frame, self.tree)
+        late = int(scan.times.max(initial=0)) - (self.tree.known_until(scan.frame, target) or 0)
+        return (
+            f"scans of {scan.frame!r} wait: they are {late / 1e9:,.1f} s later than the last pose of it; "
+            "poses have ended, or are of another clock"
+        )
+
     def target_of(self, frame: str) -> str:
         """
         Return the frame in which scans of a frame are placed, itself if there is none yet.

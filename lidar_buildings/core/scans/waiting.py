@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from operator import itemgetter
 
 from lidar_buildings.core.scans.scan import Scan, is_alike, joined
 
@@ -24,6 +25,11 @@ class WaitingScans:
     def are_too_many(self) -> bool:
         """Whether the first has to go; a single one may be as large as it is."""
         return self._n_scans > 1 and (self.n_points > MAX_POINTS or self._n_scans > MAX_SCANS)
+
+    @property
+    def oldest(self) -> Scan | None:
+        """The scan that has waited longest, None if none waits."""
+        return min((queue[0] for queue in self._by_frame.values()), default=(0, None), key=itemgetter(0))[1]
 
     def add(self, scan: Scan) -> None:
         """Let a scan wait."""

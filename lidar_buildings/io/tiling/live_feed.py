@@ -30,6 +30,8 @@ from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 _TICK = 0.1
 #: Time that the first points wait for others that tell what tiles are like [s]; wide margin over `PERIOD`.
 _PATIENCE = 10.0
+#: If no point could be placed for so long it is told why [s]; wide margin: poses come every 0.1 s.
+_LACK = 10.0
 #: Different problems that are remembered.
 _MOST_PROBLEMS = 100
 
@@ -55,6 +57,7 @@ class LiveFeed:
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []
+        self._waits_since = time.monotonic()  #: when points began to wait that still do
         #: Whether a flush is under way, and how many files of points it has still to write.
         self._is_flushing, self._n_clouds_left = False, 0
         #: The tile that was asked for, once it is made.
@@ -194,6 +197,7 @@ class LiveFeed:
 
     def _tick(self) -> None:
         self._keep_placed()
+        self._tell_of_lack(time.monotonic())
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
@@ -203,7 +207,16 @@ class LiveFeed:
 
     def _keep_placed(self, *, is_end: bool = False) -> None:
         for scan in self._placer.placed(is_end=is_end):
+            self._waits_since = time.monotonic()
             self._keep(scan)
+
+    def _tell_of_lack(self, now: float) -> None:
+        """Say once why points wait, as long as none can be placed."""
+        if not self._placer.n_waiting:
+            self._waits_since = now
+        elif now - self._waits_since > _LACK:
+            self.problems[self._placer.why_waiting()] += 1
+            self._waits_since = math.inf
 
     def _keep(self, scan: PlacedScan) -> None:
         if self._survey is not None and self.recorded is not None:

@@ -1,6 +1,7 @@
 """Messages of a feed become tiles; what is wrong with them is told."""
 
 import json
+import re
 import threading
 import time
 
@@ -78,6 +79,29 @@ def test_a_tile_is_made_when_it_is_asked_for_with_all_points_there_are_then():
             time.sleep(0.01)
         tiles = run.flush()
     assert [len(tile) for tile in tiles] == [900]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "why"),
+    [
+        (None, "no pose leads from the scans' frame 'lidar' .*frames with poses: none"),
+        (-3600.0, "scans of 'lidar' wait: they are 3,600.[01] s later than the last pose of it"),
+    ],
+)
+def test_why_no_point_can_be_placed_is_told_once(monkeypatch, seconds, why):
+    monkeypatch.setattr(live_feed, "_LACK", 0.0)
+    with Running(frame=MapFrame()) as run:
+        for k in range(3):
+            if seconds is not None:
+                run.feed.add_odometry(odometry(T0 + int(seconds * SECOND) + k, (k * 1e-9, 0.0, 0.0)))
+            run.feed.add_scan(scan(T0 + k * SECOND // 10, points(seed=k)))
+        end = time.monotonic() + 60.0
+        while not run.feed.problems and time.monotonic() < end:
+            time.sleep(0.01)
+        time.sleep(5 * live_feed._TICK)  # long enough to be told again
+        ((told, count),) = run.feed.problems.items()
+    assert re.search(why, told)
+    assert count == 1
 
 
 def test_a_folder_of_other_tiles_is_refused(tmp_path):
