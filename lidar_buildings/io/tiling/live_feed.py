@@ -16,7 +16,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import ScanPlacer
+from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
@@ -57,7 +57,8 @@ class LiveFeed:
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []
-        self._waits_since = time.monotonic()  #: when points began to wait that still do
+        #: Since when none is placed of the points that come, and how many had been left out till then.
+        self._waits_since, self._n_unplaced = time.monotonic(), 0
         #: Whether a flush is under way, and how many files of points it has still to write.
         self._is_flushing, self._n_clouds_left = False, 0
         #: The tile that was asked for, once it is made.
@@ -207,15 +208,17 @@ class LiveFeed:
 
     def _keep_placed(self, *, is_end: bool = False) -> None:
         for scan in self._placer.placed(is_end=is_end):
-            self._waits_since = time.monotonic()
+            if len(scan.points):
+                self._waits_since, self._n_unplaced = time.monotonic(), self._placer.left_out[NO_POSE]
             self._keep(scan)
 
     def _tell_of_lack(self, now: float) -> None:
-        """Say once why points wait, as long as none can be placed."""
-        if not self._placer.n_waiting:
+        """Say once why no point could be placed for a while."""
+        if not self._placer.n_waiting and self._placer.left_out[NO_POSE] <= self._n_unplaced:
             self._waits_since = now
         elif now - self._waits_since > _LACK:
-            self.problems[self._placer.why_waiting()] += 1
+            why = self._placer.why_waiting() or f"no point has a pose at its time: {WHY_NO_POSE}"
+            self.problems[why] += 1
             self._waits_since = math.inf
 
     def _keep(self, scan: PlacedScan) -> None:
@@ -257,7 +260,7 @@ class LiveFeed:
             self.n_flushed += 1
 
     def _reset(self) -> None:
-        self._placer, self._early = ScanPlacer(self._scans), []
+        self._placer, self._early, self._n_unplaced = ScanPlacer(self._scans), [], 0
         self._inbox.left_out.clear()
         if self._survey is not None:
             self._survey.clear()

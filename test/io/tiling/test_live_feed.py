@@ -86,6 +86,7 @@ def test_a_tile_is_made_when_it_is_asked_for_with_all_points_there_are_then():
     [
         (None, "no pose leads from the scans' frame 'lidar' .*frames with poses: none"),
         (-3600.0, "scans of 'lidar' wait: they are 3,600.[01] s later than the last pose of it"),
+        (3600.0, "no point has a pose at its time: two poses further apart"),
     ],
 )
 def test_why_no_point_can_be_placed_is_told_once(monkeypatch, seconds, why):
