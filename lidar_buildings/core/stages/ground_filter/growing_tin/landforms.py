@@ -1,5 +1,5 @@
 """
-Landforms or objects: what growth with wider limits gains is judged part by part, by its links to the terrain.
+Landforms or objects: what may be ground is judged part by part, by its links to the terrain.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links impor
     nearest_by_sector,
     rise_and_length,
 )
-from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
 
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates.
@@ -56,15 +55,14 @@ def find_landforms(
     Neighbours that are gained and nearly level make up a part. Its links to the ground decide: banks, mounds
     and terraces meet it under slopes, walls in steps (Sithole & Vosselman 2005 judge segments in this way).
     How many steps are allowed depends on the density of objects: in open terrain, what rises from it is
-    likely to be terrain. Single candidates are kept where they continue a plane of ground on one side, as at
-    the edge of a cliff, which mirroring (Axelsson 2000) reaches from single corners.
+    likely to be terrain.
 
     Parameters
     ----------
     candidates : ndarray of shape (n_candidates, 3)
         At most one per place [m].
     ground, gained : ndarray of shape (n_candidates,), bool
-        What is ground without doubt, and what growth with wider limits would add.
+        What is ground without doubt, and what may be as well.
     spacing : float
         Spacing of the candidates [m].
     config : GroundFilterConfig
@@ -85,10 +83,8 @@ def find_landforms(
     kept, certain = _judge(counts, np.bincount(part, openness, len(rows)).astype(np.float64), config, rules)
     landform, excluded = np.zeros_like(ground), np.zeros_like(ground)
     landform[rows] = kept[part]
-    undecided = np.flatnonzero(gained & ~landform)
-    landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
     excluded[rows] = certain[part]
-    return landform, excluded & ~landform
+    return landform, excluded
 
 
 def _judge(

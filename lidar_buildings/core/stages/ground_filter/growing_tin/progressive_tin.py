@@ -12,6 +12,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
+from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
 from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import (
     GrowthLimits,
     TerrainGrowth,
@@ -38,7 +39,9 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
 
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
-    does is a landform and stays, one with steps around it is an object and is excluded.
+    does is a landform and stays, one with steps around it is an object and is excluded. Single candidates are
+    kept where they continue a plane of ground on one side, as at the edge of a cliff, which mirroring reaches
+    from single corners.
 
     Parameters
     ----------
@@ -58,25 +61,33 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
     """
-    return _grown(candidates, extent, quantised_spacing(candidates), config).tin()
+    return _grown(candidates, extent, quantised_spacing(candidates), config)[0].tin()
 
 
 def label_candidates(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> NDArray[np.bool_]:
-    """Return which of the candidates of `densify`, whose spacing is known [m], lie on its terrain."""
-    return near_terrain(*_grown(candidates, extent, spacing, config).height_and_slope(), config)
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Return which of the candidates of `densify`, whose spacing is known [m], lie on its terrain.
+
+    Beside them those that narrow limits do not reach, and that may be of landforms; none if these are not
+    looked for.
+    """
+    terrain, beyond = _grown(candidates, extent, spacing, config)
+    return near_terrain(*terrain.height_and_slope(), config), beyond
 
 
 def _grown(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> TerrainGrowth:
+) -> tuple[TerrainGrowth, NDArray[np.bool_]]:
     terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
     limits = GrowthLimits(math.radians(config.iteration_angle), config.slope_gain, config.iteration_distance)
     terrain.grow(limits)
-    if config.landform_distance > config.iteration_distance:
-        _add_landforms(terrain, candidates, limits, spacing, config)
-    return terrain
+    if config.landform_distance <= config.iteration_distance:
+        return terrain, np.zeros(len(candidates), dtype=np.bool_)
+    ground = near_terrain(*terrain.height_and_slope(), config)
+    _add_landforms(terrain, candidates, ground, limits, spacing, config)
+    return terrain, ~ground
 
 
 def _are_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
@@ -94,17 +105,19 @@ def _are_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.bool_
 def _add_landforms(
     terrain: TerrainGrowth,
     candidates: NDArray[np.float64],
+    ground: NDArray[np.bool_],
     limits: GrowthLimits,
     spacing: float,
     config: GroundFilterConfig,
 ) -> None:
-    ground = near_terrain(*terrain.height_and_slope(), config)
     trial = terrain.copy()
     trial.grow(GrowthLimits(math.radians(LANDFORM_ANGLE), LANDFORM_SLOPE_GAIN, config.landform_distance))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
     landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
+    undecided = np.flatnonzero(gained & ~landform)
+    landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
     terrain.insert(landform)
-    terrain.grow(limits, excluded)
+    terrain.grow(limits, excluded & ~landform)
 
 
 def near_terrain(
