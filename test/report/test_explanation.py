@@ -90,6 +90,7 @@ def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, resu
     assert "No building stands at" in text
     (line,) = [line for line in text.splitlines() if "High but no roof" in line]
     assert "smaller than min_building_area" in line
+    assert "narrower than min_building_width, narrower than min_roof_width" in line, "it is 2 m wide"
     assert "rougher" not in line, "the shed is smooth"
     assert "roof_selection.min_building_area = 25.0 m^2, the default is 12.0" in text
 
@@ -101,9 +102,10 @@ def test_a_shed_is_as_large_where_nothing_lies_round_it(capsys, tmp_path):
     assert "smaller than min_building_area" in text
 
 
-def test_a_tree_is_rough(capsys, result):
+def test_a_tree_is_foliage_that_no_limit_keeps_out(capsys, result):
     text = explained(capsys, result, source(25.5, 21.5))
-    assert "rougher than max_roughness" in text
+    assert "seen as foliage" in text
+    assert "roof_selection.max_roughness" not in text
 
 
 def test_a_place_without_anything_high_says_so(capsys, result):

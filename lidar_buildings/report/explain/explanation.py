@@ -25,6 +25,8 @@ from lidar_buildings.report.summary_words import early_end
 _PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
 #: How far round a place points are looked at [m].
 _RADIUS = 8.0
+#: How far beyond these lie the points by which roof selection decides on them: across a building [m].
+_CONTEXT = 30.0
 #: Of a survey of which nothing tells the spacing [m].
 _SPACING = 0.5
 _QUALITY = ("rmse", "coverage", "outline_sigma")
@@ -90,10 +92,11 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
 def explain_place(result: Result, place: tuple[float, float]) -> str:
     """Say why there is no building at a place of the map frame [m]."""
     x, y = place
-    site = read_site(result.clouds(), result.frame, Rectangle(x, y, x, y).grown(_RADIUS))
-    spacing = measure_spacing(site.points) if len(site.points) else _SPACING
+    around = read_site(result.clouds(), result.frame, Rectangle(x, y, x, y).grown(_RADIUS + _CONTEXT))
+    is_here = Rectangle(x, y, x, y).grown(_RADIUS).holds(*around.points[:, :2].T)
+    spacing = measure_spacing(around.points) if is_here.any() else _SPACING
     limits = Limits(result.run, spacing)
-    findings = list(rejected_at(site, spacing, limits))
+    findings = list(rejected_at(around, is_here, spacing, limits))
     if _ended_before(result, "boundary_tracing"):
         del findings[1:]  # nothing was rejected
     source = ", ".join(f"{one:.1f}" for one in result.frame.to_source(np.array([[x, y, 0.0]]))[0, :2])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import Field, fields
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
-from lidar_buildings.core.model.parameters import spec_of
+from lidar_buildings.core.model.parameters import StageConfig, spec_of
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.report.summary_words import changed_parameters
+
+_Config = TypeVar("_Config", bound=StageConfig)
 
 
 class Finding(NamedTuple):
@@ -29,6 +31,11 @@ class Limits:
         """Return what a parameter was set to; lengths in spacings as metres."""
         value, member = self._of(parameter)
         return value * self._spacing if spec_of(member).unit == "spacings" else value
+
+    def config(self, kind: type[_Config]) -> _Config:
+        """Return a stage's config as it was in the run."""
+        told = {f"{kind.stage}.{one.name}" for one in fields(kind)}
+        return kind(**{name.split(".")[1]: self._of(name)[0] for name in told})
 
     def lines(self, parameters: Iterable[str]) -> list[str]:
         """Return a line on each of some parameters, those first that differ from their defaults."""

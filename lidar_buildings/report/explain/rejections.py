@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.report.explain.finding import Finding, Limits
 from lidar_buildings.report.explain.outline_findings import shape_of
 from lidar_buildings.report.explain.site import Site
@@ -19,8 +23,16 @@ _REACH = 1.5
 _LEAST = 3.0
 #: Fewer rejected points are not told of, as a share of the building's.
 _FEW = 0.03
-#: Neighbours that tell whether a surface is smooth.
-_NEIGHBOURS = 12
+#: Fewer high points are too few for a roof.
+_FEWEST = 12
+#: What is said of roofs that a limit keeps out, and by what it is multiplied to let it go. Roughness by no
+#: more: roofs would run on into all that stands beside them.
+_LIMITS = (
+    ("smaller than", "min_building_area", 0.0),
+    ("narrower than", "min_building_width", 0.0),
+    ("narrower than", "min_roof_width", 0.0),
+    ("rougher than", "max_roughness", 2.0),
+)
 
 
 def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
@@ -33,7 +45,7 @@ def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: L
         & (site.building_id != number)
         & (site.facade == 0)
     )
-    least = max(_NEIGHBOURS, _FEW * np.count_nonzero(site.building_id == number))
+    least = max(_FEWEST, _FEW * np.count_nonzero(site.building_id == number))
     for chosen, place in ((inside & is_high, "within the outline"), (near & ~inside & is_high, "round it")):
         if chosen.sum() >= least:
             parameters = _SELECTION if place == "within the outline" else (*_SELECTION, "segmentation.window")
@@ -43,8 +55,15 @@ def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: L
             )
 
 
-def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]:
-    """Yield why there is no building at a place, by the limits that its points fail."""
+def rejected_at(
+    around: Site, is_here: NDArray[np.bool_], spacing: float, limits: Limits
+) -> Iterator[Finding]:
+    """
+    Yield why there is no building at a place, by the limits that its points fail.
+
+    `around` are all points by which roof selection decides on those here.
+    """
+    site = around.select(is_here)
     yield Finding(f"{len(site.points):,} points around: {site.per_class()}.")
     if not len(site.points):
         return
@@ -74,49 +93,60 @@ def rejected_at(site: Site, spacing: float, limits: Limits) -> Iterator[Finding]
             f"{int(is_free.sum()):,} roof points on {area:.1f} m² belong to no building.",
             ("segmentation.min_area", "segmentation.min_points", "segmentation.window"),
         )
-    yield from _rejected_surfaces(site.select(is_high & ~is_building), spacing, limits)
+    is_rejected = is_here.copy()
+    is_rejected[is_here] = is_high & ~is_building
+    yield from _rejected_surfaces(around, is_rejected, spacing, limits)
 
 
-def _rejected_surfaces(high: Site, spacing: float, limits: Limits) -> Iterator[Finding]:
-    """Say what hinders groups of high points from being roofs: their area, width or roughness."""
+def _rejected_surfaces(
+    around: Site, is_rejected: NDArray[np.bool_], spacing: float, limits: Limits
+) -> Iterator[Finding]:
+    """Say which limits of roof selection keep groups of high points out that are roof without any of them."""
+    is_known = np.isfinite(around.height)  # those of tiles that failed are not
+    around, is_rejected = around.select(is_known), is_rejected[is_known]
+    high = around.select(is_rejected)
     if not len(high.points):
         return
-    if len(high.points) < _NEIGHBOURS:
+    if len(high.points) < _FEWEST:
         yield Finding(f"{len(high.points)} points are high enough for a roof, too few for one.")
         return
-    parts = shapely.get_parts(shape_of(high.points, spacing))
-    least = limits.value("roof_selection.min_building_area")
+    parts = [part for part in shapely.get_parts(shape_of(high.points, spacing)) if part.area >= _LEAST]
+    without_any, *with_one = [one[is_rejected] for one in _let_go(around, limits)] if parts else [is_rejected]
     for part in sorted(parts, key=lambda one: -one.area)[:3]:
-        if part.area < _LEAST:
-            continue
-        own = high.select(shapely.dwithin(part, shapely.points(high.points[:, :2]), spacing))
-        rough, width = _roughness(own), _width(part)
-        words = [f"{len(own.points):,} points on {part.area:.1f} m², {width:.1f} m wide, {rough:.2f} m rough"]
-        words.append(f"{np.median(own.height):.1f} m above the ground: {own.per_class()}")
-        failed = []
-        if part.area < least:
-            failed.append(("smaller than min_building_area", "roof_selection.min_building_area"))
-        if width < limits.value("roof_selection.min_building_width"):
-            failed.append(("narrower than min_building_width", "roof_selection.min_building_width"))
-        if rough > limits.value("roof_selection.max_roughness"):
-            failed.append(("rougher than max_roughness", "roof_selection.max_roughness"))
-        why = ", ".join(text for text, _ in failed) or "seen as foliage or as hidden below it"
-        yield Finding(f"High but no roof: {', '.join(words)}: {why}.", tuple(name for _, name in failed))
+        is_own = shapely.dwithin(part, shapely.points(high.points[:, :2]), spacing)
+        own, failed = high.select(is_own), []
+        why = "seen as foliage or as hidden below it"
+        if _is_most(without_any[is_own]):
+            failed = [
+                (f"{words} {name}", f"roof_selection.{name}")
+                for (words, name, _), roofs in zip(_LIMITS, with_one, strict=True)
+                if not _is_most(roofs[is_own])
+            ]
+            why = ", ".join(text for text, _ in failed) or "kept out by no single limit"
+        yield Finding(
+            f"High but no roof: {len(own.points):,} points on {part.area:.1f} m², "
+            f"{np.median(own.height):.1f} m above the ground: {own.per_class()}: {why}.",
+            tuple(name for _, name in failed),
+        )
 
 
-def _roughness(site: Site) -> float:
-    """Return the median scatter of points about the planes through their neighbours [m]."""
-    from scipy.spatial import cKDTree  # a few thousand points at most
-
-    n = min(_NEIGHBOURS, len(site.points))
-    _, rows = cKDTree(site.points).query(site.points, n)
-    groups = site.points[rows] - site.points[rows].mean(axis=1, keepdims=True)
-    least = np.linalg.svd(groups, compute_uv=False)[:, -1]
-    return float(np.median(least) / np.sqrt(n))
+def _is_most(chosen: NDArray[np.bool_]) -> bool:
+    return bool(2 * np.count_nonzero(chosen) > len(chosen))
 
 
-def _width(shape: shapely.Geometry) -> float:
-    """Return the shorter side of the smallest rectangle round a shape [m]."""
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(shape))
-    sides = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    return float(sides.min()) if len(sides) else 0.0
+def _let_go(around: Site, limits: Limits) -> list[NDArray[np.bool_]]:
+    """Return what would be roof if all limits of roof selection were let go, and all but one each."""
+    config = limits.config(RoofSelectionConfig)
+    let_go = {name: factor * getattr(config, name) for _, name, factor in _LIMITS}
+    found = []
+    for kept in ("", *let_go):
+        result = select_roofs(
+            around.points,
+            replace(config, **{name: value for name, value in let_go.items() if name != kept}),
+            height_above_ground=around.height,
+            classification=around.classification.astype(np.uint8),
+            return_number=around.return_number,
+            number_of_returns=around.number_of_returns,
+        )
+        found.append((result.classification == PointClass.BUILDING) & ~result.is_facade)
+    return found

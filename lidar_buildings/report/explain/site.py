@@ -21,6 +21,8 @@ _COLUMNS = {
     "facade": "Facade",
     "building_id": "BuildingId",
     "plane_id": "PlaneId",
+    "return_number": "return_number",
+    "number_of_returns": "number_of_returns",
 }
 
 
@@ -35,6 +37,8 @@ class Site:
     facade: NDArray[np.float64]
     building_id: NDArray[np.float64]
     plane_id: NDArray[np.float64]
+    return_number: NDArray[np.float64]
+    number_of_returns: NDArray[np.float64]
 
     def select(self, chosen: NDArray[np.bool_]) -> Site:
         """Return some of the points."""
