@@ -11,8 +11,9 @@ from scipy import ndimage
 from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
 from lidar_buildings.core.surfaces.elevation_raster import nearest_filled
 
-#: Neighbouring cells whose elevations differ by more are of two plates [m]: a storey, more than a bank has.
-STEP = 3.0
+#: What a plate's side has to fall by [m]: a storey, more than a bank has. And by how much cells side by side
+#: on one plate may differ: by less, as roofs lead down from a wide one like stairs.
+STEP, MAX_JOIN = 3.0, 1.5
 #: Share of a plate's sides that have to fall by a step; and what those at the edge of the data, which show
 #: no step nor its absence, weigh in it.
 MIN_FALLS, UNSEEN_WEIGHT = 0.8, 0.5
@@ -40,7 +41,7 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     Tell which points, taken for ground, lie on roofs: on plates whose sides fall by a step nearly all round.
 
     A wall is abrupt and a hillside is not (after Chen et al. 2007), whatever its height and the width of what
-    it bears. Plates are what smaller steps than `STEP` connect. Cells without ground count to the nearest
+    it bears. Plates are what steps up to `MAX_JOIN` connect. Cells without ground count to the nearest
     with, so that trees and buildings along a wall do not hide it. Beside a roof that was found lower parts of
     the same building are looked at without that side. At least one point is ground, gross errors are removed.
     """
@@ -81,19 +82,20 @@ def _judged(surface: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np
     one = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])
     other = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel()])
     rise = surface.ravel()[one] - surface.ravel()[other]
-    is_step = np.abs(rise) > STEP
-    plate = numbered(sets_of_pairs(surface.size, one[~is_step], other[~is_step]))
-    high = plate[np.where(rise > 0.0, one, other)[is_step]]
-    low = plate[np.where(rise > 0.0, other, one)[is_step]]
-    parted = high != low
-    high, low, n = high[parted], low[parted], int(plate.max()) + 1
+    joins = np.abs(rise) <= MAX_JOIN
+    plate = numbered(sets_of_pairs(surface.size, one[joins], other[joins]))
+    # Every side of a plate, and what it falls by to the plate beyond.
+    sides, beyond = plate[np.concatenate([one, other])], plate[np.concatenate([other, one])]
+    parted = sides != beyond
+    sides, beyond, is_fall = sides[parted], beyond[parted], (np.concatenate([rise, -rise]) > STEP)[parted]
+    n = int(plate.max()) + 1
     edge = np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
     unseen = np.bincount(plate[edge], minlength=n)
     raised = np.zeros(n, dtype=bool)
     while True:
-        falls = np.bincount(high[~raised[low]], minlength=n)
-        rises = np.bincount(low[~raised[high]], minlength=n)
-        seen = falls + rises
+        free = ~raised[beyond]
+        seen = np.bincount(sides[free], minlength=n)
+        falls = np.bincount(sides[free & is_fall], minlength=n)
         found = ~raised & (falls > 0) & (falls >= MIN_FALLS * (seen + UNSEEN_WEIGHT * unseen))
         if not found.any():
             cut_off = ~raised & (falls >= MIN_FALLS * seen) & (falls >= MIN_SEEN * (seen + unseen))

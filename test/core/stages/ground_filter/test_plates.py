@@ -85,6 +85,17 @@ def test_a_hall_of_any_width_is_no_ground(name, density):
 
 
 @pytest.mark.parametrize("density", [1.0, 0.3])
+def test_a_stair_of_roofs_down_from_a_hall_does_not_make_ground_of_it(density):
+    def surface(x, y):
+        stair = 2.6 * np.ceil((380.0 - x) / 20.0)  # along a ninth of the hall's rim
+        return np.where(inside(x, y, (300.0, 380.0, 120.0, 190.0)), stair, raised(12.0)(x, y))
+
+    is_ground, x, y = ground_share(surface, density)
+    assert is_ground[inside(x, y, HALL)].mean() < 0.01  # cells at the rim reach down to the stair
+    assert is_ground[surface(x, y) == 0.0].mean() > 0.995
+
+
+@pytest.mark.parametrize("density", [1.0, 0.3])
 @pytest.mark.parametrize("name", LANDFORMS)
 def test_what_does_not_fall_all_round_is_ground(name, density):
     assert ground_share(LANDFORMS[name], density)[0].mean() > 0.99
