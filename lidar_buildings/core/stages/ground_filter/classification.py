@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, lowest_of_cells, sort_by_cell
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.ground_filter.config import (
     CANDIDATE_SPACING,
     HEIGHT_WITHOUT_GROUND,
@@ -26,8 +27,8 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectiona
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
-#: Method → what makes the terrain of the lowest points.
-DENSIFIED = {"progressive_tin": densify, "histogram_tin": histogram_tin.densify}
+#: Methods that make a terrain of the lowest points, instead of labels.
+DENSIFIED = ("progressive_tin", "histogram_tin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +53,7 @@ def classify_ground(
     scan_direction_flag: ArrayLike | None = None,
     point_source_id: ArrayLike | None = None,
     set_aside: ArrayLike | None = None,
+    point_spacing: float | None = None,
 ) -> GroundResult:
     """
     Tell ground from everything else, and measure how high each point lies above it.
@@ -85,6 +87,8 @@ def classify_ground(
         What tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
     set_aside : array_like of bool, shape (n_points,), optional
         Points that are known not to be of the terrain; class 1 or noise, unless nothing else is left.
+    point_spacing : float, optional
+        Spacing of the pulses [m]; measured if not given. Tiles of a survey agree if all are given the same.
 
     Returns
     -------
@@ -93,7 +97,8 @@ def classify_ground(
     Raises
     ------
     ValueError
-        If `points` has another shape or is not finite, or another array has not one number per point.
+        If `points` has another shape or is not finite, or another array has not one number per point, or the
+        spacing is no length.
 
     Examples
     --------
@@ -126,7 +131,10 @@ def classify_ground(
         return GroundResult(in_rows_order(cloud, classes), height)
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = _labelled_ground(points, cloud, free, config, scan)
-    terrain, cut_off = _terrain(cloud, free if labels is None else labels, config)
+    spacing = None
+    if point_spacing is not None:
+        spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
+    terrain, cut_off = _terrain(cloud, free if labels is None else labels, spacing, config)
     elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
     ground = near_terrain(height, slope, config) if labels is None else labels
@@ -170,19 +178,22 @@ def _labelled_ground(
 
 
 def _terrain(
-    cloud: CellGrid, ground: NDArray[np.bool_], config: GroundFilterConfig
+    cloud: CellGrid, ground: NDArray[np.bool_], spacing: float | None, config: GroundFilterConfig
 ) -> tuple[Tin, NDArray[np.float64]]:
     """
     Return the terrain over the extent of all points, and the extents of wide roofs that it may hold.
 
-    It is densified, or the TIN of what a method found ground. Only the lowest point a cell takes part. Where
-    a method found no ground at all, it is the lowest surface.
+    It is densified, or the TIN of what a method found ground. Only the lowest point a cell takes part, which
+    are `spacing` apart if that is known. Where a method found no ground at all, it is the lowest surface.
     """
     extent = extent_of(cloud.points)[:, :2]
     candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
-    if config.method in DENSIFIED:
-        return DENSIFIED[config.method](candidates, extent, config), NO_EXTENTS
+    spacing = given_or_measured(candidates, spacing)
+    if config.method == "histogram_tin":
+        return histogram_tin.densify(candidates, extent, config), NO_EXTENTS
+    if config.method == "progressive_tin":
+        return densify(candidates, extent, spacing, config), NO_EXTENTS
     if config.method != "consensus":
         return build_tin(candidates, extent), NO_EXTENTS
-    agreed, cut_off = agreed_ground(candidates, extent, config)
+    agreed, cut_off = agreed_ground(candidates, extent, spacing, config)
     return build_tin(candidates[agreed], extent), cut_off

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
@@ -16,7 +15,7 @@ from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectiona
 
 
 def agreed_ground(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """
     Return which candidates are landforms, or ground to two of three views, but for wide roofs; else all.
@@ -37,10 +36,11 @@ def agreed_ground(
         together [m].
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
+    spacing : float
+        Of the candidates [m].
     config : GroundFilterConfig
         The parameters of all three methods.
     """
-    spacing = quantised_spacing(candidates)
     votes = np.zeros((3, len(candidates)), dtype=np.int8)
     beyond = np.zeros(len(candidates), dtype=np.bool_)
 

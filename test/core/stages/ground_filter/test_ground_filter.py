@@ -277,6 +277,29 @@ def test_wrong_points_are_refused_by_name():
         classify_ground(np.zeros((5, 3)), gps_time=np.zeros(4))
 
 
+@pytest.mark.parametrize("given", [0.0, -2.0, np.nan])
+def test_a_spacing_that_is_no_length_is_refused(given):
+    with pytest.raises(ValueError, match="point_spacing"):
+        classify_ground(np.zeros((5, 3)), point_spacing=given)
+
+
+def test_a_window_with_the_spacing_of_its_survey_is_judged_as_the_survey_is():
+    # Half of the pulses are missing in the west: what is measured there is another spacing.
+    rng = np.random.default_rng(0)
+    points = rng.uniform((0.0, 0.0, 0.0), (600.0, 200.0, 0.1), (40_000, 3))
+    points[:, 2] += 0.15 * points[:, 1] + 6.0 * ((points[:, :2] % 40.0) < 12.0).all(axis=1)
+    points = points[(points[:, 0] > 300.0) | (rng.random(len(points)) < 0.5)]
+    points[:, :2] *= 3.0
+    whole = classify_ground(points, point_spacing=6.0).classification
+    window = points[:, 0] < 900.0
+    inner = points[window, 0] < 600.0
+    given, measured = (
+        (classify_ground(points[window], point_spacing=one).classification != whole[window])[inner].mean()
+        for one in (6.0, None)
+    )
+    assert given < 0.1 * measured
+
+
 def test_a_bad_parameter_is_named_by_its_path():
     with pytest.raises(ParameterError, match=r"ground_filter\.iteration_angle"):
         GroundFilterConfig(iteration_angle=95.0)

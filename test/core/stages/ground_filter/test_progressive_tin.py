@@ -46,7 +46,7 @@ def test_the_densified_terrain_is_the_same_again_and_stands_on_its_candidates():
     candidates = lattice(60.0, 60.0, 1.2)
     candidates[:, 2] += 0.3 * candidates[:, 0]
     extent = np.array([candidates[:, :2].min(axis=0), candidates[:, :2].max(axis=0)])
-    first, again = (densify(candidates, extent, CONFIG) for _ in range(2))
+    first, again = (densify(candidates, extent, 1.2, CONFIG) for _ in range(2))
     np.testing.assert_array_equal(first.triangles, again.triangles)
     np.testing.assert_array_equal(first.vertices, again.vertices)
     assert abs(candidates[:, 2] - first.elevation(candidates)).max() < 0.3
@@ -66,6 +66,6 @@ def test_the_densified_terrain_is_the_same_again_and_stands_on_its_candidates():
 def test_few_or_odd_candidates_make_a_terrain_through_all_of_them(candidates):
     candidates = np.array(candidates)
     extent = np.array([candidates[:, :2].min(axis=0) - 1.0, candidates[:, :2].max(axis=0) + 1.0])
-    terrain = densify(candidates, extent, CONFIG)
+    terrain = densify(candidates, extent, 1.0, CONFIG)
     np.testing.assert_allclose(terrain.elevation(candidates), candidates[:, 2], atol=0.11)
     assert np.isfinite(terrain.elevation(extent)).all()

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
 from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import continues_terrain
@@ -27,7 +26,9 @@ LANDFORM_ANGLE, LANDFORM_SLOPE_GAIN = 20.0, 0.8
 GROUND_DISTANCE_SLOPE, MAX_SLOPE = 0.7, 3.0
 
 
-def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
+def densify(
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
+) -> Tin:
     """
     Return the terrain that the candidates make up (Axelsson 2000, with the thresholds taken facet by facet).
 
@@ -50,6 +51,8 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
         together [m].
     extent : ndarray of shape (2, 2)
         Lower left and upper right corner of what the terrain has to cover [m].
+    spacing : float
+        Of the candidates [m].
     config : GroundFilterConfig
         Thresholds.
 
@@ -61,14 +64,14 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
     """
-    return _grown(candidates, extent, quantised_spacing(candidates), config)[0].tin()
+    return _grown(candidates, extent, spacing, config)[0].tin()
 
 
 def label_candidates(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
-    Return which of the candidates of `densify`, whose spacing is known [m], lie on its terrain.
+    Return which of the candidates of `densify` lie on its terrain.
 
     Beside them those that narrow limits do not reach, and that may be of landforms; none if these are not
     looked for.
