@@ -110,8 +110,9 @@ def _work(link: Connection, n_workers: int, busy: memoryview | None = None) -> N
                 give_memory_back()
             _, is_tile = link.recv()
             busy[0] = 1
-            worker.answer(is_tile, receive(link))
-            busy[0] = 0
+            answer = worker.done(is_tile, receive(link))
+            busy[0] = 0  # before anybody may ask
+            worker.tell(answer)
             give_memory_back(_MEMORY_PERIOD)
 
 
@@ -129,16 +130,19 @@ class _Worker(Sharing):
         """Number of processes, at the start."""
         return self._n_workers
 
-    def answer(self, is_tile: bool, message: Parcel) -> None:
-        """Do a tile or a batch of buildings, and send the result, or what went wrong."""
+    def done(self, is_tile: bool, message: Parcel) -> Parcel:
+        """Do a tile or a batch of buildings, and return the result, or what went wrong."""
         try:
             function, content = unpacked(message)
             results = function(content, self) if is_tile else [(k, function(job)) for k, job in content]
-            reply = packed((results, "", self._logged()))
+            return packed((results, "", self._logged()))
         except Exception:
-            reply = packed(([], traceback.format_exc(), self._logged()))
+            return packed(([], traceback.format_exc(), self._logged()))
+
+    def tell(self, answer: Parcel) -> None:
+        """Send what was done."""
         self._link.send((DONE,))
-        send(self._link, reply)
+        send(self._link, answer)
 
     def _logged(self) -> list[logging.LogRecord]:
         """Return what was logged since the last time, as text."""
@@ -148,5 +152,5 @@ class _Worker(Sharing):
         """Hand messages to all processes; answer those that come back to this one."""
         self._link.send((SHARE, messages))
         while (told := self._link.recv())[0] == DO:
-            self.answer(told[1], receive(self._link))
+            self.tell(self.done(told[1], receive(self._link)))
         return [receive(self._link) if is_there else None for is_there in told[1]]
