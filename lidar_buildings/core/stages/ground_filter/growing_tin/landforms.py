@@ -1,6 +1,4 @@
-"""
-Landforms or objects: what may be ground is judged part by part, by its links to the terrain.
-"""
+"""Landforms or objects: what may be ground is judged part by part, by its links to the terrain."""
 
 from __future__ import annotations
 
