@@ -12,8 +12,8 @@ from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
 from lidar_buildings.core.surfaces.elevation_raster import nearest_filled
 
 #: What a plate's side has to fall by [m]: a storey, more than a bank has. And by how much cells side by side
-#: on one plate may differ: by less, as roofs lead down from a wide one like stairs.
-STEP, MAX_JOIN = 3.0, 1.5
+#: on one plate may differ: by the first saw-tooth roofs are one, but stairs of roofs lead down from halls.
+STEP, JOINS = 3.0, (3.0, 1.5)
 #: Share of a plate's sides that have to fall by a step; and what those at the edge of the data, which show
 #: no step nor its absence, weigh in it.
 MIN_FALLS, UNSEEN_WEIGHT = 0.8, 0.5
@@ -41,7 +41,7 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     Tell which points, taken for ground, lie on roofs: on plates whose sides fall by a step nearly all round.
 
     A wall is abrupt and a hillside is not (after Chen et al. 2007), whatever its height and the width of what
-    it bears. Plates are what steps up to `MAX_JOIN` connect. Cells without ground count to the nearest
+    it bears. Plates are what steps up to each of `JOINS` connect. Cells without ground count to the nearest
     with, so that trees and buildings along a wall do not hide it. Beside a roof that was found lower parts of
     the same building are looked at without that side. At least one point is ground, gross errors are removed.
     """
@@ -50,14 +50,17 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     lowest = np.full(shape, np.inf)
     np.minimum.at(lowest.ravel(), place[ground], points[ground, 2])
     surface = nearest_filled(lowest, np.isfinite(lowest))
-    plate, is_raised, is_cut_off = _judged(surface)
+    judged = [_judged(surface, join) for join in JOINS]
     # A roof's rim shares cells with the ground below it.
-    on_roof = is_raised[plate]
+    on_roof = np.any([is_raised[plate] for plate, is_raised, _ in judged], axis=0)
     roofs = ndimage.minimum_filter(np.where(on_roof, surface, np.inf), 3, mode="nearest").ravel()[place]
     above = points[:, 2] - surface.ravel()[place]
     is_rim = (above > STEP) & (points[:, 2] >= roofs - STEP)
-    extents = _extents(points[:, :2], plate.ravel()[place], is_cut_off) + np.array([[-cell], [cell]])
-    return Plates(ground & (on_roof.ravel()[place] | is_rim), extents)
+    extents = [_extents(points[:, :2], plate.ravel()[place], cut_off) for plate, _, cut_off in judged]
+    margin = np.array([[-cell], [cell]])
+    return Plates(
+        ground & (on_roof.ravel()[place] | is_rim), np.unique(np.concatenate(extents) + margin, axis=0)
+    )
 
 
 def _places(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], tuple[int, int]]:
@@ -76,13 +79,15 @@ def _squeezed(coordinate: NDArray[np.float64], cell: float) -> tuple[NDArray[np.
     return row[at], int(row[-1]) + 1
 
 
-def _judged(surface: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
+def _judged(
+    surface: NDArray[np.float64], max_join: float
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the plate of each cell of a raster, which plates stand out, and which might, were they whole."""
     number = np.arange(surface.size).reshape(surface.shape)
     one = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])
     other = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel()])
     rise = surface.ravel()[one] - surface.ravel()[other]
-    joins = np.abs(rise) <= MAX_JOIN
+    joins = np.abs(rise) <= max_join
     plate = numbered(sets_of_pairs(surface.size, one[joins], other[joins]))
     # Every side of a plate, and what it falls by to the plate beyond.
     sides, beyond = plate[np.concatenate([one, other])], plate[np.concatenate([other, one])]

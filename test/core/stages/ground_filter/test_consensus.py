@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from bench.scenes.terrain import TERRAIN_SCENES
-from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter import consensus
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
@@ -185,10 +184,10 @@ def test_two_of_three_views_decide(monkeypatch):
     views = np.array([[1, 1, 0, 0, 1], [1, 0, 1, 0, 0], [1, 1, 0, 1, 0]], dtype=bool)
     views_are(monkeypatch, views, np.zeros(5, dtype=bool))
     points = np.column_stack((50.0 * np.arange(5), np.zeros((5, 2))))
-    found, _ = consensus.agreed_ground(points, np.zeros((2, 2)), quantised_spacing(points), CONFIG)
+    found, _ = consensus.agreed_ground(points, np.zeros((2, 2)), 1.0, CONFIG)
     assert found.tolist() == [True, True, False, False, False]
     views[:] = False
-    assert consensus.agreed_ground(points, np.zeros((2, 2)), quantised_spacing(points), CONFIG)[0].all()
+    assert consensus.agreed_ground(points, np.zeros((2, 2)), 1.0, CONFIG)[0].all()
 
 
 @pytest.mark.parametrize("view", [0, 1, 2])
@@ -204,7 +203,7 @@ def test_a_part_of_one_view_is_ground_if_it_meets_the_rest_as_terrain_does(
     views = np.broadcast_to(~part, (3, len(points))).copy()
     views[view, part] = True
     views_are(monkeypatch, views, part & is_beyond)
-    found, _ = consensus.agreed_ground(points, np.zeros((2, 2)), quantised_spacing(points), CONFIG)
+    found, _ = consensus.agreed_ground(points, np.zeros((2, 2)), 1.0, CONFIG)
     assert (found[part] == expected).all()
     assert found[~part].all()
 
