@@ -30,7 +30,7 @@ _SQUARE_METRE = 9.0e-6
 #: Part of a core that several workers lose to each other, and to what one of them does alone.
 _LOSS = 0.08
 #: Memory of a point of a tile that is worked on, buffer included, and of a square metre of it [bytes].
-_POINT_MEMORY, _METRE_MEMORY = 137, 500
+_POINT_MEMORY, _METRE_MEMORY = 137, 250
 #: Temporary files: of a point, and of a square metre [bytes].
 _POINT_DISK, _METRE_DISK = 68, 97
 #: Results: of a byte of the inputs, and of a square metre [bytes].
@@ -58,10 +58,10 @@ class _WayFigures(NamedTuple):
 class Way(Enum):
     """How a run works: in processes of this machine, through the graph, or on workers of dask."""
 
-    PROCESSES = _WayFigures(1.6, 0.0, 250e6, 60e6, 30.0)
-    GRAPH = _WayFigures(1.8, 0.0, 340e6, 60e6, 30.0)
+    PROCESSES = _WayFigures(1.6, 0.0, 330e6, 60e6, 30.0)
+    GRAPH = _WayFigures(1.8, 0.0, 430e6, 60e6, 30.0)
     #: Workers load compiled loops each for itself, where the others are forked with them.
-    CLUSTER = _WayFigures(2.0, 1.2, 250e6, 160e6, 0.0)
+    CLUSTER = _WayFigures(2.0, 1.2, 270e6, 160e6, 0.0)
 
 
 @dataclass(frozen=True)
