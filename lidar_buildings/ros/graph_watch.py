@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -12,6 +13,9 @@ from lidar_buildings.ros.receipts import TOPIC, Receipt
 
 #: Time that a node of another process is given to discover its counterparts; wide margin [s].
 _DISCOVERY = 0.75
+#: What was seen holds for so long, and until there are more or fewer: publishers are seen before it is known
+#: of which nodes they are [s].
+_GLANCE = 0.1
 
 
 class GraphWatch:
@@ -29,7 +33,7 @@ class GraphWatch:
         self._past: set[str] = set()
         self._settled_at = 0.0
         self._names: set[str] = set()
-        self._n_seen = 0
+        self._n_seen, self._seen_at = 0, -math.inf
 
     def hear(self, receipt: Receipt) -> bool:
         """Note who speaks; return whether this life of the node was not known."""
@@ -68,11 +72,12 @@ class GraphWatch:
 
     def _seen(self) -> set[str]:
         """Return the names of the nodes that can be seen; to look at each of them takes long."""
-        if (n_seen := self._node.count_publishers(TOPIC)) != self._n_seen:
+        n_seen, now = self._node.count_publishers(TOPIC), self._now()
+        if n_seen != self._n_seen or now - self._seen_at >= _GLANCE:
             self._names = {
                 one.node_name
                 for one in self._node.get_publishers_info_by_topic(TOPIC)
                 if one.node_namespace == self._node.get_namespace()
             }
-            self._n_seen = n_seen
+            self._n_seen, self._seen_at = n_seen, now
         return self._names

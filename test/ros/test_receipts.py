@@ -111,5 +111,15 @@ def test_a_replica_that_is_missing_is_named_until_it_is_there(clock):
     assert watch.missing_replicas() == []
 
 
+def test_a_node_whose_name_comes_after_its_publisher_is_there(clock):
+    view = View(Endpoint("_NODE_NAME_UNKNOWN_", "_NODE_NAMESPACE_UNKNOWN_"))
+    watch = GraphWatch(view, clock)
+    watch.hear(Receipt("roof_selector_0", "a", READY, 0, "roof_selector", 0, 2))
+    assert watch.missing_replicas() == [f"replica {number} of 2 of roof_selector" for number in range(2)]
+    view.endpoints[:] = [Endpoint("roof_selector_0")]
+    clock.time += 1.0
+    assert watch.missing_replicas() == ["replica 1 of 2 of roof_selector"]
+
+
 def test_other_graphs_are_not_waited_for():
     assert GraphWatch(View(Endpoint("filter", "/other"))).is_settled
