@@ -60,9 +60,11 @@ def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     are traced across courtyards and lanes, the ground about them. Of ground it is a point a cell.
     """
     goes_on, groups = own_roofs(tile), _bare_groups(tile)
-    is_sparse = tile.point_spacing is not None and tile.point_spacing > SPARSE
-    ground = _Ground(tile) if groups or (is_sparse and goes_on.any()) else None
-    if is_sparse and ground is not None:
+    is_sparse = tile.point_spacing is not None and tile.point_spacing > SPARSE and goes_on.any()
+    if not (groups or is_sparse):
+        return goes_on
+    ground = _Ground(tile)
+    if is_sparse:
         goes_on[ground.near(tile.points[goes_on], GROUND_REACH * tile.point_spacing)] = True
     for rows in groups:
         goes_on[rows] = True
