@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
 
@@ -62,7 +62,7 @@ def draw_votes(axes: plt.Axes) -> None:
 
 def draw_errors(axes: plt.Axes, points: np.ndarray, is_ground: np.ndarray, title: str) -> None:
     """Draw which points were labelled rightly and which were not, in plan."""
-    ground = label_ground(points, CONFIG)
+    ground = classify_ground(points, CONFIG).classification == 2
     for chosen, colour in (
         (ground & is_ground, GROUND),
         (~ground & ~is_ground, RELIEF),

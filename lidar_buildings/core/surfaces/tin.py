@@ -26,8 +26,7 @@ class Tin:
     vertex outside it. Made by `build_tin`.
     """
 
-    #: The real ones first, then the virtual ones; x and y relative to `origin` [m], shape (n_vertices, 3). A
-    #: TIN that was densified has more real ones after those, some of them in no triangle.
+    #: The real ones first, then the virtual ones; x and y relative to `origin` [m], shape (n_vertices, 3).
     vertices: NDArray[np.float64]
     triangles: NDArray[np.int32]  #: rows of `vertices`, counter-clockwise, shape (n_triangles, 3)
     #: The triangle across the side opposite each corner, −1 at the frame, shape (n_triangles, 3).

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, lowest_of_cells, sort_by_cell
-from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured, quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import (
     CANDIDATE_SPACING,
     HEIGHT_WITHOUT_GROUND,
@@ -19,16 +19,12 @@ from lidar_buildings.core.stages.ground_filter.config import (
 )
 from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
-from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin
-from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import densify, near_terrain
+from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin, progressive_tin
 from lidar_buildings.core.stages.ground_filter.openings import morphological
 from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope, slope_pairs
-from lidar_buildings.core.surfaces.tin import Tin
+from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
 from lidar_buildings.core.surfaces.triangulation import build_tin
-
-#: Methods that make a terrain of the lowest points, instead of labels.
-DENSIFIED = ("progressive_tin", "histogram_tin")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +54,18 @@ def classify_ground(
     """
     Tell ground from everything else, and measure how high each point lies above it.
 
-    Gross errors are set aside; then the method that `config.method` names finds the ground:
+    Gross errors are set aside; then the method that `config.method` names finds the ground among the lowest
+    points of small cells, and points close to the TIN of that ground are ground:
 
-    - ``consensus``: the lowest points of small cells are ground if two of the three methods below say so;
-      points close to the TIN of those are ground.
+    - ``consensus``: ground is what two of the three methods below say is.
     - ``progressive_tin`` (Axelsson 2000): the lowest points of large cells form a first, coarse TIN; points
-      that lie near its facets join it, round by round, until none is left; points close to the finished TIN
-      are ground.
+      that lie near its facets join it, round by round, until none is left.
     - ``bidirectional_slope`` (Shan & Sampath 2005): points are labelled along scan lines, forth and back, by
       slope and elevation difference.
     - ``morphological`` (Zhang et al. 2003; Pingel et al. 2013): openings of the lowest surface with growing
       windows.
-    - ``histogram_tin`` (Mancera-Taboada et al. 2012), ``slope_pairs`` (Sampath & Shan 2007): as published.
+    - ``histogram_tin`` (Mancera-Taboada et al. 2012), and ``slope_pairs`` (Sampath & Shan 2007), which labels
+      all points itself: as published.
     - ``none``: no point is; every one stands `HEIGHT_WITHOUT_GROUND` above the ground.
 
     Heights are measured from the TIN of the ground. The lowest surface is ground by definition. Where no
@@ -130,14 +126,18 @@ def classify_ground(
         height = np.full(len(points), HEIGHT_WITHOUT_GROUND)
         return GroundResult(in_rows_order(cloud, classes), height)
     free = _free(classes, None if aside is None else aside[cloud.rows])
-    labels = _labelled_ground(points, cloud, free, config, scan)
-    spacing = None
+    labels = None
+    if config.method == "slope_pairs":
+        labels = slope_pairs.label_ground(points, in_rows_order(cloud, free), config, **scan)[cloud.rows]
     if point_spacing is not None:
-        spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
-    terrain, cut_off = _terrain(cloud, free if labels is None else labels, spacing, config)
+        point_spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
+    vertices, cut_off = _ground_of_cells(
+        points, cloud, free if labels is None else labels, point_spacing, config, scan
+    )
+    terrain = build_tin(vertices, extent_of(cloud.points)[:, :2])
     elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
-    ground = near_terrain(height, slope, config) if labels is None else labels
+    ground = progressive_tin.near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
     return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height), cut_off)
@@ -151,49 +151,36 @@ def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[
     return free
 
 
-def _labelled_ground(
+def _ground_of_cells(
     points: NDArray[np.float64],
     cloud: CellGrid,
     free: NDArray[np.bool_],
+    spacing: float | None,
     config: GroundFilterConfig,
     scan: dict[str, NDArray[Any] | None],
-) -> NDArray[np.bool_] | None:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Return which of the sorted points are ground; None where the method has a terrain instead of labels.
+    Return the lowest free points of cells that are ground, all where none is; the extents of wide roofs.
 
-    The method sees the free points in the order given.
-    """
-    if config.method in ("consensus", *DENSIFIED):
-        return None
-    in_order = in_rows_order(cloud, free)
-    rows = np.flatnonzero(in_order)
-    if config.method == "morphological":
-        found = morphological.label_ground(points[rows], config)
-    else:
-        known = {name: None if column is None else column[rows] for name, column in scan.items()}
-        along_scan = slope_pairs if config.method == "slope_pairs" else bidirectional_slope
-        found = along_scan.label_ground(points[rows], config, **known)
-    in_order[rows] = found
-    return in_order[cloud.rows]
-
-
-def _terrain(
-    cloud: CellGrid, ground: NDArray[np.bool_], spacing: float | None, config: GroundFilterConfig
-) -> tuple[Tin, NDArray[np.float64]]:
-    """
-    Return the terrain over the extent of all points, and the extents of wide roofs that it may hold.
-
-    It is densified, or the TIN of what a method found ground. Only the lowest point a cell takes part, which
-    are `spacing` apart if that is known. Where a method found no ground at all, it is the lowest surface.
+    The points of the cloud are given in the scan's order, too; `spacing` is that of the lowest, if known.
     """
     extent = extent_of(cloud.points)[:, :2]
-    candidates = cloud.points[lowest_of_cells(cloud, ground if ground.any() else np.ones_like(ground))]
-    spacing = given_or_measured(candidates, spacing)
+    rows = lowest_of_cells(cloud, free if free.any() else ~free)
+    candidates, cut_off = cloud.points[rows], NO_EXTENTS
+    if config.method == "slope_pairs":
+        return candidates, cut_off
     if config.method == "histogram_tin":
-        return histogram_tin.densify(candidates, extent, config), NO_EXTENTS
-    if config.method == "progressive_tin":
-        return densify(candidates, extent, spacing, config), NO_EXTENTS
-    if config.method != "consensus":
-        return build_tin(candidates, extent), NO_EXTENTS
-    agreed, cut_off = agreed_ground(candidates, extent, spacing, config)
-    return build_tin(candidates[agreed], extent), cut_off
+        ground = histogram_tin.label_candidates(candidates, extent, config)
+    elif config.method == "morphological":
+        ground = morphological.label_ground(candidates, config)
+    else:
+        spacing = quantised_spacing(candidates) if spacing is None else spacing
+        if config.method == "progressive_tin":
+            ground, _ = progressive_tin.label_candidates(candidates, extent, spacing, config)
+        elif config.method == "bidirectional_slope":
+            lines = find_scan_lines(points, spacing, **scan)
+            scanned = [] if lines is None else [lines.profiles(points, cloud.rows[rows])]
+            ground = bidirectional_slope.label_candidates(candidates, spacing, config, scanned)
+        else:
+            ground, cut_off = agreed_ground(candidates, extent, spacing, config)
+    return candidates[ground] if ground.any() else candidates, cut_off

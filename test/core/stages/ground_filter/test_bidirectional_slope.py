@@ -8,7 +8,6 @@ from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles import profile_labelling
-from lidar_buildings.core.stages.ground_filter.scan_profiles.bidirectional_slope import label_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import grow_ground
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import fit_trend
@@ -30,6 +29,11 @@ def box(points, middle, half, height):
     inside = (np.abs(points[:, :2] - middle) < half).all(axis=1)
     points[inside, 2] += height
     return inside
+
+
+def label_ground(points, config, **scan):
+    """Which points `classify_ground` calls ground."""
+    return classify_ground(points, config, **scan).classification == 2
 
 
 def errors(ground, truth):

@@ -13,9 +13,11 @@ from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
-def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig) -> Tin:
+def label_candidates(
+    candidates: NDArray[np.float64], extent: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.bool_]:
     """
-    Return the terrain that the candidates make up (Mancera-Taboada and others 2012, sections II.A and III).
+    Tell which candidates make up the terrain (Mancera-Taboada and others 2012, sections II.A and III).
 
     The lowest points of large cells are triangulated. In each iteration all candidates join whose distance to
     their facet and whose angle at its nearest corner are within limits; these follow from the histograms of
@@ -36,15 +38,14 @@ def densify(candidates: NDArray[np.float64], extent: NDArray[np.float64], config
     largest = np.array([config.iteration_distance, math.radians(config.iteration_angle)])
     joined = np.zeros((0, 2))
     while True:
-        tin = build_tin(candidates[in_tin], extent)
         waiting = np.flatnonzero(~in_tin)
         if not len(waiting):
-            return tin
-        offsets = facet_offsets(tin, candidates[waiting])
+            return in_tin
+        offsets = facet_offsets(build_tin(candidates[in_tin], extent), candidates[waiting])
         limits = np.minimum(histogram_limits(joined if len(joined) else offsets), largest)
         joins = (offsets <= limits).all(axis=1)
         if not joins.any():
-            return tin
+            return in_tin
         joined = np.concatenate((joined, offsets[joins]))
         in_tin[waiting[joins]] = True
 

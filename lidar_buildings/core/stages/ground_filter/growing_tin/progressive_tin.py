@@ -17,7 +17,6 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import
     TerrainGrowth,
     start_growth,
 )
-from lidar_buildings.core.surfaces.tin import Tin
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: Iteration angle [deg] and its gain by the facet's slope while landforms are looked for.
@@ -26,11 +25,11 @@ LANDFORM_ANGLE, LANDFORM_SLOPE_GAIN = 20.0, 0.8
 GROUND_DISTANCE_SLOPE, MAX_SLOPE = 0.7, 3.0
 
 
-def densify(
+def label_candidates(
     candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> Tin:
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
-    Return the terrain that the candidates make up (Axelsson 2000, with the thresholds taken facet by facet).
+    Return which candidates lie on the terrain that they make up (Axelsson 2000, thresholds facet by facet).
 
     A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
     corners stay within limits; the angle's limit grows with the facet's own slope. Candidates below a facet
@@ -58,39 +57,22 @@ def densify(
 
     Returns
     -------
-    Tin
+    ground, beyond : ndarray of shape (n_candidates,), bool
+        What lies on the terrain; and what narrow limits do not reach, and that may be of landforms: none if
+        these are not looked for.
 
     Notes
     -----
     Only candidates whose facet changed are looked at again, so the time is near linear in their number.
     """
-    return _grown(candidates, extent, spacing, config)[0].tin()
-
-
-def label_candidates(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """
-    Return which of the candidates of `densify` lie on its terrain.
-
-    Beside them those that narrow limits do not reach, and that may be of landforms; none if these are not
-    looked for.
-    """
-    terrain, beyond = _grown(candidates, extent, spacing, config)
-    return near_terrain(*terrain.height_and_slope(), config), beyond
-
-
-def _grown(
-    candidates: NDArray[np.float64], extent: NDArray[np.float64], spacing: float, config: GroundFilterConfig
-) -> tuple[TerrainGrowth, NDArray[np.bool_]]:
     terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
     limits = GrowthLimits(math.radians(config.iteration_angle), config.slope_gain, config.iteration_distance)
     terrain.grow(limits)
-    if config.landform_distance <= config.iteration_distance:
-        return terrain, np.zeros(len(candidates), dtype=np.bool_)
     ground = near_terrain(*terrain.height_and_slope(), config)
+    if config.landform_distance <= config.iteration_distance:
+        return ground, np.zeros_like(ground)
     _add_landforms(terrain, candidates, ground, limits, spacing, config)
-    return terrain, ~ground
+    return near_terrain(*terrain.height_and_slope(), config), ~ground
 
 
 def _are_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import edge_gradients
 from lidar_buildings.core.stages.ground_filter.growing_tin.growth_rounds import Mesh, join_in_rounds
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.surfaces.tin import Tin, corners_of, plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.tin import corners_of, plane_elevation, plane_slope, walk
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
@@ -29,8 +29,7 @@ class GrowthLimits(NamedTuple):
 class TerrainGrowth:
     """A TIN and the candidates that may join it."""
 
-    start: Tin  #: the TIN of the seeds
-    #: Which candidates are in it; the others wait, in their order, shape (n_candidates,).
+    #: Which candidates it began with; the others wait, in their order, shape (n_candidates,).
     is_seed: NDArray[np.bool_]
     #: The seeds, the frame and the waiting candidates, relative to the TIN's origin, with room for all.
     mesh: Mesh
@@ -69,12 +68,6 @@ class TerrainGrowth:
         for_row_blocks(lambda a, b: _heights(self.mesh, self.home, rows, height, slope, a, b), len(rows))
         return height, slope
 
-    def tin(self) -> Tin:
-        """Return the terrain as it is."""
-        vertices, triangles, neighbours, *_ = self.mesh
-        n = self.n_triangles
-        return replace(self.start, vertices=vertices, triangles=triangles[:n], neighbours=neighbours[:n])
-
 
 def start_growth(
     candidates: NDArray[np.float64], is_seed: NDArray[np.bool_], extent: NDArray[np.float64]
@@ -98,7 +91,7 @@ def start_growth(
         edge_gradients(start.vertices[: start.n_real], start.vertices[start.n_real :]),
     )
     joined, home = np.zeros(len(waiting), dtype=np.bool_), start.locate(candidates[~is_seed])
-    return TerrainGrowth(start, is_seed, mesh, len(start.triangles), joined, home)
+    return TerrainGrowth(is_seed, mesh, len(start.triangles), joined, home)
 
 
 @kernel

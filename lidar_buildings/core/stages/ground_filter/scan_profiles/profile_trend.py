@@ -13,8 +13,8 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
 # Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.
-#: Largest number of cells; they grow beyond.
-MAX_CELLS = 4_000_000
+#: Fineness of the grid, and largest number of its cells: they grow beyond.
+CELLS_PER_RADIUS, MAX_CELLS = 4.0, 4_000_000
 #: Where there is no ground near, ground so many radii away says how the trend goes on, with little weight.
 FAR, FAR_WEIGHT = 4.0, 1e-3
 #: Weight of the mean of all, where there is none at all.
@@ -43,14 +43,7 @@ class Trend:
         return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
 
 
-def fit_trend(
-    points: NDArray[np.float64],
-    ground: NDArray[np.bool_],
-    radius: float,
-    *,
-    cells_per_radius: float = 4.0,
-    far: bool = True,
-) -> Trend:
+def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float) -> Trend:
     """
     Fit a plane round the middle of every cell to the ground points, weighted by distance.
 
@@ -64,12 +57,8 @@ def fit_trend(
         Those that it is fitted to.
     radius : float
         Standard deviation of the weights [m].
-    cells_per_radius : float
-        Fineness of the grid; cells grow where there would be too many.
-    far : bool
-        Whether planes are wanted further than three radii away from any ground.
     """
-    cell = radius / cells_per_radius
+    cell = radius / CELLS_PER_RADIUS
     low, high = extent_of(points)[:, :2]
     while np.prod((high - low) / cell + 3.0) > MAX_CELLS:
         cell *= 2.0
@@ -85,7 +74,7 @@ def fit_trend(
     def smooth(begin: int, end: int) -> None:
         for k in range(begin, end):
             sums = np.bincount(number, products[k], rows * columns).astype(np.float64)
-            moments[k] = _smoothed(sums.reshape(rows, columns), radius / cell, far)
+            moments[k] = _smoothed(sums.reshape(rows, columns), radius / cell)
 
     for_row_blocks(smooth, len(products), 1)
     middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
@@ -111,10 +100,9 @@ def _planes(
     return mz + slope_x * (x - mx) + slope_y * (y - my), slope_x, slope_y
 
 
-def _smoothed(sums: NDArray[np.float64], sigma: float, far: bool) -> NDArray[np.float64]:
+def _smoothed(sums: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
     """Smooth sums, with a little of what lies further away where there is nothing near."""
-    smoothed = _blur(sums, sigma) + FLOOR * sums.mean()
-    return smoothed + FAR_WEIGHT * _blur(sums, FAR * sigma) if far else smoothed
+    return _blur(sums, sigma) + FLOOR * sums.mean() + FAR_WEIGHT * _blur(sums, FAR * sigma)
 
 
 def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

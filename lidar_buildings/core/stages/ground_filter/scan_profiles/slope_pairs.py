@@ -19,10 +19,13 @@ WIDTH = 1.7
 
 
 def label_ground(
-    points: NDArray[np.float64], config: GroundFilterConfig, **scan: NDArray[Any] | None
+    points: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    config: GroundFilterConfig,
+    **scan: NDArray[Any] | None,
 ) -> NDArray[np.bool_]:
     """
-    Tell which points are ground by the 1D bi-directional slope filter (Sampath & Shan 2007, page 806).
+    Tell which free points are ground by the 1D bi-directional slope filter (Sampath & Shan 2007, page 806).
 
     Along each scan line the filter looks for slopes between consecutive points steeper than
     `profile_max_slope`. Points from a rise on, up to a fall back to the elevation recorded before the rise,
@@ -31,26 +34,27 @@ def label_ground(
     Parameters
     ----------
     points : ndarray of shape (n_points, 3)
-        Without gross errors [m].
+        In the scan's order [m].
+    free : ndarray of shape (n_points,), bool
+        Which of them are no gross errors.
     config : GroundFilterConfig
         `profile_max_slope`, `profile_step` (how near the recorded elevation a fall has to come) and
         `profile_max_object` (after which an elevation is recorded anew).
     **scan : ndarray of shape (n_points,), optional
         What tells scan lines apart, see `find_scan_lines`; strips from west to east where nothing does.
     """
-    is_object = np.zeros(len(points), dtype=np.bool_)
-    if len(points) == 0:
-        return is_object
-    spacing = quantised_spacing(points)
+    rows = np.flatnonzero(free)
+    spacing = quantised_spacing(points[rows])
     lines = find_scan_lines(points, spacing, **scan)
     if lines is None:
-        profiles = cut_profiles(points, WIDTH * spacing, 0.0)
+        profiles = cut_profiles(points[rows], WIDTH * spacing, 0.0)
     else:
-        profiles = lines.profiles(points, np.arange(len(points)))
+        profiles = lines.profiles(points, rows)
     limits = config.profile_max_slope, config.profile_step, config.profile_max_object
-    found = objects_between_slopes(profiles.along, points[profiles.rows, 2], profiles.first, limits)
-    is_object[profiles.rows] |= found
-    return ~is_object
+    own = rows[profiles.rows]
+    ground = np.zeros(len(points), dtype=np.bool_)
+    ground[own] = ~objects_between_slopes(profiles.along, points[own, 2], profiles.first, limits)
+    return ground
 
 
 @kernel
