@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.model.point_array import extent_of
-from lidar_buildings.core.neighbours.cell_grid import cell_numbers, cell_order, lowest_per_cell
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
@@ -32,14 +29,12 @@ RADIUS_STEP = 1.0
 DISTANCE, DISTANCE_SLOPE = 0.3, 1.25
 
 
-class CellMinima(NamedTuple):
-    """The lowest elevation in each occupied cell."""
+class Cells(NamedTuple):
+    """The cells that points lie in, row by row."""
 
-    #: Row * columns + column of each, rising; counted from `first`, shape (n_cells,).
-    numbers: NDArray[np.int64]
-    elevation: NDArray[np.float64]  #: lowest point [m], shape (n_cells,)
-    first: tuple[float, float]  #: row and column of the south-western cell in the grid that starts at (0, 0)
-    shape: tuple[int, int]  #: rows and columns from the first to the last occupied cell
+    place: NDArray[np.int64]  #: row and column of each point's cell, counted from `first`, (n_points, 2)
+    by_row: NDArray[np.intp]  #: the points by the row of their cell, shape (n_points,)
+    first: NDArray[np.float64]  #: least row and column in the grid that starts at (0, 0), shape (2,)
 
 
 def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
@@ -63,47 +58,42 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     ground = np.zeros(len(points), dtype=np.bool_)
     if len(points) == 0:
         return ground
-    minima = _cell_minima(points)
-    order = cell_order(points, BLOCK * CELL)
-    starts = np.flatnonzero(np.diff(cell_numbers(points, BLOCK * CELL)[order], prepend=-1, append=-1))
-    for_row_blocks(
-        lambda k, _: _label_block(points, order[starts[k] : starts[k + 1]], minima, config, ground),
-        len(starts) - 1,
-        1,
-    )
+    place = np.floor(points[:, 1::-1] / CELL)
+    first = place.min(axis=0)
+    row_and_column = (place - first).astype(np.int64)
+    cells = Cells(row_and_column, np.argsort(row_and_column[:, 0], kind="stable"), first)
+    blocks = rows_by_cell(points, BLOCK * CELL)
+
+    def label(begin: int, end: int) -> None:
+        own = blocks.rows[blocks.first[begin] : blocks.first[end]]
+        ground[own] = _labelled(points, own, cells, config)
+
+    for_row_blocks(label, len(blocks.numbers), 1)
     return ground
 
 
-def _cell_minima(points: NDArray[np.float64]) -> CellMinima:
-    lowest = points[lowest_per_cell(points, CELL)]
-    place = np.floor(lowest[:, 1::-1] / CELL)
-    first = extent_of(place)[0]
-    row, column = (place - first).astype(np.int64).T
-    shape = int(row.max()) + 1, int(column.max()) + 1
-    numbers = row * shape[1] + column
-    order = np.argsort(numbers, kind="stable")
-    return CellMinima(numbers[order], lowest[order, 2], (float(first[0]), float(first[1])), shape)
-
-
-def _label_block(
-    points: NDArray[np.float64],
-    rows: NDArray[np.intp],
-    minima: CellMinima,
-    config: GroundFilterConfig,
-    ground: NDArray[np.bool_],
-) -> None:
+def _labelled(
+    points: NDArray[np.float64], own: NDArray[np.intp], cells: Cells, config: GroundFilterConfig
+) -> NDArray[np.bool_]:
+    """Label the points of a block; the raster has all cells around that matter."""
     radii = _radii(config.opening_radius)
     halo = 2 * radii[-1] + FILL_REACH
-    # The block's first cell, counted from the first occupied one.
-    block = np.floor(points[rows[0], 1::-1] / (BLOCK * CELL)) * BLOCK - minima.first
-    south, west = (max(0, int(start) - halo) for start in block)
-    north, east = (min(n, int(start) + BLOCK + halo) for start, n in zip(block, minima.shape, strict=True))
-    lowest = np.full((north - south, east - west), np.inf)
-    _place(minima.numbers, minima.elevation, minima.shape[1], south, west, lowest)
-    ground_cells = _ground_cells(lowest, radii, config)
-    window = minima.first[0] + south, minima.first[1] + west
-    terrain = filled(lowest, ground_cells, (int(window[0]), int(window[1])))
-    _label(points, rows, terrain, _slope(terrain), window, ground)
+    start = np.floor(points[own[0], 1::-1] / (BLOCK * CELL)) * BLOCK - cells.first
+    low = np.maximum(start.astype(np.int64) - halo, 0)
+    high = np.minimum(start.astype(np.int64) + BLOCK + halo, cells.place.max(axis=0) + 1)
+    begin, end = np.searchsorted(cells.place[cells.by_row, 0], (low[0], high[0]))
+    near = cells.by_row[begin:end]
+    near = near[(cells.place[near, 1] >= low[1]) & (cells.place[near, 1] < high[1])]
+    lowest = np.full(high - low, np.inf)
+    np.minimum.at(lowest, tuple((cells.place[near] - low).T), points[near, 2])
+    window = cells.first + low
+    terrain = filled(lowest, _ground_cells(lowest, radii, config), (int(window[0]), int(window[1])))
+    # Values belong to the middles of cells.
+    at = (points[own, 1::-1] / CELL - window - 0.5).T
+    elevation, slope = (
+        ndimage.map_coordinates(raster, at, order=1, mode="nearest") for raster in (terrain, _slope(terrain))
+    )
+    return np.abs(points[own, 2] - elevation) <= DISTANCE + DISTANCE_SLOPE * slope
 
 
 def _radii(largest: float) -> list[int]:
@@ -133,47 +123,10 @@ def _sunk(
     return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
 
 
-@kernel
-def _place(numbers, elevation, n_columns, south, west, lowest):  # type: ignore[no-untyped-def]
-    """Set a window of the raster of minima, whose first cell is in row `south` and column `west`."""
-    for y in range(lowest.shape[0]):
-        start = (south + y) * n_columns + west
-        k = first_from(numbers, start)
-        while k < len(numbers) and numbers[k] < start + lowest.shape[1]:
-            lowest[y, numbers[k] - start] = elevation[k]
-            k += 1
-
-
-@kernel
-def _slope(terrain):  # type: ignore[no-untyped-def]
-    n_rows, n_columns = terrain.shape
-    slope = np.zeros(terrain.shape)
-    for y in range(n_rows):
-        south, north = max(y - 1, 0), min(y + 1, n_rows - 1)
-        for x in range(n_columns):
-            west, east = max(x - 1, 0), min(x + 1, n_columns - 1)
-            along = (terrain[y, east] - terrain[y, west]) / (max(east - west, 1) * CELL)
-            across = (terrain[north, x] - terrain[south, x]) / (max(north - south, 1) * CELL)
-            slope[y, x] = math.hypot(along, across)
-    return slope
-
-
-@kernel
-def _label(points, rows, terrain, slope, window, ground):  # type: ignore[no-untyped-def]
-    """Set which points lie within a distance of the terrain that grows with its slope."""
-    for p in rows:
-        # Values belong to the middles of cells.
-        y = min(max(points[p, 1] / CELL - window[0] - 0.5, 0.0), terrain.shape[0] - 1.0)
-        x = min(max(points[p, 0] / CELL - window[1] - 0.5, 0.0), terrain.shape[1] - 1.0)
-        distance = abs(points[p, 2] - _between(terrain, y, x))
-        ground[p] = distance <= DISTANCE + DISTANCE_SLOPE * _between(slope, y, x)
-
-
-@inner_kernel
-def _between(raster, y, x):  # type: ignore[no-untyped-def]
-    south, west = int(y), int(x)
-    north, east = min(south + 1, raster.shape[0] - 1), min(west + 1, raster.shape[1] - 1)
-    v, u = y - south, x - west
-    low = (1.0 - u) * raster[south, west] + u * raster[south, east]
-    high = (1.0 - u) * raster[north, west] + u * raster[north, east]
-    return (1.0 - v) * low + v * high
+def _slope(terrain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rise over run by differences of the cells on both sides, level along an axis of one cell."""
+    rises = (
+        np.gradient(terrain, CELL, axis=k) if n > 1 else np.zeros_like(terrain)
+        for k, n in enumerate(terrain.shape)
+    )
+    return np.hypot(*rises)
