@@ -12,6 +12,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured, quantised_spacing
+from lidar_buildings.core.stages.ground_filter import morphological
 from lidar_buildings.core.stages.ground_filter.config import (
     CANDIDATE_SPACING,
     HEIGHT_WITHOUT_GROUND,
@@ -20,7 +21,6 @@ from lidar_buildings.core.stages.ground_filter.config import (
 from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
 from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin, progressive_tin
-from lidar_buildings.core.stages.ground_filter.openings import morphological
 from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope, slope_pairs
 from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.stages.ground_filter import morphological
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import find_landforms
 from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
-from lidar_buildings.core.stages.ground_filter.openings import morphological
 from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS, find_plates
 from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope
 

@@ -28,7 +28,7 @@ from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as s
 from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
-from lidar_buildings.core.surfaces.minimum_surface import height_above_minimum
+from lidar_buildings.core.surfaces.opened_terrain import opened_terrain
 
 #: Classes that are decided here; what has another one has it for good, but for ground that is road.
 OPEN = (
@@ -54,6 +54,9 @@ LOW_SHARE = 0.5
 AREA_CELL = 2.0
 #: Heights up to which points count as ground where they have no classes [m].
 GROUND_TOLERANCE = 0.2
+#: Half of the widest object [m], the steepest terrain, rise over run, and the deepest pit [m], where heights
+#: are not given; from `bench.scenes.terrain`.
+OPENINGS = (30.0, 0.15, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +230,7 @@ def _prepared(
     """Return heights and classes, derived where they are not given."""
     n = len(points)
     if height_above_ground is None:
-        height = height_above_minimum(points)
+        height = points[:, 2] - opened_terrain(points, *OPENINGS)[0]
     else:
         given = np.asarray(height_above_ground)
         height = checked_column("height_above_ground", given, n, np.result_type(given, np.float32))

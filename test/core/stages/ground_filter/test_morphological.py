@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.openings.morphological import DISTANCE, label_ground
+from lidar_buildings.core.stages.ground_filter.morphological import DISTANCE, label_ground
 from lidar_buildings.evaluation.scores.ground import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")

@@ -1,4 +1,4 @@
-"""The morphological filter: growing discs pushed up from below do not reach what is narrower than they."""
+"""Terrain under objects: growing discs pushed up from below do not reach what is narrower than they."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from scipy import ndimage
 
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
 from lidar_buildings.core.surfaces.elevation_raster import filled
 from lidar_buildings.core.surfaces.morphology import opened
 
 #: Side of the cells whose lowest points are opened [m].
-CELL = CANDIDATE_SPACING
+CELL = 1.0
 #: Side of the blocks that are worked on at a time, in cells: bounds the memory; wide margin.
 BLOCK = 512
 #: How far beyond the discs' reach a block looks at the terrain that its holes are filled from, in cells.
@@ -23,10 +22,10 @@ FILL_REACH = 32
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes` where no source is named.
 #: Rise that is terrain whatever the radius [m].
 STEP = 0.2
+#: The eight cells around one.
+AROUND = np.array([[True, True, True], [True, False, True], [True, True, True]])
 #: Discs grow by so much [m].
 RADIUS_STEP = 1.0
-#: Points this near the terrain that the openings leave are ground; so much more per unit of its slope [m].
-DISTANCE, DISTANCE_SLOPE = 0.3, 1.25
 
 
 class Cells(NamedTuple):
@@ -37,17 +36,17 @@ class Cells(NamedTuple):
     first: NDArray[np.float64]  #: least row and column in the grid that starts at (0, 0), shape (2,)
 
 
-def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDArray[np.bool_]:
+def opened_terrain(
+    points: NDArray[np.float64], largest_radius: float, max_slope: float, max_pit: float = np.inf
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Return which points are ground, by a progressive morphological filter.
+    Return the elevation of the terrain at each point [m], and its slope there (rise over run).
 
     The raster of cell minima is opened with discs of growing radius (Zhang et al. 2003), in small steps as
-    Pingel et al. (2013) do it; a cell that sinks by more than the terrain can rise over the radius is an
-    object. Cells without points take no part, so nothing is invented before the openings. The terrain is
-    spanned between the cells left, and points are ground within a distance of it that grows with its slope
-    (Pingel et al. 2013).
-
-    Points come in any order, gross errors removed.
+    Pingel et al. (2013) do it, up to the largest [m]; a cell that sinks by more than terrain of `max_slope`
+    can rise over the radius is an object, and one lower than all eight around it by more than `max_pit` [m] a
+    false low point. Cells without points take no part, so nothing is invented before
+    the openings. The terrain is spanned between the cells left. Points come in any order.
 
     Notes
     -----
@@ -55,28 +54,32 @@ def label_ground(points: NDArray[np.float64], config: GroundFilterConfig) -> NDA
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
     beyond has no influence.
     """
-    ground = np.zeros(len(points), dtype=np.bool_)
+    found = np.empty((2, len(points)))
     if len(points) == 0:
-        return ground
+        return found[0], found[1]
     place = np.floor(points[:, 1::-1] / CELL)
     first = place.min(axis=0)
     row_and_column = (place - first).astype(np.int64)
     cells = Cells(row_and_column, np.argsort(row_and_column[:, 0], kind="stable"), first)
-    blocks = rows_by_cell(points, BLOCK * CELL)
+    blocks, radii = rows_by_cell(points, BLOCK * CELL), _radii(largest_radius)
 
-    def label(begin: int, end: int) -> None:
+    def open_block(begin: int, end: int) -> None:
         own = blocks.rows[blocks.first[begin] : blocks.first[end]]
-        ground[own] = _labelled(points, own, cells, config)
+        found[:, own] = _of_block(points, own, cells, radii, max_slope, max_pit)
 
-    for_row_blocks(label, len(blocks.numbers), 1)
-    return ground
+    for_row_blocks(open_block, len(blocks.numbers), 1)
+    return found[0], found[1]
 
 
-def _labelled(
-    points: NDArray[np.float64], own: NDArray[np.intp], cells: Cells, config: GroundFilterConfig
-) -> NDArray[np.bool_]:
-    """Label the points of a block; the raster has all cells around that matter."""
-    radii = _radii(config.opening_radius)
+def _of_block(
+    points: NDArray[np.float64],
+    own: NDArray[np.intp],
+    cells: Cells,
+    radii: list[int],
+    max_slope: float,
+    max_pit: float,
+) -> list[NDArray[np.float64]]:
+    """Return elevation and slope at a block's points; the raster has all cells around that matter."""
     halo = 2 * radii[-1] + FILL_REACH
     start = np.floor(points[own[0], 1::-1] / (BLOCK * CELL)) * BLOCK - cells.first
     low = np.maximum(start.astype(np.int64) - halo, 0)
@@ -86,14 +89,22 @@ def _labelled(
     near = near[(cells.place[near, 1] >= low[1]) & (cells.place[near, 1] < high[1])]
     lowest = np.full(high - low, np.inf)
     np.minimum.at(lowest, tuple((cells.place[near] - low).T), points[near, 2])
+    if max_pit < np.inf:
+        lowest = _without_pits(lowest, max_pit)
     window = cells.first + low
-    terrain = filled(lowest, _ground_cells(lowest, radii, config), (int(window[0]), int(window[1])))
+    terrain = filled(lowest, _ground_cells(lowest, radii, max_slope), (int(window[0]), int(window[1])))
     # Values belong to the middles of cells.
     at = (points[own, 1::-1] / CELL - window - 0.5).T
-    elevation, slope = (
+    return [
         ndimage.map_coordinates(raster, at, order=1, mode="nearest") for raster in (terrain, _slope(terrain))
-    )
-    return np.abs(points[own, 2] - elevation) <= DISTANCE + DISTANCE_SLOPE * slope
+    ]
+
+
+def _without_pits(lowest: NDArray[np.float64], max_pit: float) -> NDArray[np.float64]:
+    """Raise cells that lie far below all eight around them to the lowest of those."""
+    rim = ndimage.minimum_filter(lowest, footprint=AROUND, mode="nearest")
+    is_amid = np.isfinite(ndimage.maximum_filter(lowest, 3, mode="nearest"))
+    return np.where(is_amid & (rim > lowest + max_pit), rim, lowest)
 
 
 def _radii(largest: float) -> list[int]:
@@ -102,16 +113,14 @@ def _radii(largest: float) -> list[int]:
     return sorted({max(1, round(radius / CELL)) for radius in radii})
 
 
-def _ground_cells(
-    lowest: NDArray[np.float64], radii: list[int], config: GroundFilterConfig
-) -> NDArray[np.bool_]:
+def _ground_cells(lowest: NDArray[np.float64], radii: list[int], max_slope: float) -> NDArray[np.bool_]:
     """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
     objects = np.zeros(lowest.shape, dtype=np.bool_)
     before = lowest
     for radius in radii:
         after = opened(before, radius)
-        objects |= _sunk(before, after, known, config.opening_slope * radius * CELL + STEP)
+        objects |= _sunk(before, after, known, max_slope * radius * CELL + STEP)
         before = after
     ground = known & ~objects
     return ground if ground.any() else known

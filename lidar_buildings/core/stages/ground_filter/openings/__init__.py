@@ -1,1 +1,0 @@
-"""Method `morphological`: openings of the lowest surface."""
