@@ -53,7 +53,7 @@ def grow_ground(
     """
     ground = ground.copy()
     reach = REACH * spacing
-    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
+    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)  # so few that their sum is no more
     axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
     new = np.flatnonzero(ground)
 
@@ -65,7 +65,7 @@ def grow_ground(
         if not len(new):
             break
         for_row_blocks(judge, len(axes), 1)
-        new = _joining(votes, ground, FOR_WEIGHT * SUPPORT)
+        new = np.flatnonzero(~ground & (votes.sum(axis=0, dtype=np.int8) >= FOR_WEIGHT * SUPPORT))
         ground[new] = True
     return ground
 
@@ -97,23 +97,6 @@ class _Axis:
         stale = np.zeros(len(self.z), dtype=np.bool_)
         _mark_around(changed, one.along, self.line, self.ground, reach, stale)
         _judge(one.along, self.z, one.first, self.line, self.ground, stale, reach, one.rows, self.votes)
-
-
-@kernel
-def _joining(votes, ground, least):  # type: ignore[no-untyped-def]
-    """Return the rows that are no ground yet and have enough half votes of all sets of profiles."""
-    rows = np.empty(len(ground), dtype=np.intp)
-    n = 0
-    for i in range(len(ground)):
-        if ground[i]:
-            continue
-        total = 0
-        for k in range(len(votes)):
-            total += votes[k, i]
-        if total >= least:
-            rows[n] = i
-            n += 1
-    return rows[:n].copy()
 
 
 @kernel

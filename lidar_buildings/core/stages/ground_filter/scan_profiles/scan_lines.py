@@ -4,7 +4,6 @@ Scan lines from what a file says of the scan: time, direction flag, angle, or th
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import (
     MAX_STRIPS,
     Profiles,
@@ -86,35 +85,43 @@ def find_scan_lines(
     if n < 2:
         return None
     order = _order_in_time(points, gps_time, point_source_id)
-    order = np.arange(n) if order is None else order
-    strip = np.zeros(n, dtype=np.uint8) if point_source_id is None else point_source_id
-    step, jump, products = _steps(points, order, strip, MAX_STEP * spacing)
+    moves = np.diff(points[order, :2], axis=0)
+    step = np.hypot(moves[:, 0], moves[:, 1])
     # A sample is enough to know the median to a thousandth.
     median = float(np.median(step[:: 1 + n // MAX_SAMPLE]))
     if median > MAX_MEDIAN_STEP * spacing:
         return None
-    way = _way(points, order, jump, _axes(products))
+    jump = step > MAX_STEP * spacing
+    if point_source_id is not None:
+        jump |= np.diff(point_source_id[order]) != 0
+    moves[jump] = 0.0
+    way = np.concatenate(([0.0], np.cumsum(_along_lines(moves))))
     for turns in _turns(order, scan_direction_flag, scan_angle, way, median):
         ends = jump | turns
         first = np.concatenate(([0], np.flatnonzero(ends) + 1))
         if len(first) < MAX_STRIPS and _is_scan(first, way, step, ends, spacing):
-            return ScanLines(*_by_row(order, ends, way))
+            line, place = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.float32)
+            line[order] = np.repeat(np.arange(len(first)), np.diff(first, append=n))
+            place[order] = way - way[first][line[order]]
+            return ScanLines(line, place)
     return None
 
 
 def _order_in_time(
     points: NDArray[np.float64], gps_time: NDArray[Any] | None, strip: NDArray[Any] | None
-) -> NDArray[np.intp] | None:
+) -> NDArray[np.intp]:
     """
-    Return the rows by strip and time, None where neither is known; the returns of a pulse from the top down.
+    Return the rows by strip and time, as far as these are known; the returns of a pulse from the top down.
     """
-    order = None
+    order = np.arange(len(points))
     if gps_time is not None and np.isfinite(gps_time).all() and gps_time.min() < gps_time.max():
         order = np.argsort(gps_time, kind="stable")
-        _sort_pulses(order, np.asarray(gps_time, dtype=np.float64), points)
-    if strip is not None and (strip != strip[0]).any():
-        by_strip = np.argsort(strip if order is None else strip[order], kind="stable")
-        order = by_strip if order is None else order[by_strip]
+        is_same = np.diff(gps_time[order]) == 0
+        tied = np.flatnonzero(np.append(is_same, False) | np.append(False, is_same))
+        rows = order[tied]
+        order[tied] = rows[np.lexsort((points[rows, 1], points[rows, 0], -points[rows, 2], gps_time[rows]))]
+    if strip is not None:
+        order = order[np.argsort(strip[order], kind="stable")]
     return order
 
 
@@ -134,97 +141,30 @@ def _turns(
     yield _turning_points(way, max(TURN_STEPS * median_step, MIN_TURN))
 
 
-def _axes(products: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along_lines(moves: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return the main axis of each block's steps, whichever way they go; neighbouring blocks in like directions.
+    Return how far moves go along the main axis of their block; neighbouring blocks look in like directions.
     """
-    axes = np.empty((len(products), 2))
+    x, y = moves.T
+    products = np.add.reduceat(np.column_stack((x * x, x * y, x * y, y * y)), np.arange(0, len(x), BLOCK))
+    axes = np.linalg.eigh(products.reshape(-1, 2, 2))[1][:, :, 1]
     last = np.array([1.0, 0.0])
-    for k, (xx, xy, yy) in enumerate(products):
-        main = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))[1][:, 1]
+    for k, main in enumerate(axes):
         last = axes[k] = main if main @ last >= 0 else -main
-    return axes
+    return np.einsum("ij,ij->i", moves, np.repeat(axes, BLOCK, axis=0)[: len(x)])
 
 
 def _is_scan(
     first: NDArray[np.intp],
     way: NDArray[np.float64],
-    step: NDArray[np.float32],
+    step: NDArray[np.float64],
     ends: NDArray[np.bool_],
     spacing: float,
 ) -> bool:
     extent = np.maximum.reduceat(way, first) - np.minimum.reduceat(way, first)
     length = float(np.diff(first, append=len(way)) @ extent) / len(way)
-    path = float(np.sum(step, where=~ends, dtype=np.float64))
+    path = float(step[~ends].sum())
     return length >= MIN_LENGTH * spacing and path <= MAX_DETOUR * extent.sum()
-
-
-@kernel
-def _steps(points, order, strip, max_step):  # type: ignore[no-untyped-def]
-    """
-    Measure the steps from point to point [m], mark jumps, and sum up products of the others block by block.
-    """
-    n = len(order) - 1
-    step, jump = np.empty(n, dtype=np.float32), np.empty(n, dtype=np.bool_)
-    products = np.zeros((n // BLOCK + 1, 3))
-    for i in range(n):
-        p, q = order[i], order[i + 1]
-        dx, dy = points[q, 0] - points[p, 0], points[q, 1] - points[p, 1]
-        step[i] = math.hypot(dx, dy)
-        jump[i] = step[i] > max_step or strip[p] != strip[q]
-        if not jump[i]:
-            products[i // BLOCK, 0] += dx * dx
-            products[i // BLOCK, 1] += dx * dy
-            products[i // BLOCK, 2] += dy * dy
-    return step, jump, products
-
-
-@kernel
-def _way(points, order, jump, axes):  # type: ignore[no-untyped-def]
-    """Return how far each point lies along the direction of the lines [m]; jumps count as no step."""
-    way = np.zeros(len(order))
-    for i in range(len(jump)):
-        p, q, axis = order[i], order[i + 1], axes[i // BLOCK]
-        along = (points[q, 0] - points[p, 0]) * axis[0] + (points[q, 1] - points[p, 1]) * axis[1]
-        way[i + 1] = way[i] + (0.0 if jump[i] else along)
-    return way
-
-
-@kernel
-def _by_row(order, ends, way):  # type: ignore[no-untyped-def]
-    """Return each row's line and its place on it, counted from the line's first point."""
-    line, place = np.empty(len(order), dtype=np.int32), np.empty(len(order), dtype=np.float32)
-    number, begin = 0, way[0]
-    for i in range(len(order)):
-        if i > 0 and ends[i - 1]:
-            number, begin = number + 1, way[i]
-        line[order[i]], place[order[i]] = number, way[i] - begin
-    return line, place
-
-
-@kernel
-def _sort_pulses(order, gps_time, points):  # type: ignore[no-untyped-def]
-    """Sort rows of equal times by elevation from the top, then by x and y, in place."""
-    begin = 0
-    for end in range(1, len(order) + 1):
-        if end < len(order) and gps_time[order[end]] == gps_time[order[begin]]:
-            continue
-        for k in range(begin + 1, end):
-            row, j = order[k], k
-            while j > begin and _above(points[row], points[order[j - 1]]):
-                order[j] = order[j - 1]
-                j -= 1
-            order[j] = row
-        begin = end
-
-
-@inner_kernel
-def _above(p, q):  # type: ignore[no-untyped-def]
-    if p[2] != q[2]:
-        return p[2] > q[2]
-    if p[0] != q[0]:
-        return p[0] < q[0]
-    return p[1] < q[1]
 
 
 @kernel
