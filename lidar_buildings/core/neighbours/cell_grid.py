@@ -16,6 +16,8 @@ from lidar_buildings.core.neighbours.parallel import for_row_blocks
 MAX_CELLS = 2.0**60
 #: Up to so many cells a point are counted one by one, else numbers are sorted; the result is the same.
 MAX_COUNTED_CELLS = 8
+#: Gaps in a raster without any point are shortened to so many cells; cells are doubled beyond so many.
+LONGEST_GAP, MAX_RASTER_CELLS = 8, 4_000_000
 #: Cells a block of work: some ten thousand points.
 CELLS_A_BLOCK = 2048
 #: Steps of the sort within a cell (Ciura 2001, each further one 2.25 times the one before).
@@ -100,6 +102,22 @@ def lowest_per_cell(points: NDArray[np.float64], cell: float) -> NDArray[np.intp
     """
     rows, _, first = _rows_by_number(cell_numbers(points, cell))
     return _lowest_of_runs(rows, first, np.ascontiguousarray(points))
+
+
+def raster_cells(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], tuple[int, int]]:
+    """Return the cell of each point in a raster, row by row, and its shape; far points take no room."""
+    while True:
+        (rows, n_rows), (columns, n_columns) = (without_gaps(points[:, axis], cell) for axis in (1, 0))
+        if n_rows * n_columns <= MAX_RASTER_CELLS:
+            return rows * n_columns + columns, (n_rows, n_columns)
+        cell *= 2.0
+
+
+def without_gaps(coordinate: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int]:
+    """Return in which row each coordinate lies, and how many rows there are, long gaps shortened."""
+    taken, at = np.unique(np.floor(coordinate / cell), return_inverse=True)
+    row = np.cumsum(np.minimum(np.diff(taken, prepend=taken[0]), LONGEST_GAP)).astype(np.int64)
+    return row[at], int(row[-1]) + 1
 
 
 @kernel

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.neighbours.cell_grid import raster_cells
 from lidar_buildings.core.neighbours.union_find import numbered, sets_of_pairs
 from lidar_buildings.core.surfaces.elevation_raster import nearest_filled
 
@@ -23,8 +24,6 @@ MIN_SEEN = 0.25
 CELL_SPACINGS, MIN_CELL = 2.0, 2.0
 #: The extents of no plate.
 NO_EXTENTS = np.empty((0, 2, 2))
-#: Longer gaps without any point are shortened to so many cells, and cells are doubled beyond so many.
-LONGEST_GAP, MAX_CELLS = 8, 4_000_000
 
 
 class Plates(NamedTuple):
@@ -46,7 +45,7 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     the same building are looked at without that side. At least one point is ground, gross errors are removed.
     """
     cell = max(CELL_SPACINGS * spacing, MIN_CELL)
-    place, shape = _places(points, cell)
+    place, shape = raster_cells(points, cell)
     lowest = np.full(shape, np.inf)
     np.minimum.at(lowest.ravel(), place[ground], points[ground, 2])
     surface = nearest_filled(lowest, np.isfinite(lowest))
@@ -61,22 +60,6 @@ def find_plates(points: NDArray[np.float64], ground: NDArray[np.bool_], spacing:
     return Plates(
         ground & (on_roof.ravel()[place] | is_rim), np.unique(np.concatenate(extents) + margin, axis=0)
     )
-
-
-def _places(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], tuple[int, int]]:
-    """Return the cell of each point in a raster, row by row, and its shape; far points take no room."""
-    while True:
-        (rows, n_rows), (columns, n_columns) = (_squeezed(points[:, axis], cell) for axis in (1, 0))
-        if n_rows * n_columns <= MAX_CELLS:
-            return rows * n_columns + columns, (n_rows, n_columns)
-        cell *= 2.0
-
-
-def _squeezed(coordinate: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int64], int]:
-    """Return in which row each coordinate lies, and how many rows there are, long gaps shortened."""
-    taken, at = np.unique(np.floor(coordinate / cell), return_inverse=True)
-    row = np.cumsum(np.minimum(np.diff(taken, prepend=taken[0]), LONGEST_GAP)).astype(np.int64)
-    return row[at], int(row[-1]) + 1
 
 
 def _judged(

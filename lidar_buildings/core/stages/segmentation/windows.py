@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell, without_gaps
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.neighbours.union_find import flatten, link, root
 
@@ -40,13 +40,9 @@ def _without_gaps(xy: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """
     Return positions with all gaps of several cells shortened, so that an enormous extent can be numbered.
     """
-    closed = np.empty((len(xy), 2))
-    for axis in range(2):
-        column = np.floor(xy[:, axis] / cell)
-        columns, number = np.unique(column, return_inverse=True)
-        near = np.concatenate(([0.0], np.cumsum(np.minimum(np.diff(columns), 2.0))))
-        closed[:, axis] = xy[:, axis] - column * cell + near[number] * cell
-    return closed
+    return np.column_stack(
+        [one - np.floor(one / cell) * cell + without_gaps(one, cell)[0] * cell for one in xy[:, :2].T]
+    )
 
 
 @kernel

@@ -5,7 +5,6 @@ Points that continue the terrain on one side, whatever it does on the other: rim
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,23 +18,18 @@ from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, co
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: Half planes that are tried.
 SIDES = 8
+#: How far the points of a plane may be, and how near the nearest of them has to be, in spacings.
+REACH, NEAREST = 3.5, 2.0
+#: Fewest points of a plane.
+MIN_POINTS = 6
+#: Its steepest slope, rise over run, and its largest root mean square residual [m].
+MAX_SLOPE, MAX_RESIDUAL = 0.8, 0.25
+#: How far from it a point may be beyond that residual [m].
+MAX_DISTANCE = 0.3
 #: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
 MIN_SPREAD = 0.05
 #: Rows a block of work; wide margin, the result does not depend on it.
 ROWS_A_BLOCK = 1024
-
-
-class PlaneRules(NamedTuple):
-    """What makes a plane of ground, and when a point continues it."""
-
-    #: How far its points may be, and how near the nearest of them has to be, in spacings.
-    reach: float = 3.5
-    nearest: float = 2.0
-    min_points: float = 6.0  #: fewest points
-    #: Steepest, rise over run, and its largest root mean square residual [m].
-    max_slope: float = 0.8
-    max_residual: float = 0.25
-    max_distance: float = 0.3  #: how far from it a point may be beyond that residual [m]
 
 
 def continues_terrain(
@@ -49,18 +43,17 @@ def continues_terrain(
 
     Candidates, ground and spacing are those of `find_landforms`; `rows` are the candidates asked for.
     """
-    rules = PlaneRules()
     known = candidates[ground]
     result = np.zeros(len(rows), dtype=np.bool_)
-    if len(known) < rules.min_points:
+    if len(known) < MIN_POINTS:
         return result
-    cells = sort_by_cell(known, rules.reach * spacing)
+    cells = sort_by_cell(known, REACH * spacing)
     # A candidate's cell by the same numbering, without sorting again: from the first known point's.
     column = math.floor(cells.points[0, 0] / cells.size) - cells.numbers[0] % cells.n_columns
     row = math.floor(cells.points[0, 1] / cells.size) - cells.numbers[0] // cells.n_columns
     start = (float(column), float(row))
     for_row_blocks(
-        lambda a, b: _test(candidates, rows, cells, start, spacing, rules, result, a, b),
+        lambda a, b: _test(candidates, rows, cells, start, spacing, result, a, b),
         len(rows),
         ROWS_A_BLOCK,
     )
@@ -68,7 +61,7 @@ def continues_terrain(
 
 
 @kernel
-def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  # type: ignore[no-untyped-def]
+def _test(candidates, rows, cells, start, spacing, result, begin, end):  # type: ignore[no-untyped-def]
     sums = np.empty((SIDES, N_MOMENTS + 1))
     towards = np.empty((SIDES, 2))
     for side in range(SIDES):
@@ -85,9 +78,9 @@ def _test(candidates, rows, cells, start, spacing, rules, result, begin, end):  
             low, high = cells_in_row(cells.numbers, cells.n_columns, beside, column, 1)
             for i in range(cells.first[low], cells.first[high]):
                 dx, dy, dz = cells.points[i, 0] - x, cells.points[i, 1] - y, cells.points[i, 2] - z
-                _count(dx, dy, dz, rules.reach * spacing, towards, sums)
+                _count(dx, dy, dz, REACH * spacing, towards, sums)
         for side in range(SIDES):
-            if _fits(sums[side], rules.nearest * spacing, rules):
+            if _fits(sums[side], NEAREST * spacing):
                 result[r] = True
                 break
 
@@ -107,10 +100,10 @@ def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
 
 
 @inner_kernel
-def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
+def _fits(s, nearest):  # type: ignore[no-untyped-def]
     """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
     n = s[0]
-    if n < rules.min_points or s[N_MOMENTS] > nearest:
+    if n < MIN_POINTS or s[N_MOMENTS] > nearest:
         return False
     x, y, z = s[1] / n, s[2] / n, s[3] / n
     xx, xy, xz, yy, yz, zz = covariance(s)
@@ -119,6 +112,6 @@ def _fits(s, nearest, rules):  # type: ignore[no-untyped-def]
         return False
     a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
     residual = math.sqrt(max(0.0, zz - a * xz - b * yz))
-    if math.hypot(a, b) > rules.max_slope or residual > rules.max_residual:
+    if math.hypot(a, b) > MAX_SLOPE or residual > MAX_RESIDUAL:
         return False
-    return abs(z - a * x - b * y) <= rules.max_distance + residual
+    return abs(z - a * x - b * y) <= MAX_DISTANCE + residual
