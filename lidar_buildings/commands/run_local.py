@@ -31,6 +31,7 @@ from lidar_buildings.io.results.run_folder import (
 )
 from lidar_buildings.io.results.run_summary import counted, run_info
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_grid import Buffer
 from lidar_buildings.io.tiling.tile_store import KnownSurvey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.agenda import NoWorkerError
@@ -159,7 +160,7 @@ def process_tiles(
     for tile in source.ready():
         path, near, before = folder.tile_path(tile.stamp), _near(footprints, tile), None
         if earlier is not None:
-            before = [earlier[row] for row in np.flatnonzero(tile.core.holds(*anchors))]
+            before = [earlier[row] for row in np.flatnonzero(tile.area(Buffer.of(0.0)).holds(*anchors))]
         work = TileWork(tile.alone(), path, request.config, request.until, request.files, near, before)
         answer = pool.submit(done, work)
         waiting[answer] = work
@@ -193,5 +194,5 @@ def _near(footprints: Footprints | None, tile: SpooledTile) -> Footprints | None
     """Return the footprints that a tile may have points of."""
     if footprints is None:
         return None
-    area = tile.reach.grown(_MARGIN)
+    area = tile.area(tile.largest).grown(_MARGIN)
     return footprints.near((area.x_min, area.y_min, area.x_max, area.y_max))

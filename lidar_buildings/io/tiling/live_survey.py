@@ -20,9 +20,10 @@ from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
+from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import TileGrid
 from lidar_buildings.io.tiling.tile_room import TileRoom
-from lidar_buildings.io.tiling.tile_store import TilePlan, TileStore
+from lidar_buildings.io.tiling.tile_store import TileStore
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
@@ -148,7 +149,7 @@ class LiveSurvey:
                 if not self._ready:
                     return None
                 tile = self._tiles.next_of(self._ready)
-                made = self._store.tile(self._plan(tile, tile.revision + 1), tile.buffer)
+                made = self._spooled(tile, tile.revision + 1).read()
                 is_new = len(made) != tile.n_points
                 self._note(tile, tile.revision + is_new, -1)
                 self._ready.remove(tile.place)
@@ -163,14 +164,13 @@ class LiveSurvey:
         with self._lock:
             if (tile := self._tiles.of_stamp(sent.stamp)) is None:
                 return None
-            plan = self._plan(tile, tile.revision)
-            most = self.config.max_buffer
-            buffer = self._store.wider(plan, tile.buffer, sides, most)
+            spooled, most = self._spooled(tile, tile.revision), self.config.max_buffer
+            is_more = spooled.grow(sides)
             # what comes there later counts, too, where there is nothing now
-            self._tiles.widen(tile, buffer or tile.buffer.doubled(sides, most, most))
-            if buffer is None:
+            self._tiles.widen(tile, spooled.buffer if is_more else tile.buffer.doubled(sides, most, most))
+            if not is_more:
                 return None
-            made = self._store.tile(plan, buffer)
+            made = spooled.read()
             self._note(tile, tile.revision + 1, -1)
             tile.revision, tile.n_points = tile.revision + 1, len(made)
             return made
@@ -259,7 +259,8 @@ class LiveSurvey:
         x, y = (records[axis].astype(np.float64) + self.frame.origin[k] for k, axis in enumerate("xy"))
         return self._grid.cells_at(np.column_stack([x, y]))
 
-    def _plan(self, tile: LiveTile, revision: int) -> TilePlan:
-        """Return what a revision of a tile is made of now."""
+    def _spooled(self, tile: LiveTile, revision: int) -> SpooledTile:
+        """Return a revision of a tile as it is now."""
         core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
-        return TilePlan(tile.stamp + revision, tile.block, core)
+        stamp, most = tile.stamp + revision, self.config.max_buffer
+        return SpooledTile(self._store, stamp, tile.block, core, tile.buffer, most)

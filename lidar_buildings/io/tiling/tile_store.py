@@ -1,4 +1,4 @@
-"""Points on disk by cell, and tiles put together from them."""
+"""Points on disk by cell, which tiles take them as theirs, and what is known of their survey."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.sides import Sides
-from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import xyz_of
-from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
+from lidar_buildings.io.clouds.point_columns import point_columns
 from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool, order_key
+from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool
 from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
-from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 
 
 @dataclass(frozen=True)
@@ -54,19 +51,9 @@ class ReadPart(NamedTuple):
     samples: Path  #: what tells of intensities
 
 
-@dataclass(frozen=True)
-class TilePlan:
-    """A tile that is ready: its place, and which records of its cells are its core points."""
-
-    stamp: int  #: the tile's key [ns]
-    block: Block
-    core: dict[Cell, tuple[int, int]]  #: spool cell → first and last (exclusive) record
-    dark_limit: float | None = None  #: what was known of the survey's ground when the tile became ready
-
-
 class TileStore:
     """
-    Holds all points that were read, and makes tiles of them.
+    Holds all points that were read, and knows which tiles have taken them.
 
     The points lie by cell in `spool`, a temporary folder that is made in `temporary`. `spacing` is what tiles
     are expected to have [m]; if it is not known `learn_spacing` measures it. `brightness` is what is known of
@@ -101,7 +88,7 @@ class TileStore:
         records["source"] = source
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
         area = Rectangle.of_cloud(cloud)
-        square = None if area is None else self._local(sample_square(area, SQUARE_SIDE))
+        square = None if area is None else self.in_map(sample_square(area, SQUARE_SIDE))
         self.brightness.add(source, first, records, cloud.point_count, square)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
         return {self.grid.tile_of(cell) for cell in self.spool.append(cells, records)}
@@ -115,13 +102,16 @@ class TileStore:
         """Return what was read of a single file, for the store of another process."""
         return ReadPart(self.spool.with_heads(), self.brightness.given(source, self.spool.folder))
 
-    def near(self, plan: TilePlan, buffer: Buffer) -> TileStore:
-        """Return the store as if it held what a tile with such a buffer needs: little to send."""
+    def part_of(self, cells: Iterable[Cell]) -> TileStore:
+        """Return the store as if it held some cells alone: little to send."""
         part = copy(self)
-        area = self.grid.area_of(plan.block).buffered(buffer)
-        part.spool = self.spool.near([*plan.core, *self.grid.cells_touching(area)])
+        part.spool = self.spool.near(cells)
         part._planned, part._dropped = {}, list(self._dropped)
         return part
+
+    def in_map(self, area: Rectangle) -> Rectangle:
+        """Move an area from the source's position into the map frame [m]."""
+        return area.moved(-self.frame.origin[0], -self.frame.origin[1])
 
     def count_in(self, cells: Iterable[Cell]) -> int:
         """Count the records of cells."""
@@ -164,95 +154,17 @@ class TileStore:
 
     def _within(self, square: Rectangle, source: int | None) -> Iterator[NDArray[Any]]:
         """Read a file's records, or all, within a square at the source's position: those of a cell as one."""
-        local = self._local(square)
+        local = self.in_map(square)
         for cell in self.grid.cells_touching(square):
             kept = [np.empty(0, RECORD)]  # in how many pieces a cell was read must not tell
-            for block in self._blocks(cell):
+            for block in self.blocks(cell):
                 inside = local.holds(block["x"], block["y"])
                 if source is not None:
                     inside &= block["source"] == source
                 kept.append(block.compress(inside))
             yield np.concatenate(kept)
 
-    def count(self, plan: TilePlan, buffer: Buffer) -> int:
-        """Count a tile's points, buffer included."""
-        return sum(len(block) for block, _ in self._tile_blocks(plan, buffer))
-
-    def wider(self, plan: TilePlan, buffer: Buffer, sides: Sides, most: float) -> Buffer | None:
-        """
-        Return a tile's buffer doubled on sides, up to `most` [m], until it brings points; None if none does.
-        """
-        n_before = self.count(plan, buffer)
-        while (wider := buffer.doubled(sides, self.grid.cell_size, most)) != buffer:
-            if self.count(plan, wider) > n_before:
-                return wider
-            buffer = wider
-        return None
-
-    def tile(self, plan: TilePlan, buffer: Buffer) -> PointTile:
-        """Put a tile together, rows in the order of (source, index)."""
-        columns = self._gathered(plan, buffer)
-        order = np.argsort(order_key(columns), kind="stable")
-        for name, column in columns.items():
-            columns[name] = column.take(order, axis=0)
-        del order, column
-        points, is_buffer = columns.pop("points"), columns.pop("buffer")
-        kept = without_empty_columns(columns)
-        last = last_returns(points, kept["return_number"], kept["number_of_returns"])
-        spacing = steady_spacing(last, self.spacing)
-        del last
-        area = self.local_area(plan, buffer)
-        return PointTile(
-            points,
-            buffer=is_buffer,
-            point_spacing=spacing,
-            normalised_intensity=self.brightness.normalised(columns["intensity"], columns["point_source_id"]),
-            dark_limit=plan.dark_limit,
-            stamp=plan.stamp,
-            bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
-            frame=self.frame,
-            **kept,
-        )
-
-    def _gathered(self, plan: TilePlan, buffer: Buffer) -> dict[str, NDArray[Any]]:
-        """Read a tile's points and columns with its buffer; `buffer` is 1 for points that belong to that."""
-        area = self.grid.area_of(plan.block).buffered(buffer)
-        # room for all of the cells' records: what stays empty is never touched, so it takes no memory
-        n = sum(self.spool.count(cell) for cell in {*plan.core, *self.grid.cells_touching(area)})
-        names = RECORD.names[3:]
-        columns = {name: np.empty(n, RECORD[name]) for name in names}
-        columns |= {"points": np.empty((n, 3), np.float32), "buffer": np.empty(n, np.uint8)}
-        n = 0
-        for block, kind in self._tile_blocks(plan, buffer):
-            rows = slice(n, n := n + len(block))
-            for name in names:
-                columns[name][rows] = block[name]
-            for axis, name in enumerate("xyz"):
-                columns["points"][rows, axis] = block[name]
-            columns["buffer"][rows] = kind
-        return {name: column[:n] for name, column in columns.items()}
-
-    def local_area(self, plan: TilePlan, buffer: Buffer) -> Rectangle:
-        """Return where a tile and its buffer lie in the map frame [m]."""
-        return self._local(self.grid.area_of(plan.block).buffered(buffer))
-
-    def _local(self, area: Rectangle) -> Rectangle:
-        """Move an area from the source's position into the map frame [m]."""
-        return area.moved(-self.frame.origin[0], -self.frame.origin[1])
-
-    def _tile_blocks(self, plan: TilePlan, buffer: Buffer) -> Iterator[tuple[NDArray[Any], int]]:
-        """Read a tile's records with its buffer: (records, 0 for core points or 1)."""
-        near = self.local_area(plan, buffer)
-        area = self.grid.area_of(plan.block).buffered(buffer)
-        for cell in dict.fromkeys([*plan.core, *self.grid.cells_touching(area)]):
-            first, last = plan.core.get(cell, (0, 0))
-            for block in self._blocks(cell, first, last):
-                yield block, 0
-            for start, end in ((0, first), (last, None)):
-                for block in self._blocks(cell, start, end):
-                    yield block.compress(near.holds(block["x"], block["y"])), 1
-
-    def _blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
+    def blocks(self, cell: Cell, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read a cell's records without those of dropped files."""
         for block in self.spool.blocks(cell, first, last):
             kept = block.compress(~np.isin(block["source"], self._dropped)) if self._dropped else block

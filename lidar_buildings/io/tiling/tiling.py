@@ -26,7 +26,7 @@ from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import KnownSurvey, TilePlan, TileStore
+from lidar_buildings.io.tiling.tile_store import KnownSurvey, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]
@@ -243,10 +243,11 @@ class TileSource:
         first_point = self._store.first_point(core)
         if first_point is None:
             return
-        plan = TilePlan(self._stamp(tile, first_point), block, core, self._store.brightness.dark_limit)
-        tile = SpooledTile(plan, self._store, Buffer.of(self._buffer), self.config.max_buffer)
-        self._tiles.append(tile)
-        self._by_stamp[tile.stamp] = tile
+        stamp, dark_limit = self._stamp(tile, first_point), self._store.brightness.dark_limit
+        buffer, most = Buffer.of(self._buffer), self.config.max_buffer
+        ready = SpooledTile(self._store, stamp, block, core, buffer, most, dark_limit)
+        self._tiles.append(ready)
+        self._by_stamp[stamp] = ready
 
     def _stamp(self, tile: Cell, first_point: Head) -> int:
         """Return a stamp for the tile that no other tile has."""
