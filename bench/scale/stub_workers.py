@@ -13,7 +13,7 @@ import time
 from distributed import Worker
 
 
-def stub(job: tuple[float, bytes], pool: None) -> bytes:
+def stub(job: tuple[float, bytes]) -> bytes:
     """Take as long as a tile does, and answer as little."""
     time.sleep(job[0])
     return job[1][:200]

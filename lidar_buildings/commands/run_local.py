@@ -34,7 +34,6 @@ from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
 from lidar_buildings.io.tiling.tile_store import KnownSurvey
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.pipeline.agenda import NoWorkerError
 from lidar_buildings.pipeline.building_pool import BuildingPool
 
 if TYPE_CHECKING:  # what takes time to import, and dask, which is there for those who ask for it
@@ -145,7 +144,7 @@ def process_tiles(
         nonlocal n_done, n_unchanged, so_far
         answer = answered.get()
         work = waiting.pop(answer)
-        outcome = _outcome(answer, work)
+        outcome = _outcome(answer)
         seconds.update(outcome.seconds)
         if outcome.reason:
             failed[work.tile.stamp] = outcome.reason
@@ -162,7 +161,7 @@ def process_tiles(
         if earlier is not None:
             before = [earlier[row] for row in np.flatnonzero(tile.area(Buffer.of(0.0)).holds(*anchors))]
         work = TileWork(tile.alone(), path, request.config, request.until, request.files, near, before)
-        answer = pool.submit(done, work)
+        answer = pool.submit(done, work, shares=True)
         waiting[answer] = work
         answer.add_done_callback(answered.put)
         while len(waiting) > _AHEAD or not answered.empty():
@@ -175,12 +174,10 @@ def process_tiles(
     return Processed(dict(seconds), failed, n_unchanged)
 
 
-def _outcome(answer: _Answer, work: TileWork) -> TileOutcome:
-    """Return what became of a tile, which is done here where no process was left to do it."""
+def _outcome(answer: _Answer) -> TileOutcome:
+    """Return what became of a tile."""
     try:
         outcome = answer.result()
-    except NoWorkerError:
-        outcome = done(work)
     except LidarBuildingsError:
         raise
     except Exception as error:

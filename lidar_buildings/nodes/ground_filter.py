@@ -33,9 +33,9 @@ class GroundFilter(PoolNode):
 
     def on_tile(self, tile: PointTile) -> Turns:
         """Classify one tile, and let others come meanwhile."""
-        call = self._pool.begin(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
-        yield call.when_done
-        filtered = call.result()
+        answer = self._pool.submit(filter_ground, tile, self.parameters[GroundFilterNodeConfig])
+        yield answer
+        filtered = answer.result()
         self._clipped.hand_on(tile.stamp, filtered.clipped, lambda: self._hand_on(filtered.tile))
 
     def _hand_on(self, classified: PointTile) -> None:

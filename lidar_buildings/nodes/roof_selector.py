@@ -22,8 +22,8 @@ class RoofSelector(PoolNode):
 
     def on_tile(self, tile: PointTile) -> Turns:
         """Classify one tile and hand its roofs on; let others come meanwhile."""
-        call = self._pool.begin(select_roof_points, tile, self.parameters[RoofSelectionConfig])
-        yield call.when_done
-        classified = call.result()
+        answer = self._pool.submit(select_roof_points, tile, self.parameters[RoofSelectionConfig])
+        yield answer
+        classified = answer.result()
         self._roof_points.publish(roof_points(classified))
         self._classified_points.publish(classified)

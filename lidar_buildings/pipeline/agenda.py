@@ -13,11 +13,7 @@ from lidar_buildings.pipeline.sharing import received
 
 
 class WorkerLostError(RuntimeError):
-    """A process ended in the middle of its work."""
-
-
-class NoWorkerError(WorkerLostError):
-    """All processes had ended before the work began."""
+    """A process ended in the middle of its work, or before another one could begin it."""
 
 
 class Task:
@@ -34,6 +30,10 @@ class Task:
         self.answer: Future[Any] = Future()
         self.n_tries = 0
 
+    def lose(self) -> None:
+        """Let it have no result."""
+        self.answer.set_exception(WorkerLostError("a process ended in the middle of its work"))
+
 
 class Agenda:
     """Tasks that wait; any number of threads put, take and finish them."""
@@ -49,7 +49,7 @@ class Agenda:
         with self._changed:
             for task in tasks:
                 if self._is_closed:
-                    _drop(task)
+                    task.lose()
                 else:
                     (self._tiles if task.is_tile else self._batches).append(task)
             self._changed.notify_all()
@@ -88,23 +88,15 @@ class Agenda:
             if task.is_tile and task.n_tries == 1 and not self._is_closed:
                 self._tiles.appendleft(task)
             else:
-                _drop(task)
+                task.lose()
             self._changed.notify_all()
 
-    def close(self) -> None:
-        """Give out nothing any more; what waits is lost."""
+    def close(self) -> list[Task]:
+        """Give out nothing any more; return what waits."""
         with self._changed:
             self._is_closed = True
-            for task in (*self._batches, *self._tiles):
-                _drop(task)
+            left = [*self._batches, *self._tiles]
             self._batches.clear()
             self._tiles.clear()
             self._changed.notify_all()
-
-
-def _drop(task: Task) -> None:
-    """Let a task have no result."""
-    if task.n_tries:
-        task.answer.set_exception(WorkerLostError("a process ended in the middle of its work"))
-    else:
-        task.answer.set_exception(NoWorkerError("no process is left"))
+        return left

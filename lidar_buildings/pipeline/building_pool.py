@@ -14,19 +14,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from lidar_buildings.core.neighbours.parallel import n_cores
-from lidar_buildings.pipeline.agenda import Agenda, NoWorkerError, Task
-from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send
+from lidar_buildings.pipeline.agenda import Agenda, Task
+from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
 from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Sharing
+from lidar_buildings.pipeline.sharing import Sharing, Work, called
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
-
-#: A function, what it is called with, and whether it takes a pool.
-_Work = tuple[Callable[..., Any], tuple[object, ...], bool]
 
 _log = logging.getLogger(__name__)
 
@@ -68,7 +65,8 @@ class BuildingPool(Sharing):
         """End the processes; `map` and `submit` go on without them."""
         with self._lock:
             links, self._links, self._n_alive = self._links, [], 0
-        self._agenda.close()
+        for task in self._agenda.close():
+            task.lose()
         for process in self._processes:
             end(process)
         for link in links if not self._threads else ():
@@ -76,45 +74,40 @@ class BuildingPool(Sharing):
         for thread in self._threads:
             thread.join()
 
-    def submit(self, function: Callable[[_Job, Sharing | None], _Result], job: _Job) -> Future[_Result]:
+    def submit(
+        self, function: Callable[..., _Result], *arguments: object, shares: bool = False
+    ) -> Future[_Result]:
         """
-        Call ``function(job, pool)`` for a tile in the next free process; here and at once without any.
+        Call a function, as for a tile, in the next free process; here and at once without any.
 
-        The function stands at the top of a module; it may share buildings by the pool, if it is given one.
-        The future raises `WorkerLostError` if two processes ended at it, or the last one did, and
-        `NoWorkerError` if none was left to begin.
+        The function stands at the top of a module; if it `shares` it takes a `pool`, over which it shares a
+        tile's buildings. What waits when the last process has ended is done here. The future raises
+        `WorkerLostError` if two processes ended at it, or the last one did.
         """
-        task = Task(packed((function, job)), is_tile=True)
-        if self._put([task]):
-            return task.answer
-        done: Future[_Result] = Future()
-        try:
-            done.set_result(function(job, None))
-        except Exception as error:
-            done.set_exception(error)
-        return done
+        work = function, arguments, shares
+        if self._n_alive:
+            task = Task(packed(work), is_tile=True)
+            if self._put([task]):
+                return task.answer
+        answer: Future[_Result] = Future()
+        _do_here(work, answer)
+        return answer
 
     def call(self, function: Callable[..., _Result], *arguments: object, shares: bool = False) -> _Result:
         """
-        Call a function in the next free process, here without any, and wait for its result.
+        Do as `submit`, and wait for the result.
 
-        For threads that share an interpreter's lock: the others go on meanwhile. The function stands at the
-        top of a module; if it `shares` it takes a `pool`, over which it shares a tile's buildings.
-        WorkerLostError if two processes ended at it.
+        For threads that share an interpreter's lock: the others go on meanwhile.
         """
-        return self.begin(function, *arguments, shares=shares).result()
-
-    def begin(
-        self, function: Callable[..., _Result], *arguments: object, shares: bool = False
-    ) -> Call[_Result]:
-        """Do as `call`, without waiting; without any process it is called when its result is asked for."""
-        work = function, arguments, shares
-        return Call(work, self.submit(_called, work) if self._n_alive else None)
+        return self.submit(function, *arguments, shares=shares).result()
 
     def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
         """Do as `call` for each of some jobs, several at a time, and yield the results in their order."""
-        for call in [self.begin(function, job) for job in jobs]:
-            yield call.result()
+        if not self._n_alive:
+            yield from map(function, jobs)
+        else:
+            for answer in [self.submit(function, job) for job in jobs]:
+                yield answer.result()
 
     def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
         tasks = [Task(message) for message in messages]
@@ -154,7 +147,7 @@ class BuildingPool(Sharing):
     def _do(self, link: Connection, task: Task, held: list[Task]) -> None:
         """Let a process do a task, and while it waits for its share of others what there is."""
         held.append(task)
-        link.send((DO, task.is_tile))
+        link.send((DO,))
         send(link, task.message)
         while (reply := link.recv())[0] == SHARE:
             shared = [Task(message) for message in reply[1]]
@@ -178,42 +171,19 @@ class BuildingPool(Sharing):
         for task in held:
             self._agenda.lose(task)
         if not self._n_alive:
-            self._agenda.close()
+            for task in self._agenda.close():
+                if task.is_tile and not task.n_tries and self._links:
+                    _do_here(unpacked(task.message), task.answer)
+                else:
+                    task.lose()
 
 
-class Call(Generic[_Result]):
-    """A call that a process has been given, and its answer; None if there is no process."""
-
-    def __init__(self, work: _Work, answer: Future[Any] | None) -> None:
-        self._work, self._answer = work, answer
-
-    def when_done(self, then: Callable[[], object]) -> None:
-        """Call `then`, in whatever thread, as soon as there is nothing to wait for."""
-        if self._answer is None:
-            then()
-        else:
-            self._answer.add_done_callback(lambda _: then())
-
-    def result(self) -> _Result:
-        """
-        Return the result, or raise what the function raised; WorkerLostError if two processes ended at it.
-        """
-        try:
-            result = _called(self._work, None) if self._answer is None else self._answer.result()
-        except NoWorkerError:
-            result = _called(self._work, None)
-        if isinstance(result, Exception):
-            raise result
-        found: _Result = result
-        return found
-
-
-def _called(work: _Work, pool: Sharing | None) -> Any:
-    function, arguments, shares = work
+def _do_here(work: Work, answer: Future[Any]) -> None:
+    """Answer a call without a process."""
     try:
-        return function(*arguments, pool=pool) if shares else function(*arguments)
+        answer.set_result(called(work, None))
     except Exception as error:
-        return error
+        answer.set_exception(error)
 
 
 def _answers(tasks: Sequence[Task]) -> list[Parcel | None]:

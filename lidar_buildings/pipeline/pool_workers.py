@@ -21,7 +21,7 @@ from queue import SimpleQueue
 from lidar_buildings.core.freed_memory import give_memory_back, rare_collection
 from lidar_buildings.core.neighbours.parallel import n_cores, n_waiting_threads, share_cores
 from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
-from lidar_buildings.pipeline.sharing import Sharing
+from lidar_buildings.pipeline.sharing import Sharing, called
 
 _log = logging.getLogger(__name__)
 
@@ -108,9 +108,9 @@ def _work(link: Connection, n_workers: int, busy: memoryview | None = None) -> N
         while True:
             if not link.poll(_IDLE):
                 give_memory_back()
-            _, is_tile = link.recv()
+            link.recv()
             busy[0] = 1
-            answer = worker.done(is_tile, receive(link))
+            answer = worker.done(receive(link))
             busy[0] = 0  # before anybody may ask
             worker.tell(answer)
             give_memory_back(_MEMORY_PERIOD)
@@ -130,14 +130,16 @@ class _Worker(Sharing):
         """Number of processes, at the start."""
         return self._n_workers
 
-    def done(self, is_tile: bool, message: Parcel) -> Parcel:
+    def done(self, message: Parcel) -> Parcel:
         """Do a tile or a batch of buildings, and return the result, or what went wrong."""
         try:
-            function, content = unpacked(message)
-            results = function(content, self) if is_tile else [(k, function(job)) for k, job in content]
-            return packed((results, "", self._logged()))
-        except Exception:
-            return packed(([], traceback.format_exc(), self._logged()))
+            return packed((called(unpacked(message), self), None, "", self._logged()))
+        except Exception as error:
+            there, records = traceback.format_exc(), self._logged()
+            try:
+                return packed((None, error, there, records))
+            except Exception:  # of something that cannot be sent
+                return packed((None, RuntimeError(str(error)), there, records))
 
     def tell(self, answer: Parcel) -> None:
         """Send what was done."""
@@ -152,5 +154,5 @@ class _Worker(Sharing):
         """Hand messages to all processes; answer those that come back to this one."""
         self._link.send((SHARE, messages))
         while (told := self._link.recv())[0] == DO:
-            self.tell(self.done(told[1], receive(self._link)))
+            self.tell(self.done(receive(self._link)))
         return [receive(self._link) if is_there else None for is_there in told[1]]

@@ -13,6 +13,9 @@ from lidar_buildings.pipeline.parcels import Parcel, unpacked
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
+#: A function, what it is called with, and whether it takes a pool.
+Work = tuple[Callable[..., Any], tuple[Any, ...], bool]
+
 #: What a building costs beside its points, in points.
 _LEAST_SIZE = 400
 #: Work that is not worth the way to a process and back, in points.
@@ -45,8 +48,8 @@ class Sharing(ABC):
 
         The function stands at the top of a module, and its result depends on the job alone; `sizes` are the
         buildings' numbers of points. ``lost(job)`` stands in for the result of a building during which two
-        processes ended; one that was merely in a batch with it is done again. RuntimeError if the function
-        raises an exception.
+        processes ended; one that was merely in a batch with it is done again. Raises what the function
+        raises.
         """
         weights = [size + _LEAST_SIZE for size in sizes]
         if not self.n_alive or len(jobs) < 2 or sum(weights) < _LITTLE:
@@ -83,18 +86,28 @@ def map_buildings(
 
 
 def _message_of(function: Callable[..., Any], batch: Any) -> Parcel:
-    """Return what a process is told: a function and a batch of numbered jobs, in one piece."""
-    return Parcel(pickle.dumps((function, batch), protocol=5))
+    """Return what a process is told: a function for each of a batch of numbered jobs, in one piece."""
+    return Parcel(pickle.dumps((_each, (function, batch), False), protocol=5))
+
+
+def _each(function: Callable[[_Job], _Result], batch: Sequence[tuple[int, _Job]]) -> dict[int, _Result]:
+    return {number: function(job) for number, job in batch}
+
+
+def called(work: Work, pool: Sharing | None) -> Any:
+    """Call a function as it is to be called."""
+    function, arguments, shares = work
+    return function(*arguments, pool=pool) if shares else function(*arguments)
 
 
 def received(answer: Parcel) -> Any:
-    """Return what a process answered, and log what it had to say."""
-    results, error, records = unpacked(answer)
+    """Return what a process answered, or raise what was raised there; log what it had to say."""
+    result, error, there, records = unpacked(answer)
     for record in records:
         logging.getLogger(record.name).handle(record)
-    if error:
-        raise RuntimeError(f"in a process of buildings:\n{error}")
-    return results
+    if there:
+        raise error from RuntimeError(f"in a process of buildings:\n{there}")
+    return result
 
 
 def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:

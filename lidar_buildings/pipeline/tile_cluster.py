@@ -93,13 +93,19 @@ class TileCluster:
         return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(
-        self, function: Callable[[_Job, None], _Result], job: _Job, *, is_late: bool = False
+        self,
+        function: Callable[[_Job], _Result],
+        job: _Job,
+        *,
+        is_late: bool = False,
+        shares: bool = False,
     ) -> Future[_Result]:
         """
-        Call ``function(job, None)`` on a worker; if `is_late` after what was submitted without this.
+        Call a function on a worker; if `is_late` after what was submitted without this.
 
-        The function stands at the top of a module; it may be called more than once, and at the same time. The
-        future raises `WorkerLostError` if workers end at it even when nothing else is done.
+        The function stands at the top of a module; it may be called more than once, and at the same time. It
+        shares nothing with other workers. The future raises `WorkerLostError` if workers end at it even when
+        nothing else is done.
         """
         call = _Call(function, job, _LATE if is_late else _SOON)
         with self._lock:
@@ -109,7 +115,7 @@ class TileCluster:
 
     def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
         """Call a function for each of some jobs on the workers, and return the results in their order."""
-        answers = [self.submit(_without_pool, (function, job)) for job in jobs]
+        answers = [self.submit(function, job) for job in jobs]
         return [answer.result() for answer in answers]
 
     def _send(self, call: _Call) -> None:
@@ -237,11 +243,6 @@ def _done(version: str, function: Callable[..., Any], job: object) -> Any:
         raise ClusterError(_other_version("a worker", __version__, version))
     keep_freed_memory()  # dask has workers give all of it back at once, and take it fresh for each array
     share_cores(lambda: False)
-    return function(job, None)
-
-
-def _without_pool(work: tuple[Callable[[Any], Any], Any], pool: None) -> Any:
-    function, job = work
     return function(job)
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Generator
+from concurrent.futures import Future
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import Any
 
 from rclpy.node import Node
 
-#: Work that yields, whenever it has to wait, what calls a function once the waiting is over.
-Turns = Generator[Callable[[Callable[[], None]], object], None, Any]
+#: Work that yields, whenever it has to wait, what it waits for.
+Turns = Generator["Future[Any]", None, Any]
 
 
 class Errands:
@@ -37,7 +38,7 @@ class Errands:
     def begin(self, work: Turns) -> None:
         """Do, now, what comes before the work's first waiting; the rest is an errand."""
         with suppress(StopIteration):
-            next(work)(lambda: self.put(lambda: self.begin(work)))
+            next(work).add_done_callback(lambda _: self.put(lambda: self.begin(work)))
 
     def run(self) -> None:
         """Call what is due until `stop`; raises what a function raises."""

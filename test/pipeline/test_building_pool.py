@@ -17,7 +17,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.pipeline.agenda import NoWorkerError, WorkerLostError
+from lidar_buildings.pipeline.agenda import WorkerLostError
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
@@ -46,7 +46,7 @@ def do(job):
     return job
 
 
-def tile(job, pool):
+def tile(job, pool=None):
     """Do what a job says and share buildings, as what works on a whole tile does."""
     do(job)
     shared = [] if pool is None else pool.map(process_of, list(range(40)), [LARGE] * 40, lost)
@@ -57,6 +57,19 @@ def wait(job):
     """Do nothing for long, in another process; nothing at all here."""
     if multiprocessing.current_process().name != "MainProcess":
         time.sleep(60.0)
+
+
+def end_elsewhere():
+    """End any process but this one."""
+    if multiprocessing.current_process().name != "MainProcess":
+        os._exit(9)
+    return os.getpid()
+
+
+def break_with_lock():
+    error = ValueError("a lock of it")
+    error.lock = threading.Lock()
+    raise error
 
 
 def threads_used(others):
@@ -142,7 +155,7 @@ def test_an_interrupt_ends_no_process(pool):
 
 
 def test_an_exception_arrives_with_its_words(pool):
-    with pytest.raises(RuntimeError, match="a beam broke"):
+    with pytest.raises(ValueError, match="a beam broke"):
         pool.map(do, ["raise", 1], [LARGE] * 2, lost)
 
 
@@ -158,7 +171,7 @@ def test_a_closed_pool_works_here(pool):
 
 
 def test_a_tile_alone_shares_its_buildings_with_all_processes(pool):
-    shared, processes, worker = pool.submit(tile, 1).result()
+    shared, processes, worker = pool.call(tile, 1, shares=True)
     assert shared == list(range(40))
     assert worker != os.getpid()
     assert worker in processes or len(processes) == 1
@@ -166,29 +179,36 @@ def test_a_tile_alone_shares_its_buildings_with_all_processes(pool):
 
 
 def test_tiles_that_share_at_the_same_time_get_their_own_results(pool):
-    answers = [pool.submit(tile, k) for k in range(12)]
+    answers = [pool.submit(tile, k, shares=True) for k in range(12)]
     assert all(answer.result()[0] == list(range(40)) for answer in answers)
 
 
 def test_without_processes_a_tile_is_done_here():
     with BuildingPool(1) as alone:
-        assert alone.submit(tile, 1).result() == ([], set(), os.getpid())
+        assert alone.call(tile, 1, shares=True) == ([], set(), os.getpid())
 
 
 def test_a_tile_whose_process_ends_is_done_by_another_one(pool, tmp_path):
-    assert pool.submit(tile, ("end once", tmp_path / "ended")).result()[0] == list(range(40))
+    assert pool.call(tile, ("end once", tmp_path / "ended"), shares=True)[0] == list(range(40))
 
 
-def test_a_tile_that_ends_two_processes_is_given_up_and_what_waits_is_for_the_caller(pool):
-    answers = [pool.submit(tile, ("end",)), *(pool.submit(tile, ("end",)) for _ in range(3))]
-    errors = [type(answer.exception()) for answer in answers]
-    assert set(errors) == {WorkerLostError, NoWorkerError}
-    assert pool.submit(tile, 1).result()[2] == os.getpid()
+def test_a_tile_that_ends_two_processes_is_given_up_and_what_waits_is_done_here(pool):
+    answers = [pool.submit(end_elsewhere) for _ in range(4)]
+    given_up = [answer for answer in answers if isinstance(answer.exception(), WorkerLostError)]
+    assert answers[0] in given_up
+    assert {answer.result() for answer in answers if answer not in given_up} == {os.getpid()}
+    assert pool.call(tile, 1, shares=True)[2] == os.getpid()
 
 
-def test_what_goes_wrong_in_a_tile_arrives_with_its_words(pool):
-    with pytest.raises(RuntimeError, match="a beam broke"):
-        pool.submit(tile, "raise").result()
+def test_what_goes_wrong_in_a_tile_arrives_with_its_words_and_its_place(pool):
+    with pytest.raises(ValueError, match="a beam broke") as told:
+        pool.call(tile, "raise", shares=True)
+    assert "in do" in str(told.value.__cause__)
+
+
+def test_of_what_goes_wrong_and_cannot_be_sent_the_words_arrive(pool):
+    with pytest.raises(RuntimeError, match="a lock of it"):
+        pool.call(break_with_lock)
 
 
 def test_models_and_planes_are_the_same_with_and_without_processes(pool):
@@ -274,10 +294,10 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
 @pytest.mark.parametrize("n_processes", [0, 2])
 def test_a_call_says_when_it_is_done(n_processes):
     with BuildingPool(n_processes) as pool:
-        good, bad = pool.begin(place_of, 5, shares=n_processes > 0), pool.begin(refuse, 7)
+        good, bad = pool.submit(place_of, 5, shares=n_processes > 0), pool.submit(refuse, 7)
         for call in (good, bad):
             is_done = threading.Event()
-            call.when_done(is_done.set)
+            call.add_done_callback(lambda _, is_done=is_done: is_done.set())
             assert is_done.wait(20.0)
         assert good.result()[::2] == (5, n_processes > 0)
         with pytest.raises(ValueError, match="number = 7: must be larger"):

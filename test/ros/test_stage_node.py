@@ -1,4 +1,5 @@
 import json
+from concurrent.futures import Future
 from contextlib import contextmanager
 
 import numpy as np
@@ -179,7 +180,7 @@ class Patient(StageNode):
         self.subscribe_tiles("points", self.on_tile)
 
     def on_tile(self, tile):
-        yield lambda then: self.awaited.update({len(tile): then})
+        yield self.awaited.setdefault(len(tile), Future())
         if len(tile) == 3:
             raise ZeroDivisionError("three is too much")
         self._out.publish(to_message(tile))
@@ -195,7 +196,7 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
         assert patient.summary.is_at_work
         assert not listener.tiles
         for n in (4, 3, 2):
-            patient.awaited[n]()
+            patient.awaited[n].set_result(None)
             wait_until(lambda n=n: len(listener.statuses) == 5 - n)
         wait_until(lambda: len(listener.tiles) == 2)
     assert [len(one) for one in listener.tiles] == [4, 2]
@@ -216,7 +217,7 @@ def test_what_a_destroyed_node_has_waited_for_may_still_come(context):
     patient = Patient(context=context)
     patient.errands.begin(patient.on_tile(tile(2, 1)))
     patient.destroy_node()
-    patient.awaited[2]()
+    patient.awaited[2].set_result(None)
 
 
 def test_timers_go_on_while_the_clock_of_a_recording_stands_still(context):

@@ -4,7 +4,7 @@ import os
 import time
 
 
-def process_of(job, pool):
+def process_of(job):
     return job, os.getpid()
 
 
@@ -12,15 +12,15 @@ def twice(job):
     return 2 * job
 
 
-def fail(job, pool):
+def fail(job):
     raise ValueError(f"{job} broke")
 
 
-def end(job, pool):
+def end(job):
     os._exit(9)
 
 
-def wait_for(job, pool):
+def wait_for(job):
     """Say that it has begun, and wait for a file."""
     began, awaited = job
     began.touch()

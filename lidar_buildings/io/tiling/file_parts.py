@@ -113,7 +113,7 @@ def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
         yield FilePart(cloud, source, first, last, store.grid, store.frame, store.spool.folder)
 
 
-def read_part(part: FilePart, pool: object = None) -> ReadPart | LidarBuildingsError:
+def read_part(part: FilePart) -> ReadPart | LidarBuildingsError:
     """Read a part, and return where its points are; or why they are not."""
     store = TileStore(part.grid, part.frame, part.folder)
     try:
