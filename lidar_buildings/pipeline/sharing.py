@@ -6,9 +6,12 @@ import logging
 import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from lidar_buildings.pipeline.parcels import Parcel, unpacked
+
+_log = logging.getLogger(__name__)
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -79,10 +82,27 @@ def map_buildings(
     function: Callable[[_Job], _Result],
     jobs: Sequence[_Job],
     sizes: Sequence[int],
-    lost: Callable[[_Job], _Result],
+    failed: Callable[..., _Result],
+    problem: str,
 ) -> list[_Result]:
-    """Do as `Sharing.map`, or without a pool everything here."""
-    return [function(job) for job in jobs] if pool is None else pool.map(function, jobs, sizes, lost)
+    """
+    Do as `Sharing.map`, or without a pool everything here.
+
+    ``failed(job, reason=…)`` stands in for the result of a building that two processes ended at, or at which
+    the function raises an exception; its `problem`, in a few words, and the job's `building_id` are logged.
+    """
+    attempt = partial(_attempted, function, failed, problem)
+    if pool is None:
+        return [attempt(job) for job in jobs]
+    return pool.map(attempt, jobs, sizes, partial(failed, reason="two processes ended at it"))
+
+
+def _attempted(function: Callable[..., Any], failed: Callable[..., Any], problem: str, job: Any) -> Any:
+    try:
+        return function(job)
+    except Exception as error:
+        _log.exception("building %d: %s", job.building_id, problem)
+        return failed(job, reason=f"unexpected error: {error!r}")
 
 
 def _message_of(function: Callable[..., Any], batch: Any) -> Parcel:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -20,8 +19,6 @@ from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
 from lidar_buildings.core.stages.footprints.assignment import remark_on_points
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
-
-_log = logging.getLogger(__name__)
 
 #: What models and their attributes are made from.
 _NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
@@ -59,7 +56,8 @@ def build_models(
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
     jobs = [_job(part, one, config) for one, part in zip(ordered, buildings, strict=True)]
-    models = map_buildings(pool, _built, jobs, [len(part) for part in buildings], _lost)
+    sizes = [len(part) for part in buildings]
+    models = map_buildings(pool, _built, jobs, sizes, _failed, "no model was built")
     return tuple(map(_with_attributes, buildings, ordered, models))
 
 
@@ -95,26 +93,18 @@ def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig)
 
 
 def _built(job: _Job) -> BuildingModel:
-    """Build one model; whatever goes wrong, one comes back that says so."""
-    try:
-        return build_model(
-            job.points,
-            job.outline,
-            job.config,
-            plane_id=job.plane_id,
-            ground_elevation=job.ground_elevation,
-            is_roof_seen=not job.is_closed,
-        )
-    except Exception as error:
-        _log.exception("building %d: no model was built", job.building_id)
-        return _failed(job, f"unexpected error: {error!r}")
-
-
-def _lost(job: _Job) -> BuildingModel:
-    return _failed(job, "two processes ended while they built it")
+    return build_model(
+        job.points,
+        job.outline,
+        job.config,
+        plane_id=job.plane_id,
+        ground_elevation=job.ground_elevation,
+        is_roof_seen=not job.is_closed,
+    )
 
 
 def _failed(job: _Job, reason: str) -> BuildingModel:
+    """Return a model that says why it is none."""
     known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
     known |= {"area": job.outline.area, "n_points": len(job.points), "roof_type": "unknown"}
     known |= {"lod": "", "validity": ""}

@@ -46,7 +46,10 @@ def regularise_outlines(
         return tuple(replace(one, quality=given) for one in outlines)
     traced = [one.outline for one in outlines]
     sizes = [sum(map(len, one.rings)) for one in traced]
-    own = map_buildings(pool, _regularised, [_Job(one, config) for one in outlines], sizes, _lost)
+    jobs = [_Job(one.building_id, one.outline, config) for one in outlines]
+    own = map_buildings(
+        pool, _regularised, jobs, sizes, _kept, "regularisation failed, the traced ring is kept"
+    )
     regular = [one.outline for one in own]
     groups = touching_groups(traced)
     if config.max_wall_gap:
@@ -102,25 +105,17 @@ def _share_walls(
 class _Job(NamedTuple):
     """What one outline is regularised from."""
 
-    traced: BuildingOutline
+    building_id: int
+    traced: Outline
     config: RegularisationConfig
 
 
 def _regularised(job: _Job) -> RegularisedOutline:
-    """Regularise one outline, or keep it as it is."""
-    try:
-        return regularise_outline(job.traced.outline, job.config)
-    except Exception as error:
-        _log.exception("building %d: regularisation failed, the traced ring is kept", job.traced.building_id)
-        return _kept(job, f"unexpected error: {error!r}")
-
-
-def _lost(job: _Job) -> RegularisedOutline:
-    return _kept(job, "two processes ended at its outline")
+    return regularise_outline(job.traced, job.config)
 
 
 def _kept(job: _Job, reason: str) -> RegularisedOutline:
-    return RegularisedOutline(job.traced.outline, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
+    return RegularisedOutline(job.traced, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
 
 
 def _quality(

@@ -6,7 +6,6 @@ The nodes and the ROS-free pipeline both call these functions, so that they do t
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -32,8 +31,6 @@ from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfi
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +147,8 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: Sharing | None
     if tile.has_bare_walls:
         buildings = [one for one in buildings if not (tile.facade[one[1]] == Facade.BARE).any()]
     jobs = [_PlaneJob(number, tile.points[rows], config, tile.point_spacing) for number, rows in buildings]
-    found = map_buildings(pool, _fitted_planes, jobs, [len(rows) for _, rows in buildings], _no_planes)
+    sizes = [len(rows) for _, rows in buildings]
+    found = map_buildings(pool, _fitted_planes, jobs, sizes, _no_planes, "no planes were fitted")
     for (_, rows), numbers in zip(buildings, found, strict=True):
         plane_id[rows] = numbers
     return tile.with_columns(plane_id=plane_id)
@@ -166,14 +164,8 @@ class _PlaneJob(NamedTuple):
 
 
 def _fitted_planes(job: _PlaneJob) -> NDArray[np.uint16]:
-    """Number the planes of one building; whatever goes wrong, numbers come back."""
-    try:
-        return number_planes(job.points, job.config, point_spacing=job.point_spacing)
-    except Exception:
-        _log.exception("building %d: no planes were fitted", job.building_id)
-        return np.zeros(len(job.points), dtype=np.uint16)
+    return number_planes(job.points, job.config, point_spacing=job.point_spacing)
 
 
-def _no_planes(job: _PlaneJob) -> NDArray[np.uint16]:
-    _log.error("building %d: no planes were fitted, two processes ended at it", job.building_id)
+def _no_planes(job: _PlaneJob, reason: str) -> NDArray[np.uint16]:
     return np.zeros(len(job.points), dtype=np.uint16)

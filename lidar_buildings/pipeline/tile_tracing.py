@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -30,8 +29,6 @@ from lidar_buildings.core.stages.segmentation.segmentation import segment_buildi
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls, walled_buildings
-
-_log = logging.getLogger(__name__)
 
 #: Half the side of the square that stands for a building whose tracing failed altogether [m].
 _MARKER_SIZE = 0.5
@@ -90,7 +87,8 @@ def trace_buildings(
         pattern = found.patterns[number]
         near = None if ground is None else _about(ground, cloud, GROUND_REACH * (spacing or pattern.spacing))
         jobs.append(_TracingJob(number, cloud, boundary_tracing, pattern, spacing, near))
-    rings = map_buildings(pool, _traced, jobs, [len(rows) for _, rows in owned], _square)
+    sizes = [len(rows) for _, rows in owned]
+    rings = map_buildings(pool, _traced, jobs, sizes, _square, "tracing failed, a square marks its anchor")
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
     places = (extent_of(tile.points.take(rows, axis=0)[:, :2]) for _, rows in owned)
     clipped = reduce(
@@ -198,21 +196,16 @@ class _TracingJob(NamedTuple):
 
 
 def _traced(job: _TracingJob) -> Outline:
-    """Trace one building; whatever goes wrong, a ring comes back."""
-    try:
-        traced = trace_boundary(
-            job.points,
-            job.config,
-            pattern=job.pattern,
-            point_spacing=job.point_spacing,
-            ground=job.ground,
-        )
-        return traced.outline.as_carried()
-    except Exception:
-        _log.exception("building %d: tracing failed, a square marks its anchor", job.building_id)
-        return _square(job)
+    traced = trace_boundary(
+        job.points,
+        job.config,
+        pattern=job.pattern,
+        point_spacing=job.point_spacing,
+        ground=job.ground,
+    )
+    return traced.outline.as_carried()
 
 
-def _square(job: _TracingJob) -> Outline:
+def _square(job: _TracingJob, reason: str) -> Outline:
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
     return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()
