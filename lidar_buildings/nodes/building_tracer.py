@@ -60,7 +60,7 @@ class BuildingTracer(PoolNode):
             self._clipped.hand_on(stamp, traced.clipped, lambda: self._hand_on(stamp, traced))
 
     def _hand_on(self, stamp: int, traced: TracedTile) -> None:
-        self._building_points.publish(traced.tile)
+        self._building_points.publish(stamp, traced.tile)
         self._traced.publish(stamp, outline_rings(traced.outlines))
         self.summary.counts["buildings"] += len(traced.outlines)
 

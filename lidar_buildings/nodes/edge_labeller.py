@@ -21,5 +21,5 @@ class EdgeLabeller(PoolNode):
     def on_tile(self, tile: PointTile) -> dict[str, int]:
         """Label one tile; report how many of its roofs came to which status."""
         labelled = self._pool.call(label_roof_edges, tile, self.parameters[EdgeLabellingConfig])
-        self._edge_points.publish(labelled.tile)
+        self._edge_points.publish(tile.stamp, labelled.tile)
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}

@@ -39,7 +39,7 @@ class GroundFilter(PoolNode):
         self._clipped.hand_on(tile.stamp, filtered.clipped, lambda: self._hand_on(filtered.tile))
 
     def _hand_on(self, classified: PointTile) -> None:
-        self._ground_points.publish(classified)
+        self._ground_points.publish(classified.stamp, classified)
         if self._dtm is not None:
             self._publish_dtm(classified)
 

@@ -23,4 +23,4 @@ class PlaneFitter(PoolNode):
     def on_tile(self, tile: PointTile) -> None:
         """Fit the planes of one tile's buildings."""
         planes = self._pool.call(fit_planes, tile, self.parameters[PlaneFittingConfig], shares=True)
-        self._plane_points.publish(planes)
+        self._plane_points.publish(tile.stamp, planes)

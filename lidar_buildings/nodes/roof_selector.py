@@ -25,5 +25,5 @@ class RoofSelector(PoolNode):
         answer = self._pool.submit(select_roof_points, tile, self.parameters[RoofSelectionConfig])
         yield answer
         classified = answer.result()
-        self._roof_points.publish(roof_points(classified))
-        self._classified_points.publish(classified)
+        self._roof_points.publish(tile.stamp, roof_points(classified))
+        self._classified_points.publish(tile.stamp, classified)

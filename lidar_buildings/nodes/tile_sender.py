@@ -247,7 +247,7 @@ class TileSender(StageNode):
             report.n_points = len(tile)
             self.before(tile)
             self._info.publish(info_message(tile))
-            self._points.publish(tile)
+            self._points.publish(tile.stamp, tile)
 
     def before(self, tile: PointTile) -> None:
         """Do what comes before a tile's points; nothing if not said otherwise."""

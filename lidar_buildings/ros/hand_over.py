@@ -18,10 +18,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.errands import Errands
-from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import Rings, ring_messages
 
 #: Context → full name of a topic → who listens to it within it.
 _INBOXES: WeakKeyDictionary[Context, defaultdict[str, list[Inbox]]] = WeakKeyDictionary()
@@ -79,65 +76,37 @@ class Inbox:
             self._fellows.remove(self)
 
 
-class _Outlet:
-    """Hands things on to the inboxes of this process, and publishes them where others listen."""
+class Outlet:
+    """
+    Hands what a tile has on to the inboxes of this process, and publishes it where others listen.
 
-    def __init__(self, node: Node, publisher: Publisher) -> None:
-        self._publisher = publisher
-        self._context = node.context
+    `messages` makes messages of a stamp and what it is; if not given it is messages, which name no tile: they
+    are published for all where others listen. `note` is called with both.
+    """
 
-    def _listeners(self) -> tuple[list[Inbox], bool]:
-        """Return the inboxes of the topic, and whether anybody else listens."""
+    def __init__(
+        self,
+        node: Node,
+        publisher: Publisher,
+        messages: Callable[[int, Any], Iterable[Any]] | None = None,
+        note: Callable[[int, Any], None] = lambda stamp, item: None,
+    ) -> None:
+        self._context, self._publisher, self._messages, self._note = node.context, publisher, messages, note
+
+    def publish(self, stamp: int, item: Any) -> None:
+        """Hand something on."""
+        self._note(stamp, item)
         with _LOCK:
             inboxes = list(_INBOXES.get(self._context, {}).get(self._publisher.topic_name, ()))
-        return inboxes, self._publisher.get_subscription_count() > len(inboxes)
-
-    def _hand_on(self, stamp: int, item: Any, messages: Callable[[], Iterable[Any]]) -> None:
-        inboxes, is_heard_elsewhere = self._listeners()
+        is_heard_elsewhere = self._publisher.get_subscription_count() > len(inboxes)
+        if self._messages is None and is_heard_elsewhere:
+            publish_all(self._publisher, item)
+            return
+        item = tuple(item) if self._messages is None else item
         for inbox in inboxes:
             inbox.put(stamp, item, comes_again=is_heard_elsewhere)
-        if is_heard_elsewhere:
-            publish_all(self._publisher, messages())
-
-
-class _CountingOutlet(_Outlet):
-    """`note` is called with the stamp and the number of points of what is handed on."""
-
-    def __init__(self, node: Node, publisher: Publisher, note: Callable[[int, int], None]) -> None:
-        super().__init__(node, publisher)
-        self._note = note
-
-
-class TileOutlet(_CountingOutlet):
-    """Hands tiles on; as PointCloud2 where others listen."""
-
-    def publish(self, tile: PointTile) -> None:
-        """Hand a tile on."""
-        self._note(tile.stamp, len(tile))
-        self._hand_on(tile.stamp, tile, lambda: [to_message(tile)])
-
-
-class RingOutlet(_CountingOutlet):
-    """Hands a tile's rings on; as polygons and a closing message where others listen."""
-
-    def publish(self, stamp: int, rings: Rings) -> None:
-        """Hand the rings of a tile on."""
-        self._note(stamp, 0)
-        self._hand_on(stamp, rings, lambda: ring_messages(stamp, rings))
-
-
-class MessageOutlet(_Outlet):
-    """Hands messages on as they are, which name no tile: published for all where others listen."""
-
-    def publish(self, stamp: int, messages: Iterable[Any]) -> None:
-        """Hand messages on that have to do with a tile."""
-        inboxes, is_heard_elsewhere = self._listeners()
-        if is_heard_elsewhere:
-            publish_all(self._publisher, messages)
-            return
-        messages = tuple(messages)
-        for inbox in inboxes:
-            inbox.put(stamp, messages, comes_again=False)
+        if self._messages is not None and is_heard_elsewhere:
+            publish_all(self._publisher, self._messages(stamp, item))
 
 
 def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:

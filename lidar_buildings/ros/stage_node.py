@@ -26,10 +26,10 @@ from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
 from lidar_buildings.ros.errands import Errands, Turns
-from lidar_buildings.ros.hand_over import Inbox, MessageOutlet, RingOutlet, TileOutlet
+from lidar_buildings.ros.hand_over import Inbox, Outlet
 from lidar_buildings.ros.parameters import NodeParameters
-from lidar_buildings.ros.point_cloud import from_message
-from lidar_buildings.ros.polygons import Rings
+from lidar_buildings.ros.point_cloud import from_message, to_message
+from lidar_buildings.ros.polygons import Rings, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
 from lidar_buildings.ros.ring_collector import RingCollector
@@ -202,19 +202,24 @@ class StageNode(Node):
         subscription = self.create_subscription(kind, topic, work, qos, event_callbacks=SILENT_SUBSCRIPTION)
         self._inbox(subscription, on_messages)
 
-    def create_tile_outlet(self, topic: str) -> TileOutlet:
+    def create_tile_outlet(self, topic: str) -> Outlet:
         """Return what hands tiles on under a topic."""
         publisher = self.create_publisher(PointCloud2, topic, CLOUD)
-        return TileOutlet(self, publisher, self.summary.handed_on)
+        return Outlet(
+            self,
+            publisher,
+            lambda _, tile: [to_message(tile)],
+            lambda stamp, tile: self.summary.handed_on(stamp, len(tile)),
+        )
 
-    def create_ring_outlet(self, topic: str) -> RingOutlet:
-        """Return what hands rings on under a topic."""
+    def create_ring_outlet(self, topic: str) -> Outlet:
+        """Return what hands the rings of tiles on under a topic."""
         publisher = self.create_publisher(PolygonInstanceStamped, topic, BUILDING)
-        return RingOutlet(self, publisher, self.summary.handed_on)
+        return Outlet(self, publisher, ring_messages, lambda stamp, _: self.summary.handed_on(stamp, 0))
 
-    def create_message_outlet(self, kind: Any, topic: str, qos: QoSProfile) -> MessageOutlet:
+    def create_message_outlet(self, kind: Any, topic: str, qos: QoSProfile) -> Outlet:
         """Return what hands messages on under a topic."""
-        return MessageOutlet(self, self.create_publisher(kind, topic, qos))
+        return Outlet(self, self.create_publisher(kind, topic, qos))
 
     def destroy_node(self) -> None:
         """Let nothing more be handed to the node."""

@@ -60,12 +60,11 @@ def pair(context):
 
 
 def test_within_a_process_a_tile_and_rings_come_as_they_are_without_a_message(pair, monkeypatch):
-    monkeypatch.setattr(hand_over, "to_message", None)
-    monkeypatch.setattr(hand_over, "ring_messages", None)
+    monkeypatch.setattr(hand_over, "publish_all", None)
     sender, receiver = pair
     sent = [tile(second) for second in (1, 2, 3)]
     for one in sent:
-        sender.tiles.publish(one)
+        sender.tiles.publish(one.stamp, one)
     sender.rings.publish(5, RINGS)
     wait_until(lambda: len(receiver.tiles) == 3 and receiver.rings)
     assert all(one is other for one, other in zip(receiver.tiles, sent, strict=True))
@@ -80,7 +79,7 @@ def test_a_listener_that_is_no_stage_gets_messages_and_the_stage_works_once(pair
     tool.create_subscription(PolygonInstanceStamped, "rings", polygons.append, BUILDING)
     with running(tool):
         for second in (1, 2):
-            sender.tiles.publish(tile(second))
+            sender.tiles.publish(tile(second).stamp, tile(second))
         sender.rings.publish(5, RINGS)
         wait_until(lambda: len(clouds) == 2 and len(polygons) == 4)
         # the last message that is no copy: it comes after the copies of the others
@@ -161,6 +160,6 @@ def test_errands_of_a_node_that_another_executor_spins_are_done(context):
 def test_a_node_that_is_gone_gets_nothing(context):
     sender, receiver = Sender(context=context), Receiver(context=context)
     receiver.destroy_node()
-    sender.tiles.publish(tile(1))
+    sender.tiles.publish(tile(1).stamp, tile(1))
     sender.destroy_node()
     assert receiver.tiles == []
