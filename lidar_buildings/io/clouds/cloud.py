@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.chunk_reader import open_chunks
 from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
-from lidar_buildings.io.clouds.las_reader import open_reader
+from lidar_buildings.io.clouds.las_reader import open_chunks, open_reader
 from lidar_buildings.io.clouds.las_records import RawHeader
 from lidar_buildings.io.files.read_errors import reported
 

@@ -1,18 +1,31 @@
-"""Readers of laspy."""
+"""
+Readers of points: laspy's, and one for LAZ files whose chunks differ in size, as those of COPC do.
+
+lazrs 0.8 finds other points than it is asked for in such files, sequentially and in parallel, so that the
+table of chunks is looked into here.
+"""
 
 from __future__ import annotations
 
 import logging
 import multiprocessing
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import laspy
+import lazrs
+import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.io.files.captured_stderr import captured_panics
 from lidar_buildings.io.files.locations import open_binary
+
+#: What stands before the first chunk: where the table of chunks is [bytes].
+_BEFORE_CHUNKS = 8
 
 # what laspy logs of a failing file is said again in the one line of the InputError
 for _name in ("laspy.lasreader", "laspy.header"):
@@ -47,3 +60,54 @@ def open_reader(path: Path) -> Iterator[tuple[Any, Any]]:
         guard = captured_panics
     with reader:
         yield reader, guard
+
+
+class ChunkReader:
+    """Reads some points of an open file after others; of chunks in between not a byte."""
+
+    def __init__(self, file: BinaryIO, header: laspy.LasHeader) -> None:
+        self._file, self._header, self._next = file, header, 0
+        self._record = header.vlrs.get("LasZipVlr")[0].record_data
+        file.seek(header.offset_to_point_data)
+        self._table = lazrs.read_chunk_table(file, lazrs.LazVlr(self._record))
+        counts, sizes = np.array(self._table, dtype=np.int64).reshape(-1, 2).T
+        #: First point of each chunk, and where it begins in the file; the last is what is behind all.
+        self.first: NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)])
+        self.begin: NDArray[np.int64] = np.concatenate([[0], np.cumsum(sizes)])
+        self.begin += header.offset_to_point_data + _BEFORE_CHUNKS
+
+    def seek(self, point: int) -> None:
+        """Go to a point."""
+        self._next = point
+
+    def read_points(self, count: int) -> laspy.ScaleAwarePointRecord:
+        """Read the next points, at most as many as there are."""
+        header, start = self._header, self._next
+        end = self._next = int(min(start + count, self.first[-1]))
+        chunk, behind = np.searchsorted(self.first, [start, end], side="right") - 1
+        behind += end > self.first[behind]
+        self._file.seek(self.begin[chunk])
+        packed = self._file.read(int(self.begin[behind] - self.begin[chunk]))
+        points = np.empty(int(self.first[behind] - self.first[chunk]) * header.point_format.size, np.uint8)
+        self._decompress(packed, points, self._table[chunk:behind])
+        record = laspy.PackedPointRecord.from_buffer(points, header.point_format)
+        rows = record.array[start - self.first[chunk] : end - self.first[chunk]]
+        return laspy.ScaleAwarePointRecord(rows, header.point_format, header.scales, header.offsets)
+
+    def _decompress(self, packed: bytes, points: NDArray[np.uint8], table: list[tuple[int, int]]) -> None:
+        """Decompress chunks, by several threads but in a process that may not have those of lazrs."""
+        if laz_backend() is laspy.LazBackend.LazrsParallel:
+            lazrs.decompress_points_with_chunk_table(packed, self._record, points, table)
+            return
+        alone = BytesIO()  # the chunks as if they were the points of a whole file
+        alone.write(struct.pack("<q", _BEFORE_CHUNKS + len(packed)) + packed)
+        lazrs.write_chunk_table(alone, table, lazrs.LazVlr(self._record))
+        alone.seek(0)
+        lazrs.LasZipDecompressor(alone, self._record).decompress_many(points)
+
+
+@contextmanager
+def open_chunks(path: Path, header: laspy.LasHeader) -> Iterator[tuple[ChunkReader, Any]]:
+    """Open such a file; the second item is a context for each read, as of `open_reader`."""
+    with open_binary(path) as file:
+        yield ChunkReader(file, header), captured_panics

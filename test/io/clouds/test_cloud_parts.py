@@ -8,7 +8,7 @@ import pytest
 from support import cloud_files, counted_store
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds import chunk_reader, copc_nodes
+from lidar_buildings.io.clouds import copc_nodes, las_reader
 from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.fetch import write_part
 from lidar_buildings.io.clouds.las import open_cloud, read_tile
@@ -51,7 +51,7 @@ def assert_rows(part, whole, rows):
 @pytest.mark.parametrize("number", range(3))
 @pytest.mark.parametrize("backend", [laspy.LazBackend.Lazrs, laspy.LazBackend.LazrsParallel])
 def test_points_read_from_any_place_on_are_those_that_stand_there(paths, number, runs, backend, monkeypatch):
-    monkeypatch.setattr(chunk_reader, "laz_backend", lambda: backend)
+    monkeypatch.setattr(las_reader, "laz_backend", lambda: backend)
     whole = laspy.read(paths[number]).points.array
     found = list(open_cloud(paths[number]).runs(runs, 1500))
     assert sum(len(points) for _, points in found) == sum(end - first for first, end in runs)
