@@ -191,5 +191,4 @@ def _near(footprints: Footprints | None, tile: SpooledTile) -> Footprints | None
     """Return the footprints that a tile may have points of."""
     if footprints is None:
         return None
-    area = tile.area(tile.largest).grown(_MARGIN)
-    return footprints.near((area.x_min, area.y_min, area.x_max, area.y_max))
+    return footprints.near(tile.area(tile.largest).grown(_MARGIN))

@@ -113,7 +113,7 @@ def _beside(
     if focus.shape is None:
         return [focus], None
     box = _box_of([focus])
-    is_near = shapely.intersects(_shapes(buildings), shapely.box(box.x_min, box.y_min, box.x_max, box.y_max))
+    is_near = shapely.intersects(_shapes(buildings), shapely.box(*box))
     return [one for one, near in zip(buildings, is_near, strict=True) if near or one is focus], box
 
 

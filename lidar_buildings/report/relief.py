@@ -65,7 +65,7 @@ def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None
     whole = Window(0, 0, file.width, file.height)
     if box is None:
         return whole
-    corners = np.array([[box.x_min, box.y_min, 0.0], [box.x_max, box.y_max, 0.0]])
+    corners = np.insert(np.reshape(box, (2, 2)), 2, 0.0, axis=1)
     (west, south, _), (east, north, _) = frame.to_source(corners)
     wanted = from_bounds(west, south, east, north, file.transform)
     try:

@@ -57,7 +57,7 @@ class SpooledTile:
         last = last_returns(points, kept["return_number"], kept["number_of_returns"])
         spacing = steady_spacing(last, self.store.spacing)
         del last
-        area, brightness = self.area(self.buffer), self.store.brightness
+        brightness = self.store.brightness
         return PointTile(
             points,
             buffer=is_buffer,
@@ -65,7 +65,7 @@ class SpooledTile:
             normalised_intensity=brightness.normalised(columns["intensity"], columns["point_source_id"]),
             dark_limit=self.dark_limit,
             stamp=self.stamp,
-            bounds=(area.x_min, area.y_min, area.x_max, area.y_max),
+            bounds=tuple(self.area(self.buffer)),
             frame=self.store.frame,
             **kept,
         )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.sides import Sides
@@ -56,8 +55,7 @@ class Buffer(NamedTuple):
         return Buffer(*(min(2.0 * own or low, high) if wider else own for own, low, high, wider in limits))
 
 
-@dataclass(frozen=True)
-class Rectangle:
+class Rectangle(NamedTuple):
     """An axis-parallel rectangle, edges included [m]."""
 
     x_min: float
@@ -68,12 +66,8 @@ class Rectangle:
     @classmethod
     def around(cls, rectangles: Sequence[Rectangle]) -> Rectangle:
         """Return the smallest rectangle that holds others, of which there is at least one."""
-        return cls(
-            min(one.x_min for one in rectangles),
-            min(one.y_min for one in rectangles),
-            max(one.x_max for one in rectangles),
-            max(one.y_max for one in rectangles),
-        )
+        west, south, east, north = zip(*rectangles, strict=True)
+        return cls(min(west), min(south), max(east), max(north))
 
     @classmethod
     def of_cloud(cls, cloud: CloudExtent) -> Rectangle | None:
@@ -83,16 +77,9 @@ class Rectangle:
         unit = cloud.crs.horizontal_unit
         return cls(*(float(c) for c in (*(cloud.mins[:2] * unit), *(cloud.maxs[:2] * unit))))
 
-    @property
-    def box(self) -> shapely.Polygon:
-        """The rectangle as a polygon, which is its own bounds."""
-        return shapely.box(self.x_min, self.y_min, self.x_max, self.y_max)
-
     def grown(self, distance: float) -> Rectangle:
         """Return the rectangle with every side moved outwards."""
-        return Rectangle(
-            self.x_min - distance, self.y_min - distance, self.x_max + distance, self.y_max + distance
-        )
+        return self.buffered(Buffer.largest(distance))
 
     def buffered(self, buffer: Buffer) -> Rectangle:
         """Return the rectangle of a tile with its buffer."""

@@ -97,7 +97,7 @@ def fitting_tiles(
 
 def bounds_of(areas: Sequence[Rectangle]) -> NDArray[np.float64]:
     """Return least and greatest x and y of each area, shape (n, 2, 2) [m]; none is without extent."""
-    bounds = np.array([(a.x_min, a.y_min, a.x_max, a.y_max) for a in areas]).reshape(-1, 2, 2)
+    bounds = np.array(areas, dtype=np.float64).reshape(-1, 2, 2)
     bounds[:, 1] = np.maximum(bounds[:, 1], bounds[:, 0] + _SMALLEST)
     return bounds
 

@@ -28,10 +28,10 @@ from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 class KnownSurvey:
     """What all tiles of a survey share: given to a later source of the same place, its tiles are the same."""
 
-    #: Side of the tiles, and where they begin [m].
+    #: Side of the tiles, where they begin, and the width of their buffer in the east [m].
     tile_size: float
     start: float
-    buffer: float | None = None  #: width of their buffer in the east [m], if it was noted
+    buffer: float
     spacing: float | None = None  #: the point spacing that they are expected to have [m]
     dark_limit: float | None = None  #: normalised intensity up to which ground is dark
     #: Flight strip → the two intensities that become 0 and the high anchor; −1 stands for all others.

@@ -70,9 +70,9 @@ class TileSource:
         self.frame: MapFrame = frame_of(self._clouds, crs)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
-        self._bounds = shapely.STRtree([area and area.box for area in self._areas])
+        self._bounds = shapely.STRtree([area and shapely.box(*area) for area in self._areas])
         known = known or KnownSurvey(*tiles_for(self.config, *spread_of(self._clouds)))
-        self._buffer = self.config.buffer if known.buffer is None else known.buffer
+        self._buffer = known.buffer
         self._grid = TileGrid.fitting(known.tile_size, self._buffer, known.start)
         self._unread = set(range(len(self._clouds)))
         self._read: deque[int] = deque()
@@ -217,7 +217,7 @@ class TileSource:
                 self._plan(tile)
 
     def _files_near(self, area: Rectangle) -> list[int]:
-        files: list[int] = self._bounds.query(area.box).tolist()
+        files: list[int] = self._bounds.query(shapely.box(*area)).tolist()
         return files
 
     def _plan(self, tile: Cell) -> None:

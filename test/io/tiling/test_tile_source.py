@@ -208,9 +208,8 @@ def test_a_known_survey_has_the_buffer_that_it_had(tmp_path):
     with TileSource(dense, TilingConfig(max_tile_points=1000)) as source:
         known = source.known
     assert known.buffer == 37.5, "of tiles that hold so few points most would be buffer"
-    for noted, buffer in ((known, 37.5), (replace(known, buffer=None), 60.0)):
-        with TileSource(dense, TilingConfig(buffer=60.0), known=noted) as source:
-            assert source.known.buffer == buffer
+    with TileSource(dense, TilingConfig(buffer=60.0), known=known) as source:
+        assert source.known.buffer == 37.5
 
 
 def test_memory_holds_a_chunk_and_a_tile_whatever_the_size():
