@@ -46,7 +46,7 @@ _MARGIN = 10.0
 #: So many tiles wait for a worker at most: wide margin over the workers, little memory for the scheduler.
 _AHEAD = 1000
 
-_Answer = Future[TileOutcome | LidarBuildingsError]
+_Answer = Future[TileOutcome]
 
 
 def run_local(
@@ -175,16 +175,13 @@ def process_tiles(
 
 
 def _outcome(answer: _Answer) -> TileOutcome:
-    """Return what became of a tile."""
+    """Return what became of a tile; a LidarBuildingsError, as of a full disk, ends the whole run."""
     try:
-        outcome = answer.result()
+        return answer.result()
     except LidarBuildingsError:
         raise
     except Exception as error:
         return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
-    if isinstance(outcome, LidarBuildingsError):
-        raise outcome
-    return outcome
 
 
 def _near(footprints: Footprints | None, tile: SpooledTile) -> Footprints | None:

@@ -16,7 +16,6 @@ from lidar_buildings.commands.tile_update import (
     write_digests,
 )
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.footprints import Footprints
@@ -56,32 +55,27 @@ class TileOutcome(NamedTuple):
     n_buildings: int = 0
 
 
-def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome | LidarBuildingsError:
-    """Take a tile from its points to its saved products; return what ends the whole run."""
+def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome:
+    """Take a tile from its points to its saved products; what it raises is why there are none."""
     if work.earlier is not None and is_unchanged(work.tile, work.path):
         return TileOutcome({}, is_unchanged=True)
     digests: list[tuple[Buffer, str]] | None = None if work.earlier is None else []
     frame = work.tile.store.frame
     rasters: list[Future[TerrainRasters | None]] = []
-    try:
-        with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
+    with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
 
-            def begin(classified: PointTile) -> None:
-                rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
+        def begin(classified: PointTile) -> None:
+            rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
-            result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
-            if not rasters:  # no stage has followed
-                begin(result.classified)
-        if work.earlier is not None:
-            result = with_kept_ids(result, work.earlier)
-        products = products_of(result, frame, rasters[-1].result())
-        products.save(work.path)
-        if digests is not None:
-            write_digests(work.path, digests)
-    except LidarBuildingsError as error:
-        return error
-    except Exception as error:
-        return TileOutcome({}, f"{type(error).__name__}: {' '.join(str(error).split())}")
+        result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
+        if not rasters:  # no stage has followed
+            begin(result.classified)
+    if work.earlier is not None:
+        result = with_kept_ids(result, work.earlier)
+    products = products_of(result, frame, rasters[-1].result())
+    products.save(work.path)
+    if digests is not None:
+        write_digests(work.path, digests)
     outcome = TileOutcome(result.seconds, n_points=len(products.core), n_buildings=products.n_buildings)
     del result, products
     rasters.clear()

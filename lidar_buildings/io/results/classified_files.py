@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.copc import write_copc
@@ -98,7 +98,6 @@ class WrittenCloud(NamedTuple):
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
     n_facade: int = 0  #: points of façades
-    error: OutputError | None = None  #: what ends the run
 
 
 def write_clouds(
@@ -131,12 +130,7 @@ def write_clouds(
         _Job(folder, number, one, name, touching[number], without, copc, every)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
-    written = []
-    for one in share(_write_cloud, jobs):
-        if one.error is not None:
-            raise one.error
-        written.append(one)
-    return written
+    return list(share(_write_cloud, jobs))
 
 
 def _write_cloud(job: _Job) -> WrittenCloud:
@@ -157,8 +151,6 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         return _with_copc(job, written) if job.copc else written
     except InputError as error:
         return WrittenCloud(problem=str(error))
-    except OutputError as error:
-        return WrittenCloud(error=error)
 
 
 def _with_copc(job: _Job, written: WrittenCloud) -> WrittenCloud:

@@ -40,7 +40,7 @@ class FilePart(NamedTuple):
     folder: Path  #: one that all processes see
 
 
-Answer: TypeAlias = "Future[ReadPart | LidarBuildingsError]"
+Answer: TypeAlias = "Future[ReadPart]"
 #: Calls a function with a part in another process: ``submit(read_part, part)``.
 Submit = Callable[[Callable[..., Any], FilePart], Answer]
 
@@ -101,8 +101,6 @@ def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answe
             part = answer.result()
         except RuntimeError as error:
             raise InputError(f"{cloud.path}: no worker can read it: {error}") from error
-        if isinstance(part, LidarBuildingsError):
-            raise part
         yield store.join(source, part)
 
 
@@ -113,8 +111,8 @@ def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
         yield FilePart(cloud, source, first, last, store.grid, store.frame, store.spool.folder)
 
 
-def read_part(part: FilePart) -> ReadPart | LidarBuildingsError:
-    """Read a part, and return where its points are; or why they are not."""
+def read_part(part: FilePart) -> ReadPart:
+    """Read a part, and return where its points are; InputError or OutputError if it cannot be read."""
     store = TileStore(part.grid, part.frame, part.folder)
     try:
         first = part.first
@@ -123,6 +121,6 @@ def read_part(part: FilePart) -> ReadPart | LidarBuildingsError:
             first += len(chunk)
         with temporary_files(part.folder):
             return store.part(part.source)
-    except LidarBuildingsError as error:
+    except LidarBuildingsError:
         store.spool.remove()
-        return error
+        raise
