@@ -9,7 +9,6 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-import laspy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -70,17 +69,27 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
     found = CloudSummary(
         str(path), _format_of(cloud), cloud.crs.name, [float(one) for one in cloud.units[1:]]
     )
-    if not cloud.point_count:
+    if (area := Rectangle.of_cloud(cloud)) is None:
         return found
     found.n_points = cloud.point_count
     found.mins, found.maxs = cloud.mins.tolist(), cloud.maxs.tolist()
-    tally = _Tally(cloud)
+    returns, classes, strips, sample, times = Counter[int](), Counter[int](), set[int](), [], []
+    square = sample_square(area)
     for chunk in cloud.chunks():
-        tally.add(chunk)
-    found.n_pulses, found.n_strips, found.n_withheld = tally.n_pulses, len(tally.strips), tally.n_withheld
-    found.returns, found.classes = dict(sorted(tally.returns.items())), dict(sorted(tally.classes.items()))
-    found.times = _times(tally.first, tally.last, is_standard=_says_standard(cloud))
-    spacing = expected_spacing(tally.sample)
+        points, columns = xyz_of(chunk) * cloud.units, point_columns(chunk)
+        pulses = last_returns(points, columns["return_number"], columns["number_of_returns"])
+        found.n_pulses += len(pulses)
+        found.n_withheld += int(np.count_nonzero(chunk.withheld))
+        sample.append(pulses[square.holds(pulses[:, 0], pulses[:, 1])])
+        returns.update(_counts(columns["number_of_returns"]))
+        classes.update(_counts(np.asarray(chunk.classification)))
+        strips.update(np.unique(columns["point_source_id"]).tolist())
+        known = columns["gps_time"][np.isfinite(columns["gps_time"])]
+        times += [known.min(), known.max()] if known.any() else []
+    found.n_strips = len(strips)
+    found.returns, found.classes = dict(sorted(returns.items())), dict(sorted(classes.items()))
+    found.times = [_time(cloud, one) for one in ((min(times), max(times)) if times else ())]
+    spacing = expected_spacing(sample)
     if spacing is not None:
         found.density, found.density_from = spacing**-2, "spacing"
     elif found.area:
@@ -109,51 +118,14 @@ def summed_up(path: str, parts: Sequence[CloudSummary]) -> CloudSummary:
     return total
 
 
-class _Tally:
-    """Counts of a file, chunk by chunk."""
-
-    def __init__(self, cloud: Cloud) -> None:
-        area = Rectangle.of_cloud(cloud)
-        self._units, self._square = cloud.units, None if area is None else sample_square(area)
-        self.n_pulses = self.n_withheld = 0
-        self.returns: Counter[int] = Counter()
-        self.classes: Counter[int] = Counter()
-        self.strips: set[int] = set()
-        self.first, self.last = np.inf, -np.inf
-        self.sample: list[NDArray[np.float64]] = []
-
-    def add(self, chunk: laspy.ScaleAwarePointRecord) -> None:
-        """Count a chunk's points."""
-        points, columns = xyz_of(chunk) * self._units, point_columns(chunk)
-        of = columns["number_of_returns"]
-        pulses = last_returns(points, columns["return_number"], of)
-        self.n_pulses += len(pulses)
-        if self._square is not None:
-            self.sample.append(pulses[self._square.holds(pulses[:, 0], pulses[:, 1])])
-        self.returns.update(_counts(of))
-        self.classes.update(_counts(np.asarray(chunk.classification)))
-        self.n_withheld += int(np.count_nonzero(chunk.withheld))
-        self.strips.update(np.unique(columns["point_source_id"]).tolist())
-        times = columns["gps_time"][np.isfinite(columns["gps_time"])]
-        if times.any():
-            self.first, self.last = min(self.first, times.min()), max(self.last, times.max())
-
-
 def _counts(values: NDArray[Any]) -> dict[int, int]:
     found, counts = np.unique(values, return_counts=True)
     return dict(zip(found.tolist(), counts.tolist(), strict=True))
 
 
-def _says_standard(cloud: Cloud) -> bool:
-    return bool(cloud.header.global_encoding.gps_time_type.value)
-
-
-def _times(first: float, last: float, *, is_standard: bool) -> list[str]:
-    """Return the two times in words."""
-    return [] if last < first else [_time(one, is_standard=is_standard) for one in (first, last)]
-
-
-def _time(gps_time: float, *, is_standard: bool) -> str:
+def _time(cloud: Cloud, gps_time: float) -> str:
+    """Return a time of a file's points in words."""
+    is_standard = bool(cloud.header.global_encoding.gps_time_type.value)
     stamp = stamp_of_time(gps_time, is_standard=is_standard)
     if stamp is None or (not is_standard and gps_time <= WEEK):
         return f"{gps_time:.1f} s of the week" if 0 <= gps_time <= WEEK else f"{gps_time:.1f}"
