@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.atomic_files import writing
-from lidar_buildings.io.tiling.spool import BLOCK, RECORD, append_records
+from lidar_buildings.io.tiling.spool import RECORD, append_records, read_records
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 
 _POINTS, _EVENTS = "points.log", "tiles.jsonl"
@@ -47,11 +47,7 @@ class PointLog:
 
     def blocks(self, first: int = 0, last: int | None = None) -> Iterator[NDArray[Any]]:
         """Read the records `first` to `last`, some at a time."""
-        end = self.count if last is None else min(last, self.count)
-        while first < end:
-            n_records = min(BLOCK, end - first)
-            yield np.fromfile(self._points, RECORD, n_records, offset=first * RECORD.itemsize)
-            first += n_records
+        return read_records(self._points, first, self.count if last is None else min(last, self.count))
 
     def note(self, event: dict[str, Any]) -> None:
         """Add an event; OutputError if it cannot be written."""

@@ -111,12 +111,8 @@ class Spool:
         """Read a cell's records `first` to `last`, some at a time."""
         before = 0
         for file, count, _ in self._pieces(cell):
-            start = max(first - before, 0)
             end = count if last is None else min(last - before, count)
-            while start < end:
-                n = min(BLOCK, end - start)
-                yield np.fromfile(file, RECORD, n, offset=start * RECORD.itemsize)
-                start += n
+            yield from read_records(file, max(first - before, 0), end)
             before += count
 
     def heads(self, cell: Cell, first: int, last: int, without: Collection[int]) -> Iterator[Head]:
@@ -171,6 +167,12 @@ def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
     if len(records):
         first = records[np.argmin(order_key(records))]
         yield Head(int(first["source"]), int(first["index"]), float(first["gps_time"]))
+
+
+def read_records(path: Path, first: int, end: int) -> Iterator[NDArray[Any]]:
+    """Read records of a file, some at a time, from the first to that before the end."""
+    for start in range(first, end, BLOCK):
+        yield np.fromfile(path, RECORD, min(BLOCK, end - start), offset=start * RECORD.itemsize)
 
 
 def append_records(path: Path, n_before: int, records: NDArray[Any]) -> None:
