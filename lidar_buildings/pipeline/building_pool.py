@@ -48,7 +48,7 @@ class BuildingPool(Sharing):
         self._agenda = Agenda()
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
-        self._n_alive = len(self._links)
+        self.n_alive = len(self._links)
 
     def __enter__(self) -> BuildingPool:
         return self
@@ -56,15 +56,10 @@ class BuildingPool(Sharing):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    @property
-    def n_alive(self) -> int:
-        """Number of processes."""
-        return self._n_alive
-
     def close(self) -> None:
         """End the processes; `map` and `submit` go on without them."""
         with self._lock:
-            links, self._links, self._n_alive = self._links, [], 0
+            links, self._links, self.n_alive = self._links, [], 0
         for task in self._agenda.close():
             task.lose()
         for process in self._processes:
@@ -85,7 +80,7 @@ class BuildingPool(Sharing):
         `WorkerLostError` if two processes ended at it, or the last one did.
         """
         work = function, arguments, shares
-        if self._n_alive:
+        if self.n_alive:
             task = Task(packed(work), is_tile=True)
             if self._put([task]):
                 return task.answer
@@ -103,7 +98,7 @@ class BuildingPool(Sharing):
 
     def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
         """Do as `call` for each of some jobs, several at a time, and yield the results in their order."""
-        if not self._n_alive:
+        if not self.n_alive:
             yield from map(function, jobs)
         else:
             for answer in [self.submit(function, job) for job in jobs]:
@@ -116,7 +111,7 @@ class BuildingPool(Sharing):
     def _put(self, tasks: Sequence[Task]) -> bool:
         """Queue tasks for the processes; False if there is none."""
         with self._lock:
-            if not self._n_alive:
+            if not self.n_alive:
                 return False
             if not self._threads:
                 self._threads = [
@@ -167,10 +162,10 @@ class BuildingPool(Sharing):
         with self._lock:
             if self._links:  # not closed
                 _log.warning("a process ended in the middle of its work")
-                self._n_alive -= 1
+                self.n_alive -= 1
         for task in held:
             self._agenda.lose(task)
-        if not self._n_alive:
+        if not self.n_alive:
             for task in self._agenda.close():
                 if task.is_tile and not task.n_tries and self._links:
                     _do_here(unpacked(task.message), task.answer)

@@ -121,14 +121,9 @@ class _Worker(Sharing):
 
     def __init__(self, link: Connection, n_workers: int) -> None:
         self._link = link
-        self._n_workers = n_workers
+        self.n_alive = n_workers  # at the start
         self._records: SimpleQueue[logging.LogRecord] = SimpleQueue()
         logging.getLogger().handlers = [QueueHandler(self._records)]
-
-    @property
-    def n_alive(self) -> int:
-        """Number of processes, at the start."""
-        return self._n_workers
 
     def done(self, message: Parcel) -> Parcel:
         """Do a tile or a batch of buildings, and return the result, or what went wrong."""

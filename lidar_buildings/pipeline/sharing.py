@@ -30,10 +30,7 @@ _BATCHES_A_WORKER = 6
 class Sharing(ABC):
     """Calls a function for many buildings in several processes."""
 
-    @property
-    @abstractmethod
-    def n_alive(self) -> int:
-        """Number of processes."""
+    n_alive: int  #: number of processes
 
     @abstractmethod
     def _exchange(self, messages: Sequence[Parcel]) -> Sequence[Parcel | None]:
