@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, BagMessage
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_config import NO_SCAN, BagConfig
 from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.placed_cloud import hand_over
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages, told_frame
@@ -46,7 +47,7 @@ class Replay:
 
     @property
     def is_over(self) -> bool:
-        """Whether all has been handed over; InputError if a message could not be read."""
+        """Whether all has been handed over; InputError if a message could not be read, or none was a scan."""
         if self._error is not None:
             raise self._error
         return self._is_over.is_set()
@@ -93,3 +94,5 @@ class Replay:
             elif message.type == FIX:
                 feed.add_fix(message.message)
             hand_over(message, feed)
+        if not self._report.n_scans:
+            raise InputError(f"{self._bag.path}: {NO_SCAN}")

@@ -72,6 +72,12 @@ def test_of_a_bag_that_was_cut_off_the_rest_is_read_and_it_is_said(command, tmp_
     np.testing.assert_allclose(played, read, atol=0.0011)  # rounded to whole millimetres, by two ways
 
 
+def test_a_part_in_which_no_scan_lies_is_not_played(command, drive, tmp_path):
+    spoken = command("live", "--replay", drive.path, "--start", "99", "--output", tmp_path / "out")
+    assert spoken.status == 2
+    assert "no scan lies in the part that start and duration take" in spoken.err[-1]
+
+
 def test_what_is_said_of_a_bag_that_is_not_played_is_refused(command, tmp_path):
     assert "add --replay BAG" in command.refused("live", "--start", "3", "--output", tmp_path / "out")
     missing = command.refused("live", "--replay", tmp_path / "none.mcap", "--output", tmp_path / "out")

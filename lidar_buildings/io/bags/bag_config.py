@@ -7,6 +7,9 @@ from typing import ClassVar
 
 from lidar_buildings.core.model.parameters import StageConfig, fixed
 
+#: Why there is nothing of a bag.
+NO_SCAN = "no scan lies in the part that start and duration take: lidar-buildings inspect says how long it is"
+
 
 @dataclass(frozen=True)
 class BagConfig(StageConfig):

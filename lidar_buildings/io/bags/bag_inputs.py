@@ -12,12 +12,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
 from lidar_buildings.io.bags import bags_among, bags_of
-from lidar_buildings.io.bags.bag_config import BagConfig
-
-#: Why nothing of a bag was placed.
-_NO_SCAN = (
-    "no scan lies in the part that start and duration take: lidar-buildings inspect says how long it is"
-)
+from lidar_buildings.io.bags.bag_config import NO_SCAN, BagConfig
 
 
 def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:
@@ -45,9 +40,9 @@ def place_bags(
     if choice.start or choice.duration:
         empty = [bag for bag, one in zip(bags, records, strict=True) if not one["n_scans"]]
         if empty and len(empty) == len(bags):
-            raise InputError(f"{', '.join(map(str, empty))}: {_NO_SCAN}")
+            raise InputError(f"{', '.join(map(str, empty))}: {NO_SCAN}")
         for bag in empty:
-            tell(f"{bag}: warning: {_NO_SCAN}")
+            tell(f"{bag}: warning: {NO_SCAN}")
     return records
 
 
