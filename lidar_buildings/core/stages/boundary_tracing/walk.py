@@ -110,33 +110,31 @@ def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: igno
 
 @inner_kernel
 def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
-    """
-    Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none.
-
-    Mostly the first one can, so that sorting all would take longer.
-    """
-    tried, tried_distance = np.int64(-1), 0.0
-    while True:
-        best, tried, tried_distance = _next_in_turn(
-            grid, follower, seen, reach, ring, n, back, tried, tried_distance
-        )
-        if best < 0 or not meets_edges(grid, edges, follower, ring[n - 1], best):
-            return best
+    """Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none."""
+    rows, turns = _free_points(grid, follower, seen, reach, ring, n, back)
+    for k in np.argsort(turns):
+        if not meets_edges(grid, edges, follower, ring[n - 1], rows[k]):
+            return rows[k]
+    return -1
 
 
 @inner_kernel
-def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_distance):  # type: ignore[no-untyped-def]
+def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """
-    Return the first free point in clockwise order after those tried, its turn and its squared distance.
+    Return the points that a step may lead to, and their clockwise turns.
 
-    Written without calls in the loop: this is where a walk spends its time.
+    Of points in one direction the nearer one has the smaller turn, by less than a unit.
     """
     xs, ys, current, start = grid.x, grid.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
     ux, uy, vx, vy, is_disc = grid.ux, grid.uy, grid.vx, grid.vy, grid.is_disc
     orientation = grid.orientation
     x, y = xs[current], ys[current]
-    best, best_turn, best_distance = -1, np.int64(2 * _FULL_TURN), np.inf
     low_row, high_row, low_column, high_column = cells_within(grid, x, y, reach)
+    most = 0
+    for row in range(low_row, high_row + 1):
+        cell = row * grid.n_columns
+        most += grid.first[cell + high_column + 1] - grid.first[cell + low_column]
+    rows, turns, count = np.empty(most, dtype=np.int64), np.empty(most), 0
     for row in range(low_row, high_row + 1):
         cell = row * grid.n_columns
         for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
@@ -148,13 +146,10 @@ def _next_in_turn(grid, follower, seen, reach, ring, n, back, tried, tried_dista
             slant = orientation * dy / (abs(dx) + abs(dy))
             angle = back - (slant if dx >= 0 else 2.0 - slant)
             turn = np.int64((angle if angle >= 0 else angle + 4.0) / _TURN_UNIT + 0.5)
-            turn = turn if turn > 1 else np.int64(_FULL_TURN)
-            distance = dx * dx + dy * dy
-            if turn > best_turn or turn < tried or (turn == tried and distance <= tried_distance):
-                continue
-            if turn < best_turn or distance < best_distance:
-                best, best_turn, best_distance = i, turn, distance
-    return best, best_turn, best_distance
+            rows[count] = i
+            turns[count] = (turn if turn > 1 else _FULL_TURN) + 0.5 * span / (reach * reach)
+            count += 1
+    return rows[:count], turns[:count]
 
 
 @inner_kernel

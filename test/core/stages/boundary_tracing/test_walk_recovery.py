@@ -13,7 +13,10 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import tracing
 from lidar_buildings.core.stages.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
+from lidar_buildings.core.stages.boundary_tracing.edge_cells import add_edge, empty_edge_cells
+from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.boundary_tracing.walk import STUCK, walk_round
 
 
 def cloud(*parts):
@@ -222,6 +225,23 @@ def test_a_large_ring_of_points_takes_about_a_second_at_most():
         seconds.append(time.process_time() - start)
     assert len(traced.outline.exterior) == 100_000
     assert min(seconds) < 2.0  # 0.3 on a machine at rest; what grew with the square took minutes
+
+
+def test_a_walk_that_is_stuck_in_a_crowd_has_tried_all_of_it_at_once():
+    fence = 0.1 * np.column_stack([np.cos([0.0, 2.1, 4.2]), np.sin([0.0, 2.1, 4.2])])
+    crowd = np.random.default_rng(0).uniform(-0.6, 0.6, (100_000, 2))
+    points = cloud([[0.0, 0.0]], fence, crowd[np.hypot(*crowd.T) > 0.1])
+    grid = build_point_grid(points, ScanPattern.isotropic(1.0), 2.0)
+    edges, follower = empty_edge_cells(grid), np.full(len(grid.x), -1, dtype=np.int64)
+    rows = [int(np.hypot(grid.x - x, grid.y - y).argmin()) for x, y in (*fence, (0.0, 0.0))]
+    follower[rows[:3]] = np.roll(rows[:3], -1)
+    for row in rows[:3]:
+        assert add_edge(grid, edges, row, follower[row])
+    start = time.process_time()
+    ring, end = walk_round(grid, edges, follower, np.ones(len(grid.x)), 1.0, rows[3], (1.0, 0.0), 100)
+    seconds = time.process_time() - start
+    assert (ring.tolist(), end) == (rows[3:], STUCK)
+    assert seconds < 5.0  # 0.05 at rest, 2 of compiling; what grew with the square took half a minute
 
 
 def test_unknown_sources_and_spacings_are_refused():
