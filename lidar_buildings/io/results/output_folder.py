@@ -146,6 +146,8 @@ class OutputFolder:
         to hold. OutputError if a file cannot be written; the tiles are kept, and the run can be taken up
         again.
         """
+        from lidar_buildings.io.results.terrain_files import write_rasters  # see `load_writers`
+
         info = dict(run_info or {})
         fragments = self.saved_tiles()
         # footprints are what they are, also where one lies within another
@@ -161,7 +163,7 @@ class OutputFolder:
                 copc=self._files.copc,
                 share=share,
             )
-            raster_files = beside.submit(self._write_rasters, fragments, crs)
+            raster_files = beside.submit(write_rasters, self.path, fragments, self.frame, crs)
             buildings, statuses, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs, copcs = [one.output for one in clouds], [one.copc for one in clouds]
@@ -243,15 +245,6 @@ class OutputFolder:
             return {}
         record = self._footprints.record
         return {**record, "n_outside": record["n_used"] - n_buildings}
-
-    def _write_rasters(self, fragments: list[Path], crs: str) -> tuple[dict[str, dict[str, Any]], list[str]]:
-        """Write the rasters; a survey too wide for them is a problem."""
-        from lidar_buildings.io.results.terrain_files import RasterExtentError, write_rasters
-
-        try:
-            return write_rasters(self.path, fragments, self.frame, crs), []
-        except RasterExtentError as error:
-            return {}, [str(error)]
 
 
 def _is_whole(fragment: Path) -> bool:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
@@ -44,32 +43,29 @@ _SIDE = 512
 _STEP = 1.0
 
 
-class RasterExtentError(OutputError):
-    """A survey is too wide for one raster; nothing else is wrong with it."""
-
-
 def write_rasters(
     folder: Path, fragments: Sequence[Path], frame: MapFrame, crs: str
-) -> dict[str, dict[str, Any]]:
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
     """
     Write the rasters of saved tiles, sorted by stamp; a block at a time: memory holds some tiles only.
 
     Of several tiles with a cell the one whose core is nearest counts, then the first. Values and places are
     turned back into the source's units, whose reference system is `crs`. Returned is file name → columns,
-    rows, side of a cell, known cells; empty if no tile has a raster. OutputError if a file cannot be written,
-    RasterExtentError if the tiles lie too far apart for one raster of this resolution.
+    rows, side of a cell, known cells, empty if no tile has a raster; and what is wrong, if the tiles lie too
+    far apart for one raster of this resolution. OutputError if a file cannot be written.
     """
     windows = {path: window for path in fragments if (window := load_raster_window(path)) is not None}
     whole = enclosing(windows.values())
     if whole is None:
-        return {}
+        return {}, []
     layout = _layout(whole, frame, crs)
     if layout.n_blocks > MOST_BLOCKS:
-        raise RasterExtentError(
+        too_many = (
             f"{folder}: no rasters were made: {layout.width:,} × {layout.height:,} cells of "
             f"{whole.resolution:g} m are too many: raise model_writer.raster_resolution, or run the parts "
             "apart"
         )
+        return {}, [too_many]
     writers = {}
     with ExitStack() as stack:
         for name, meaning in RASTERS.items():
@@ -85,7 +81,7 @@ def write_rasters(
             for name, values in _in_source_units(block, frame).items():
                 writers[name].write(row, column, values)
     size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
-    return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}
+    return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}, []
 
 
 def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:

@@ -91,12 +91,12 @@ def test_no_rasters_are_made_where_none_are_wanted_or_points_have_no_class(tmp_p
     assert rasterise_tile(sloping((0, 0)), RasterConfig(raster_resolution=0.0), DUTCH) is None
     assert rasterise_tile(PointTile(np.zeros((1, 3))), RasterConfig(), DUTCH) is None
     fragment = saved(tmp_path, sloping((0, 0)), RasterConfig(raster_resolution=0.0))
-    assert write_rasters(tmp_path, [fragment], DUTCH, DUTCH.crs) == {}
+    assert write_rasters(tmp_path, [fragment], DUTCH, DUTCH.crs) == ({}, [])
     assert list(tmp_path.glob("*.tif")) == []
 
 
 def test_the_files_lie_where_the_points_do_and_say_what_they_hold(tmp_path):
-    told = write_rasters(tmp_path, [saved(tmp_path, sloping((3.0, 4.0)))], DUTCH, DUTCH.crs)
+    told, _ = write_rasters(tmp_path, [saved(tmp_path, sloping((3.0, 4.0)))], DUTCH, DUTCH.crs)
     assert list(told) == list(RASTERS) == ["dtm.tif", "dsm.tif", "ndsm.tif"]
     for name in RASTERS:
         with rasterio.open(tmp_path / name) as file:
@@ -120,7 +120,7 @@ def test_ndsm_is_dsm_minus_dtm_to_the_bit(tmp_path):
 @pytest.mark.parametrize(("horizontal", "vertical"), [(SURVEY_FOOT, SURVEY_FOOT), (0.3048, 1.0)])
 def test_a_source_in_feet_has_its_rasters_in_feet(tmp_path, horizontal, vertical):
     frame = MapFrame("", (600.0, 300.0, 0.0), horizontal, vertical)
-    told = write_rasters(
+    told, _ = write_rasters(
         tmp_path, [saved(tmp_path, sloping((0.0, 0.0), frame), None, frame)], frame, frame.crs
     )
     with rasterio.open(tmp_path / "dtm.tif") as file:
@@ -179,7 +179,7 @@ def test_the_tile_whose_core_is_nearest_has_a_cell_then_the_first(tmp_path):
 
 def test_two_places_a_hundred_kilometres_apart_share_one_small_file(tmp_path):
     parts = [saved(tmp_path, sloping((d, d), size=19.9, stamp=k)) for k, d in ((1, 0.0), (2, 100_000.0))]
-    told = write_rasters(tmp_path, parts, DUTCH, DUTCH.crs)
+    told, _ = write_rasters(tmp_path, parts, DUTCH, DUTCH.crs)
     assert told["dtm.tif"]["width"] == told["dtm.tif"]["height"] == 200_040
     assert 3180 < told["dtm.tif"]["known_cells"] <= 3200
     for name in RASTERS:
