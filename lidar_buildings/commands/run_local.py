@@ -86,7 +86,7 @@ def run_local(
         if request.use is Use.UPDATE:
             earlier = earlier_buildings(folder.saved_tiles(), source.frame)
         else:
-            skip.update(folder.done_stamps())
+            skip.update(folder.on_disk)
         with progress_bar(lambda: source.tile_count - len(skip), is_quiet=request.is_quiet) as progress:
             given = None if footprints is None else footprints.footprints
             done = process_tiles(source, folder, request, progress, given, pool, earlier)

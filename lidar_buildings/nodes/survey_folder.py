@@ -38,10 +38,9 @@ class SurveyFolder:
     Takes a survey's tiles and makes its files, whether its inputs are known before or only at the end.
 
     Without inputs the survey is live: tiles go on coming after files were made. Such a survey, and one of
-    bags, has a frame, and with it tiles on disk, from `open` on. `on_disk` leads from the stamp of a tile's
-    first revision to that of the revision on disk [ns]; `settings` are what results depend on. The points of
-    files that were `read` in this process may still be decoded.
-    LidarBuildingsError if inputs cannot be read, or the folder cannot be used.
+    bags, has a frame, and with it tiles on disk, from `open` on. `settings` are what results depend on. The
+    points of files that were `read` in this process may still be decoded. LidarBuildingsError if inputs
+    cannot be read, or the folder cannot be used.
     """
 
     def __init__(self, config: ModelWriterConfig, read: Sequence[InputFile] = ()) -> None:
@@ -51,7 +50,6 @@ class SurveyFolder:
         self.is_live = not config.input
         self._bags = bags_among(config.input)
         self.settings = _settings(config.settings)
-        self.on_disk: dict[int, int] = {}
         self._problems: list[str] = []
         self._read = {(one.path, one.state): one for one in read}
         self._folder: OutputFolder | None = None
@@ -95,6 +93,11 @@ class SurveyFolder:
         self._claim(inputs, frame, overwrite=self._config.overwrite and self.frame is None)
         return True
 
+    @property
+    def on_disk(self) -> dict[int, int]:
+        """See `OutputFolder`; empty as long as a live survey has no frame."""
+        return {} if self._folder is None else self._folder.on_disk
+
     def revision_of(self, stamp: int) -> int:
         """Return the stamp of the revision of a tile that is on disk, -1 if none is."""
         return self.on_disk.get(tile_of(stamp), -1)
@@ -102,7 +105,6 @@ class SurveyFolder:
     def write(self, products: TileProducts) -> None:
         """Put a tile on disk; OutputError if it cannot be written."""
         self._opened().write_tile(products)
-        self.on_disk[tile_of(products.stamp)] = products.stamp
 
     def load_writers(self) -> None:
         """Import what `make_files` needs, in a time when nothing else is to be done."""
@@ -135,7 +137,6 @@ class SurveyFolder:
         """Delete the tiles on disk; the files that were made of them stay."""
         if self._folder is not None:
             self._folder.keep_only(())
-        self.on_disk.clear()
 
     def _opened(self) -> OutputFolder:
         if self._folder is None:
@@ -156,7 +157,6 @@ class SurveyFolder:
             files=config,
             is_live=self.is_live,
         )
-        self.on_disk = self._folder.done_stamps()
 
 
 def _settings(text: str) -> dict[str, Any]:

@@ -57,8 +57,9 @@ class OutputFolder:
     and without it an unfinished run of the same inputs and parameters is taken up again, which
     `discard_unfinished` prevents. `parameters` are all settings that results depend on. Files that a stage
     after `until` would fill are not made. If the run is live tiles go on coming: the files are made from
-    those there are, as often as one likes, and `inputs` are named before that. OutputError, one line saying
-    why and what to do, if the folder cannot be used.
+    those there are, as often as one likes, and `inputs` are named before that. `on_disk` leads from the stamp
+    of a tile's first revision to that of the one that was there at the beginning, or that `write_tile` has
+    put there [ns]. OutputError, one line saying why and what to do, if the folder cannot be used.
     """
 
     def __init__(
@@ -94,9 +95,12 @@ class OutputFolder:
         }
         claim_folder(self.path, identity, self.inputs, overwrite=overwrite, is_live=is_live, use=use)
         self._use = use
+        self.on_disk: dict[int, int] = {}
         for fragment in self._partial.glob(f"*{_ENDING}"):
-            # A killed process leaves a part, a power cut a name without its content.
-            if not _is_whole(fragment):
+            # A killed process leaves a part, under another name; a power cut a name without its content.
+            try:
+                self.on_disk[int(fragment.stem)] = load_stamp(fragment)
+            except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
                 fragment.unlink()
 
     def write_tile(self, products: TileProducts) -> None:
@@ -104,14 +108,11 @@ class OutputFolder:
         Put a tile safely on disk in the place of any revision of it; OutputError if it cannot be written.
         """
         products.save(self.tile_path(products.stamp))
+        self.on_disk[tile_of(products.stamp)] = products.stamp
 
     def tile_path(self, stamp: int) -> Path:
         """Return where a tile is put on disk, for a process that saves it itself."""
         return self._partial / f"{tile_of(stamp)}{_ENDING}"
-
-    def done_stamps(self) -> dict[int, int]:
-        """Return the tiles on disk: stamp of the first revision → that of the revision that is there."""
-        return {int(path.stem): load_stamp(path) for path in self.saved_tiles()}
 
     def keep_only(self, stamps: Collection[int]) -> None:
         """Delete tiles on disk that are none of some; files that were made of them stay."""
@@ -119,6 +120,7 @@ class OutputFolder:
         for fragment in self.saved_tiles():
             if int(fragment.stem) not in known:
                 fragment.unlink()
+                self.on_disk.pop(int(fragment.stem), None)
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
@@ -245,11 +247,3 @@ class OutputFolder:
             return {}
         record = self._footprints.record
         return {**record, "n_outside": record["n_used"] - n_buildings}
-
-
-def _is_whole(fragment: Path) -> bool:
-    try:
-        load_stamp(fragment)
-    except (OSError, ValueError, KeyError, EOFError, RuntimeError, BadZipFile):
-        return False
-    return True

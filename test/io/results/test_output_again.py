@@ -20,8 +20,8 @@ def test_an_unfinished_run_is_taken_up_again(tmp_path, survey):
     for tile in tiles[:3]:
         output.write_tile(products_of(tile))
     again = OutputFolder(tmp_path / "out", source.inputs, source.frame)
-    assert again.done_stamps().keys() == {tile.stamp for tile in tiles[:3]}
-    with TileSource([i.path for i in source.inputs], source.config, skip=again.done_stamps()) as rest:
+    assert again.on_disk.keys() == {tile.stamp for tile in tiles[:3]}
+    with TileSource([i.path for i in source.inputs], source.config, skip=again.on_disk) as rest:
         for tile in tiles_of(rest):
             again.write_tile(products_of(tile))
     again.finalise({"versions": {"lidar_buildings": "0"}})
@@ -38,7 +38,7 @@ def test_a_tile_that_a_kill_or_a_power_cut_left_unfinished_is_done_again(tmp_pat
     whole = (partial / f"{tiles[0].stamp}.npz").read_bytes()
     (partial / f"{tiles[0].stamp}.npz").unlink()
     (partial / name.format(tiles[0].stamp)).write_bytes(whole[: int(share * len(whole))])
-    assert OutputFolder(tmp_path / "out", source.inputs, source.frame).done_stamps() == {}
+    assert OutputFolder(tmp_path / "out", source.inputs, source.frame).on_disk == {}
     assert not list(partial.glob("*.npz"))
 
 
