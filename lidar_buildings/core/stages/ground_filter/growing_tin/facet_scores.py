@@ -26,30 +26,10 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     """
     a, b, c = corners_of(triangle, vertices, triangles)
     point = place_of(p, vertices)
-    if _far_above(point, a, b, c, limits[2]):
-        return np.inf
     score = _facet_score(point, a, b, c, limits)
     if score == np.inf:
         score = _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits)
     return score
-
-
-@inner_kernel
-def _far_above(point, a, b, c, distance):  # type: ignore[no-untyped-def]
-    """
-    Whether a point is beyond reach both as it is and mirrored; costs neither roots nor divisions.
-
-    It is if its height above the highest corner, taken along the facet's normal, is more than the distance.
-    """
-    over = point[2] - max(a[2], b[2], c[2])
-    if over <= distance:
-        return False
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    area, gx, gy = ux * vy - uy * vx, uy * vz - uz * vy, uz * vx - ux * vz
-    # A little more, so that rounding cannot turn away what the exact distance would let in.
-    reach = 1.000001 * distance
-    return area > 0.0 and (over * area) ** 2 > reach * reach * (area * area + gx * gx + gy * gy)
 
 
 @inner_kernel
