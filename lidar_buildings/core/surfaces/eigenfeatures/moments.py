@@ -89,24 +89,6 @@ def sum_shells(near, rows, position, square, squares, lookup, shells):  # type: 
         add_point(shells[k], dx, dy, dz)
 
 
-@inner_kernel
-def sum_sphere(near, rows, position, shell):  # type: ignore[no-untyped-def]
-    """
-    Sum 1, d and d dᵀ over all neighbours: in registers, which need not wait for memory as shells have to.
-    """
-    x, y, z = near[0], near[1], near[2]
-    sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
-    for j in rows:
-        dx, dy, dz = x[j] - position[0], y[j] - position[1], z[j] - position[2]
-        sx, sy, sz = sx + dx, sy + dy, sz + dz
-        sxx, sxy, sxz = sxx + dx * dx, sxy + dx * dy, sxz + dx * dz
-        syy, syz, szz = syy + dy * dy, syz + dy * dz, szz + dz * dz
-    shell[0] = len(rows)
-    shell[1], shell[2], shell[3] = sx, sy, sz
-    shell[4], shell[5], shell[6] = sxx, sxy, sxz
-    shell[7], shell[8], shell[9] = syy, syz, szz
-
-
 def shell_lookup(squares: NDArray[np.float64]) -> NDArray[np.uint64]:
     """
     Return, by the bins of the squared distance, a shell that is not too far out.

@@ -19,7 +19,6 @@ from lidar_buildings.core.surfaces.eigenfeatures.moments import (
     gather_window,
     rows_within,
     sum_shells,
-    sum_sphere,
 )
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 from lidar_buildings.core.surfaces.symmetric_eigen import values_and_normal
@@ -71,10 +70,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, found, begin, end):  
             for i in range(start, stop):
                 position = (cloud.points[i, 0], cloud.points[i, 1], z[i])
                 n_rows = rows_within(near, n_near, position, squares[-1], square, rows)
-                if len(squares) == 1:
-                    sum_sphere(near, rows[:n_rows], position, shells[0])
-                else:
-                    sum_shells(near, rows[:n_rows], position, square, squares, lookup, shells)
+                sum_shells(near, rows[:n_rows], position, square, squares, lookup, shells)
                 _add_to_batch(shells, batch, n_waiting)
                 waiting[n_waiting] = cloud.rows[i]
                 n_waiting += 1

@@ -44,8 +44,6 @@ def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ig
     for k in range(len(places)):
         if top[k] < 0:
             continue
-        if _is_within(places, runs[k], top, building, k):
-            continue
         seen[:] = 0
         seen[1, 1] = OWN
         for row in range(runs.shape[1]):
@@ -61,18 +59,6 @@ def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ig
         for one in seen.ravel():
             rim[building[top[k]]] += one & OWN == 0
             met[building[top[k]]] += one == LEVEL | BEHIND
-
-
-@inner_kernel
-def _is_within(places, runs, top, building, k):  # type: ignore[no-untyped-def]
-    """Tell whether there is the same roof in all cells beside one."""
-    n = 0
-    middle = len(runs) // 2
-    for row in range(middle - 1, middle + 2):
-        for c in range(runs[row, 0], runs[row, 1]):
-            is_own = top[c] >= 0 and building[top[c]] == building[top[k]]
-            n += abs(places[c, 1] - places[k, 1]) <= 1 and is_own
-    return n == 9
 
 
 @inner_kernel
