@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
 #: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds.
@@ -173,33 +174,13 @@ def _rows_by_number(
 ) -> tuple[NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows by rising number, equal ones in the order given; the numbers; where each begins."""
     if _can_be_counted(numbers):
-        return _counting_sort(numbers, int(numbers.max(initial=-1)) + 1)
+        rows, first = rows_by_group(numbers, int(numbers.max(initial=-1)) + 1)
+        occupied = np.flatnonzero(first[1:] != first[:-1])
+        return rows, occupied, np.append(first[occupied], len(rows))
     rows = np.argsort(numbers, kind="stable")
     in_order = numbers[rows]
     begins = np.flatnonzero(np.diff(in_order, prepend=-1))
     return rows, in_order[begins], np.append(begins, len(rows))
-
-
-@kernel
-def _counting_sort(numbers, n_cells):  # type: ignore[no-untyped-def]
-    """Sort with one step a point and a cell; see `_rows_by_number`."""
-    place, n_occupied = np.zeros(n_cells, dtype=np.int64), 0
-    for number in numbers:
-        n_occupied += place[number] == 0
-        place[number] += 1
-    occupied, first = np.empty(n_occupied, dtype=np.int64), np.empty(n_occupied + 1, dtype=np.int64)
-    total, k = 0, 0
-    for number in range(n_cells):
-        if place[number] > 0:
-            occupied[k], first[k] = number, total
-            k += 1
-        place[number], total = total, total + place[number]
-    first[k] = total
-    rows = np.empty(len(numbers), dtype=np.intp)
-    for i in range(len(numbers)):
-        rows[place[numbers[i]]] = i
-        place[numbers[i]] += 1
-    return rows, occupied, first
 
 
 @kernel
