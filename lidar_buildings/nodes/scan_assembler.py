@@ -20,6 +20,7 @@ from lidar_buildings.nodes.table import NODE_TABLE
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
+from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.stamps import FRAME_ID, header_of
 
 #: A warning of lost scans is repeated no sooner [s].
@@ -153,13 +154,12 @@ class ScanAssembler(TileSender):
 
 def missing_scans(node: Node) -> str:
     """Say where no scan has come, what is published there instead, and on which other topics clouds are."""
-    scan, *own = (
-        node.resolve_topic_name(name)
-        for name in ("scan", *(topic.name for card in NODE_TABLE for topic in card.publishes))
-    )
+    scan = node.resolve_topic_name("scan")
     published = {
         name: kinds for name, kinds in node.get_topic_names_and_types() if node.count_publishers(name)
     }
+    graphs = [name.removesuffix(RECEIPTS) for name in published if name.endswith(f"/{RECEIPTS}")]
+    own = {f"{one}{topic.name}" for one in graphs for card in NODE_TABLE for topic in card.publishes}
     others = [kind for kind in published.pop(scan, ()) if kind != _CLOUD]
     clouds = sorted(name for name, kinds in published.items() if _CLOUD in kinds and name not in own)
     instead = f", which is published as {', '.join(others)}" if others else ""
