@@ -93,6 +93,6 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
 def _divided(sums, n, shift, cosines, sines, noise):  # type: ignore[no-untyped-def]
     """Return first side and kind of each line, last to first; steps are as in outlines, without arcs."""
     first, kind, _ = divide_chain(
-        sums, n, shift, 1.0, cosines, sines, noise, _LINE, _OWN_DIRECTION, _LINE, np.inf, 0.0
+        sums, n, shift, 1.0, cosines, sines, noise, _LINE, _OWN_DIRECTION, _LINE, np.inf, 0.0, False
     )
     return first, kind

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -36,6 +37,8 @@ class Costs(NamedTuple):
     step: float  #: added for the step between two consecutive walls of nearly one direction
     arc: float = np.inf  #: added for an arc
     parallel: float = 0.0  #: sine of the largest angle between directions that are nearly one
+    #: Whether weights spread samples evenly along a wall, which tells one that turns back.
+    is_even: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +90,14 @@ def divide_ring(
 
 
 @kernel
-def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc, parallel):  # type: ignore[no-untyped-def]
+def divide_chain(  # type: ignore[no-untyped-def]
+    sums, n, shift, sense, cosines, sines, noise, wall, own_direction, step, arc, parallel, is_even
+):
     """
     Return first sample and kind of each wall of an open chain from `shift` on, last to first, and the cost.
 
-    Columns are the directions, then free walls, then arcs.
+    Columns are the directions, then free walls, then arcs. A wall goes one way: as far as it does not, its
+    samples lie beyond its ends.
     """
     free, bow = len(cosines), len(cosines) + 1
     variance, share = noise * noise, 1.0 / (noise * noise)
@@ -116,17 +122,25 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
     for end in range(1, n + 1):
         for s in range(n_starts):
             start = starts[s]
-            _, _, _, xx, xy, yy = scatter_of(sums, shift + start, shift + end)
-            straight = least_scatter(xx, xy, yy) * share
+            weight, _, _, xx, xy, yy = scatter_of(sums, shift + start, shift + end)
+            across = least_scatter(xx, xy, yy)
+            straight = across * share
             least[s] = cheapest[start] + straight
+            dx, dy = _chord(sums, shift + start, shift + end)
             for k in range(free):
                 c, d = cosines[k], sines[k]
                 cost = entry[start, k] + (c * c * xx + 2 * c * d * xy + d * d * yy) * share
+                if is_even and cost < best[end, k]:
+                    along = d * d * xx - 2 * c * d * xy + c * c * yy
+                    cost += _beyond(weight, along, c * dy - d * dx, end - start) * share
                 if cost < best[end, k]:
                     best[end, k] = cost
                     came_from[end, k] = start
-            if end - start >= _MIN_FREE_SAMPLES and entry[start, free] + straight < best[end, free]:
-                best[end, free] = entry[start, free] + straight
+            cost = entry[start, free] + straight
+            if is_even and end - start >= _MIN_FREE_SAMPLES and cost < best[end, free]:
+                cost += _beyond(weight, xx + yy - across, math.hypot(dx, dy), end - start) * share
+            if end - start >= _MIN_FREE_SAMPLES and cost < best[end, free]:
+                best[end, free] = cost
                 came_from[end, free] = start
             # An arc costs more than a free wall: it has to fit better by the difference.
             if arc < np.inf and end - start >= _MIN_ARC_SAMPLES and straight > arc - own_direction:
@@ -152,6 +166,26 @@ def divide_chain(sums, n, shift, sense, cosines, sines, noise, wall, own_directi
 
 
 @inner_kernel
+def _chord(sums, start, end):  # type: ignore[no-untyped-def]
+    """Return the way from the first to the last sample of a stretch."""
+    from_x, from_y = _middle(sums, start, start + 1)
+    to_x, to_y = _middle(sums, end - 1, end)
+    return to_x - from_x, to_y - from_y
+
+
+@inner_kernel
+def _beyond(weight, along, length, n):  # type: ignore[no-untyped-def]
+    """
+    Return what squared distances of samples beyond the ends of a wall come to, as they scatter along it.
+
+    Samples spread evenly from one end to the other scatter by a known share of its length: what scatters more
+    goes beyond an end and comes back.
+    """
+    even = abs(length) * math.sqrt((n + 1.0) / (12.0 * max(n - 1.0, 1.0)))
+    return weight * max(math.sqrt(max(along, 0.0) / weight) - even, 0.0) ** 2
+
+
+@inner_kernel
 def _bent(sums, start, end, sense, variance):  # type: ignore[no-untyped-def]
     """
     Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
@@ -170,8 +204,8 @@ def _bulge(sums, start, end):  # type: ignore[no-untyped-def]
     """Return how far the middle of a stretch lies to the right of its chord, times the chord's length."""
     x, y = _middle(sums, start, end)
     from_x, from_y = _middle(sums, start, start + 1)
-    to_x, to_y = _middle(sums, end - 1, end)
-    return (to_y - from_y) * (x - from_x) - (to_x - from_x) * (y - from_y)
+    dx, dy = _chord(sums, start, end)
+    return dy * (x - from_x) - dx * (y - from_y)
 
 
 @inner_kernel

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
 from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
@@ -298,6 +299,18 @@ def test_an_arc_is_found_where_it_is_worth_its_cost():
         assert (ARC in divide_ring(bent, angles, costs).kind) == (sign > 0)
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 25.0, 90.0])
+def test_a_wall_does_not_turn_back_at_the_end_of_a_narrow_wing(turn_deg):
+    """The upper wall of a house and both sides of a wing, half a spacing wide, lie near one line."""
+    house = [(4.5, 6), (1.5, 6), (0, 3), (0, 0), (3, 0), (6, 0), (6, 5)]
+    wing = [(9, 5), (12, 5), (15, 5), (18, 5), (16.5, 6.5), (13.5, 6.5), (10.5, 6.5), (7.5, 6.5)]
+    cos, sin = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    traced = Outline(np.array(house + wing) @ np.array([[cos, sin], [-sin, cos]]))
+    found = regularise_outline(traced)
+    assert found.status is BuildingStatus.OK
+    assert shapely.distance(found.outline.polygon, shapely.points(traced.exterior)).max() < 1.0
+
+
 @pytest.mark.parametrize(("step", "n_walls"), [(0.0, 6), (5.0, 4)])
 def test_the_division_is_the_best_of_all(step, n_walls):
     """Try every division of a small chain by brute force; two of its directions are nearly one."""
@@ -309,14 +322,23 @@ def test_the_division_is_the_best_of_all(step, n_walls):
     angles = np.array([0.0, np.pi / 2, np.pi / 2 + 0.05])
     costs = Costs(0.1, 5.0, 15.0, step, parallel=0.1)
 
+    def beyond(along, length):
+        if len(along) < 2:
+            return 0.0
+        even = np.linspace(0.0, length, len(along)).std()
+        return len(along) * max(along.std() - even, 0.0) ** 2 / costs.noise**2
+
     def cost(first, end, k):
         rows = ring[first:end] - ring[first:end].mean(axis=0)
         if k != FREE:
-            normal = np.cos(angles[k]), np.sin(angles[k])
-            return costs.wall + np.sum((rows @ normal) ** 2) / costs.noise**2
+            along = rows @ (-np.sin(angles[k]), np.cos(angles[k]))
+            across = np.sum((rows @ (np.cos(angles[k]), np.sin(angles[k]))) ** 2) / costs.noise**2
+            return costs.wall + across + beyond(along, abs(along[-1] - along[0]))
         if end - first < 3:
             return np.inf
-        return costs.wall + costs.own_direction + np.linalg.eigvalsh(rows.T @ rows)[0] / costs.noise**2
+        least, ways = np.linalg.eigh(rows.T @ rows)
+        more = beyond(rows @ ways[:, 1], np.hypot(*(rows[-1] - rows[0])))
+        return costs.wall + costs.own_direction + least[0] / costs.noise**2 + more
 
     def cheapest(start, last):
         if start == len(ring):
