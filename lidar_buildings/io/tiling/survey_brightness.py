@@ -19,13 +19,15 @@ from lidar_buildings.core.surfaces.intensity import (
     normalised_intensity,
     strip_scales,
 )
+from lidar_buildings.io.tiling.survey_spacing import sample_square
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 #: About how many points of a file tell the scales of its strips;
 #: wide margin: quantiles of so many are known to 0.2 %.
 MAX_SAMPLE = 100_000
-#: Side of the square in the middle of a file on which the modes of the ground are looked for [m].
-SQUARE_SIDE = 250.0
+#: Side of the square in the middle of a file in which modes of the ground are looked for [m], and how many
+#: points it holds at least where points are few: fewer and wider cells show no modes.
+SQUARE_SIDE, SQUARE_POINTS = 250.0, 250_000
 #: Side of the square in the middle of that one in which the spacing is measured [m], and the fewest points
 #: that tell it.
 SPACING_SIDE, SPACING_POINTS = 80.0, 1000
@@ -43,6 +45,12 @@ _OTHERS = -1
 #: What tells the scale of a strip, and with its place what brightness parts dark ground from other.
 _SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")
 _PLACED = ("x", "y", "z", *_SAMPLE)
+
+
+def square_of_modes(area: Rectangle, n_points: int) -> Rectangle:
+    """Return the square in the middle of a file's bounds in which the modes of its ground are looked for."""
+    extent = (area.x_max - area.x_min) * (area.y_max - area.y_min)
+    return sample_square(area, max(SQUARE_SIDE, math.sqrt(SQUARE_POINTS * extent / n_points)))
 
 
 class SurveyBrightness:

@@ -19,7 +19,7 @@ from lidar_buildings.io.clouds.las import xyz_of
 from lidar_buildings.io.clouds.point_columns import point_columns
 from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool
-from lidar_buildings.io.tiling.survey_brightness import SQUARE_SIDE, SurveyBrightness
+from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness, square_of_modes
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of, sample_square
 from lidar_buildings.io.tiling.tile_grid import Block, Rectangle, TileGrid
 
@@ -88,7 +88,7 @@ class TileStore:
         records["source"] = source
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
         area = Rectangle.of_cloud(cloud)
-        square = None if area is None else self.in_map(sample_square(area, SQUARE_SIDE))
+        square = None if area is None else self.in_map(square_of_modes(area, cloud.point_count))
         self.brightness.add(source, first, records, cloud.point_count, square)
         cells = self.grid.cells_at(xyz[:, :2] * self.frame.horizontal_unit)
         return {self.grid.tile_of(cell) for cell in self.spool.append(cells, records)}

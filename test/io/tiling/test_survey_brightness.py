@@ -5,7 +5,8 @@ import pytest
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.io.tiling.spool import RECORD
-from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
+from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness, square_of_modes
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
@@ -15,7 +16,7 @@ GRASS, ASPHALT, ROOF = 150.0, 60.0, 110.0
 GAINS = {706: (1.0, 0.0), 707: (200.0, 3000.0)}
 
 
-def save_strip_files(folder, *, roads=True, seed=0):
+def save_strip_files(folder, *, roads=True, seed=0, scale=1.0):
     """Write a suburb with roads of 8 m and houses of 10 m as two files, west and east, of two strips each."""
     random = np.random.default_rng(seed)
     for number, west in enumerate((0.0, SIDE)):
@@ -31,7 +32,7 @@ def save_strip_files(folder, *, roads=True, seed=0):
         gain, offset = np.array([GAINS[s] for s in strip.tolist()]).T
         las = laspy.LasData(laspy.LasHeader(point_format=1, version="1.2"))
         las.header.scales, las.header.offsets = [0.001] * 3, [0.0] * 3
-        las.x, las.y, las.z = 85_000 + x, 447_000 + y, np.where(on_roof, 9.0, 3.0)
+        las.x, las.y, las.z = 85_000 + scale * x, 447_000 + scale * y, np.where(on_roof, 9.0, 3.0)
         las.intensity = np.clip(np.rint(brightness * gain + offset), 0, 65_535).astype(np.uint16)
         las.point_source_id = strip.astype(np.uint16)
         las.return_number = las.number_of_returns = np.ones(len(x), dtype=np.uint8)
@@ -79,6 +80,20 @@ def test_tiles_too_small_to_show_two_modes_still_find_their_roads(tmp_path):
         truth = tile.classification == 30
         found = result.classification == 11
         assert (found & truth).sum() > 0.85 * max(truth.sum(), found.sum())
+
+
+def test_sparse_surveys_show_their_modes_on_a_wider_square(tmp_path):
+    """In a square of 250 m few cells are without an edge of a road in them."""
+    save_strip_files(tmp_path, scale=4.0)
+    limits = {tile.dark_limit for tile in tiles_of(tmp_path, 240.0)}
+    assert len(limits) == 1
+    assert ASPHALT < limits.pop() < GRASS
+
+
+@pytest.mark.parametrize(("n_points", "side"), [(5_000_000, 250.0), (1_000_000, 500.0), (160_000, 1250.0)])
+def test_the_square_of_modes_holds_as_many_points_where_these_are_few(n_points, side):
+    square = square_of_modes(Rectangle(100.0, 0.0, 1100.0, 1000.0), n_points)
+    assert square == Rectangle(600.0 - side / 2, 500.0 - side / 2, 600.0 + side / 2, 500.0 + side / 2)
 
 
 def test_a_survey_without_roads_has_no_limit(tmp_path):
