@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.evaluation.changes.surfaces import CellBlock, CellPlan, Surfaces
+from lidar_buildings.evaluation.scores.cells import cell_centres, cells_of_polygons
 
 #: What becomes of a cell.
 SAME, UNSEEN, BUILT, REMOVED, HIGHER, LOWER = range(6)
@@ -39,7 +40,7 @@ class CellChanges:
     """What became of each cell of a plan."""
 
     plan: CellPlan
-    #: `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`, in the order of the plan's numbers, shape
+    #: `SAME`, `UNSEEN`, `BUILT`, `REMOVED`, `HIGHER` or `LOWER`, in the order of the plan's cells, shape
     #: (n_cells,).
     state: NDArray[np.int8]
     #: By how much the roof is higher, or rises above what was free [m], shape (n_cells,).
@@ -48,9 +49,9 @@ class CellChanges:
 
     def within(self, polygon: Any) -> tuple[NDArray[np.float64], NDArray[np.int8], NDArray[np.float64]]:
         """Return the cells whose middles lie in a polygon: these [m], states, heights."""
-        numbers, middles = self.plan.cells_within(polygon)
-        at = np.searchsorted(self.plan.numbers, numbers)
-        return middles, self.state[at], self.height[at]
+        cells = cells_of_polygons(polygon, self.plan.size)
+        at = np.searchsorted(self.plan.cells, cells)
+        return cell_centres(cells, self.plan.size), self.state[at], self.height[at]
 
 
 def offset_of(old: Surfaces, new: Surfaces) -> tuple[float, float]:
@@ -82,7 +83,7 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     around, nor anything else at its height: what is only classified otherwise is no change, and what one
     survey has not seen, behind a wall, is not told.
     """
-    state, height = np.full(len(plan.numbers), UNSEEN, dtype=np.int8), np.zeros(len(plan.numbers))
+    state, height = np.full(len(plan.cells), UNSEEN, dtype=np.int8), np.zeros(len(plan.cells))
     margin = max(_MARGIN, math.ceil(0.5 * limits.area / plan.size**2))
     for block in plan.blocks(_BLOCK_SIDE, margin):
         seen = (_Raster.of(block, old, 0.0), _Raster.of(block, new, -offset))

@@ -61,11 +61,11 @@ def cells_of_points(
     _checked_size(cell, plan)
     if not (np.isfinite(reach) and reach >= 0):
         raise ValueError(f"reach = {reach}: must be a number of point spacings, at least 0")
-    own = _as_set(_keys(plan[chosen], cell))
+    own = _as_set(keys_of(plan[chosen], cell))
     if reach == 0 or not len(own):
         return own
     distance = reach * measure_spacing(points)
-    empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(_keys(plan, cell)), assume_unique=True)
+    empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(keys_of(plan, cell)), assume_unique=True)
     filled = empty[_nearest_is_building(cell_centres(empty, cell), plan, chosen, distance)]
     return _as_set(np.concatenate([own, filled]))
 
@@ -134,7 +134,8 @@ def _as_set(keys: NDArray[np.int64]) -> CellSet:
     return ordered[np.concatenate(([True], ordered[1:] != ordered[:-1]))] if len(ordered) else ordered
 
 
-def _keys(plan: NDArray[np.float64], cell: float) -> CellSet:
+def keys_of(plan: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
+    """Return the key of each position's cell."""
     columns, rows = np.floor(plan / cell).astype(np.int64).T
     return _join(columns, rows)
 
@@ -146,8 +147,13 @@ def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
 
 def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
     """Return the centres of cells, shape (n, 2) [m]."""
+    return np.asarray((np.column_stack(columns_and_rows(cells)) + 0.5) * cell, dtype=np.float64)
+
+
+def columns_and_rows(cells: CellSet) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the columns and the rows of cells."""
     columns = (cells + 2**31) >> 32
-    return (np.column_stack((columns, cells - (columns << 32))) + 0.5) * cell
+    return columns, cells - (columns << 32)
 
 
 def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
