@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.nearest_neighbours import find_nth
+from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, NEIGHBOURS, middle_of
 from lidar_buildings.core.neighbours.scan_neighbours import mark_probes
 
-#: Points of a group whose neighbours are looked at; the median of so many densities is good to a few percent.
-MAX_PROBES = 200
-#: Neighbours that a density is estimated from, and fewest points that each of these needs in its group.
-NEIGHBOURS, POINTS_A_NEIGHBOUR = 16, 10
-#: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
-MAX_STRAY = 3.0
+#: Fewest points that each neighbour that a density is estimated from needs in its group.
+POINTS_A_NEIGHBOUR = 10
 
 
 def group_spacings(
@@ -32,25 +29,16 @@ def group_spacings(
     wide. NaN for a group of fewer than 20 points, or most of whose neighbours are not near.
     """
     size = np.bincount(group[group >= 0], minlength=n_groups)
-    is_probe = mark_probes(points, group, size, MAX_PROBES, 2 * POINTS_A_NEIGHBOUR)
+    is_probe = mark_probes(points, group, size, FEW_PROBES, 2 * POINTS_A_NEIGHBOUR)
     probes = np.flatnonzero(is_probe)
     nth = np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR)
     distance = np.full(len(group), np.inf)
     find_nth(cells, group, nth, is_probe, distance, 0, len(cells.numbers))
-    order = probes[np.lexsort((distance[probes], group[probes]))]
+    order = probes[np.argsort(group[probes], kind="stable")]
     first = np.searchsorted(group[order], np.arange(n_groups + 1))
     spacings = np.full(n_groups, np.nan)
     for number in np.flatnonzero(np.diff(first)):
-        middle = _middle(distance[order[first[number] : first[number + 1]]])
-        spacings[number] = middle * math.sqrt(math.pi / (nth[number] + 1 / 3))
+        middle, _ = middle_of(distance[order[first[number] : first[number + 1]]])
+        if 0.0 < middle < math.inf:
+            spacings[number] = middle * math.sqrt(math.pi / (nth[number] + 1 / 3))
     return spacings
-
-
-def _middle(distance: NDArray[np.float64]) -> float:
-    """Return the median, weighted by area, of rising distances; NaN if it is not known."""
-    median = distance[len(distance) // 2]
-    if not 0.0 < median < np.inf:
-        return math.nan
-    area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
-    middle = float(distance[np.searchsorted(area, 0.5 * area[-1])])
-    return middle if middle < np.inf else math.nan

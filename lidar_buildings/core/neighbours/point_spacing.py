@@ -59,17 +59,17 @@ def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     plan = positions.view(np.float64).reshape(-1, 2)
     step = math.ceil(len(plan) / max_probes)
     distance, reach = nth_distances(plan, step, k)
-    middle, median = _middle(distance)
+    middle, median = middle_of(distance)
     if not (math.isfinite(middle) and reach >= MAX_STRAY * median):
         # Too many have their neighbours farther off than is usual for it not to matter how far.
         tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
         # The nearest one found is the point itself.
-        middle, _ = _middle(tree.query(plan[::step], [k + 1])[0].ravel())
+        middle, _ = middle_of(tree.query(plan[::step], [k + 1])[0].ravel())
     # Between a lattice (k) and the area-weighted median of a Poisson process (k + 2/3).
     return middle * math.sqrt(math.pi / (k + 1 / 3))
 
 
-def _middle(distance: NDArray[np.float64]) -> tuple[float, float]:
+def middle_of(distance: NDArray[np.float64]) -> tuple[float, float]:
     """Return the median weighted by area, infinite if it is not known, and the plain one."""
     distance, half = np.sort(distance), len(distance) // 2
     median = float(distance[half] if len(distance) % 2 else 0.5 * (distance[half - 1] + distance[half]))
