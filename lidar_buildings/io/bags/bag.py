@@ -13,7 +13,7 @@ from rosbags.rosbag2 import Reader as Reader2
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.failures import one_line
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -13,7 +13,7 @@ from rosbags.interfaces import Qos
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.bags.bag_writer import BagWriter
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.failures import one_line
 
 _MCAP = ".mcap"
 #: Bytes of messages that may wait for the disk.

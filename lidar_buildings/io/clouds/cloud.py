@@ -15,7 +15,7 @@ from lidar_buildings.io.clouds.input_file import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.clouds.las_reader import open_chunks, open_reader
 from lidar_buildings.io.clouds.las_records import RawHeader
-from lidar_buildings.io.files.read_errors import reported
+from lidar_buildings.io.files.failures import reported
 
 #: Points read at a time: about 60 MB with all that is made of them.
 CHUNK = 500_000

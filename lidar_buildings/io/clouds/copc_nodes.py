@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.cloud import CloudExtent
+from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import open_binary
-from lidar_buildings.io.files.read_errors import reported
 
 _INFO = struct.Struct("<5d2Q")
 _ENTRY = np.dtype(

@@ -24,8 +24,8 @@ from lidar_buildings.io.clouds.input_file import changed
 from lidar_buildings.io.clouds.las import chunks_within, open_cloud
 from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.files.atomic_files import atomic_file, checked_file
+from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import is_url, open_binary, state_of
-from lidar_buildings.io.files.read_errors import reported
 
 #: Files that are fetched at the same time: a single stream fills few lines.
 _AT_ONCE = 8

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import located
-from lidar_buildings.io.files.read_errors import reported
 
 #: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
 ENDINGS = (".las", ".laz")

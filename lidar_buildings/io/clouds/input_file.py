@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import state_of
-from lidar_buildings.io.files.read_errors import reported
 
 
 class InputFile(NamedTuple):

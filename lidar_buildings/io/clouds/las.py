@@ -33,9 +33,8 @@ from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
-from lidar_buildings.io.files.captured_stderr import captured_panics
+from lidar_buildings.io.files.failures import captured_panics, reported
 from lidar_buildings.io.files.locations import located, open_binary, state_of
-from lidar_buildings.io.files.read_errors import reported
 from lidar_buildings.io.files.warn_once import warn_once
 
 #: Points that may lie this far outside their header's bounds before these are measured anew [m];

@@ -12,8 +12,8 @@ from lidar_buildings.io.clouds.agreement import MAX_EXTENT
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
+from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import state_of
-from lidar_buildings.io.files.read_errors import reported
 
 #: Where the header has greatest and least x, y and z, in turns (LAS 1.4, table 3).
 _BOUNDS, _BOUNDS_AT = struct.Struct("<6d"), 179

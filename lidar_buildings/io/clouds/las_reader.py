@@ -21,7 +21,7 @@ import lazrs
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.io.files.captured_stderr import captured_panics
+from lidar_buildings.io.files.failures import captured_panics
 from lidar_buildings.io.files.locations import open_binary
 
 #: What stands before the first chunk: where the table of chunks is [bytes].

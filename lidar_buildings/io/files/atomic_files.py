@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.failures import one_line
 
 
 @contextmanager

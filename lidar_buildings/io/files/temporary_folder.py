@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.failures import one_line
 
 _PREFIX = "lidar_buildings_run_"
 #: A folder is deleted again where a file was just being added: once a thread; wide margin.

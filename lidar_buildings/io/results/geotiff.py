@@ -20,7 +20,7 @@ from rasterio.windows import Window
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import write_error
-from lidar_buildings.io.files.captured_stderr import captured_stderr
+from lidar_buildings.io.files.failures import captured_stderr
 
 #: Side of a block in cells.
 BLOCK = 512

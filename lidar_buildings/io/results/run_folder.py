@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.files.captured_stderr import one_line
+from lidar_buildings.io.files.failures import one_line
 from lidar_buildings.io.results.output_config import FORMAT_FILES, REPORT_FILE
 
 if TYPE_CHECKING:

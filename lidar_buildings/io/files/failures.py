@@ -1,4 +1,4 @@
-"""Errors of compiled code: as one line of text, without what the code itself prints to standard error."""
+"""Failures of what reads and writes files: one line, without what compiled code prints on its own."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+from lidar_buildings.core.model.errors import InputError
 
 #: One redirection of the process's standard error at a time.
 _one_redirection = threading.Lock()
@@ -17,15 +20,33 @@ _STANDARD_ERROR = 2
 _PANIC = "PanicException"
 
 
-def is_failure(error: BaseException) -> bool:
-    """Whether `error` is a failure to report, not a request to stop (Ctrl-C, exit)."""
-    return isinstance(error, Exception) or type(error).__name__ == _PANIC
-
-
 def one_line(error: BaseException) -> str:
     """Return the error's message on one line, without the file name that an OSError repeats."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(text.split()) or type(error).__name__
+
+
+@contextmanager
+def reported(path: Path) -> Iterator[None]:
+    """Turn any failure of the block into one InputError that names the file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file: check the path") from None
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be opened ({one_line(error)}): check the file and its rights"
+        ) from error
+    except BaseException as error:
+        is_request = not isinstance(error, Exception) and type(error).__name__ != _PANIC  # as of Ctrl-C
+        if is_request or isinstance(error, MemoryError):
+            raise
+        raise InputError(
+            f"{path}: cannot be decoded ({one_line(error)}): it is damaged, or of a kind that is not "
+            "supported; download it again, or convert it with a current LAS tool"
+        ) from None
 
 
 def captured_panics() -> AbstractContextManager[None]:

@@ -1,22 +1,28 @@
 """Failures of compiled code: on one line, and without its own output."""
 
 import os
+from pathlib import Path
 
 import pytest
 
-from lidar_buildings.io.files.captured_stderr import captured_panics, captured_stderr, is_failure, one_line
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.failures import captured_panics, captured_stderr, one_line, reported
 
 
 class PanicException(BaseException):
     pass
 
 
-def test_panics_are_failures_and_wishes_to_stop_are_not():
-    assert is_failure(PanicException())
-    assert is_failure(ValueError())
-    assert not is_failure(KeyboardInterrupt())
-    assert not is_failure(SystemExit())
-    assert not is_failure(GeneratorExit())
+@pytest.mark.parametrize("error", [PanicException("no room"), ValueError("no room")])
+def test_panics_are_failures(error):
+    with pytest.raises(InputError, match=r"a\.laz: cannot be decoded \(no room\)"), reported(Path("a.laz")):
+        raise error
+
+
+@pytest.mark.parametrize("wish", [KeyboardInterrupt, SystemExit, GeneratorExit, MemoryError])
+def test_wishes_to_stop_are_none(wish):
+    with pytest.raises(wish), reported(Path("a.laz")):
+        raise wish
 
 
 def test_words_fit_on_one_line():
