@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
@@ -14,6 +16,9 @@ from lidar_buildings.ros.stamps import tile_of
 #: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
 #: message to a node that has nothing else to do [s].
 _SILENCE = 1.0
+#: For so long a node may not know of all others that know of it: one whose first announcements got lost is
+#: announced again after 3 s; margin of three [s].
+_MEETING = 10.0
 
 
 @dataclass
@@ -24,19 +29,14 @@ class Flight:
     #: Place of that among all that was sent, and of its points, where later only its bounds were sent.
     order: int
     order_of_points: int
+    sent_at: float  #: by the clock of the account [s]
     #: How many times it was sent, the first included; what got lost on its way does not count.
     attempt: int = 1
     #: Whether no node can have it any more, and whether it was in the hands of one that was started anew.
     is_lost: bool = False
     has_ended_a_node: bool = False
-    is_in_doubt: bool = False  #: whether a node has started since it was sent, so that it may be lost
     has_failed: bool = False  #: whether a node could not handle it
     since: float = field(default_factory=time.monotonic)  #: when its first revision was sent [s]
-
-    @property
-    def counts(self) -> bool:
-        """Whether sending it again is an attempt."""
-        return self.has_ended_a_node or not (self.is_lost or self.is_in_doubt)
 
 
 class FlowControl:
@@ -46,10 +46,10 @@ class FlowControl:
     A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's hands
     is lost if the node that had it was started anew, or if one that was sent later is done: topics keep their
     order, unless nodes share their tiles or have several in hand. Beside that it is lost if all nodes are
-    idle and silent: for a second if a node has started meanwhile, else for `timeout` [s], which doubles with
-    each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight; 0: as many as
-    come, and none is waited for. Unless it is 1 there are more while they have few points: on its way from
-    node to node nobody works on a tile.
+    idle and silent: for a second if a node has started since, or shortly before, else for `timeout` [s],
+    which doubles with each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight;
+    0: as many as come, and none is waited for. Unless it is 1 there are more while they have few points: on
+    its way from node to node nobody works on a tile.
     """
 
     def __init__(
@@ -65,6 +65,7 @@ class FlowControl:
         self._latency = 0.0
         self._keeps_order = True
         self._last_event = now()
+        self._last_start = -math.inf
 
     def __len__(self) -> int:
         """Return the number of tiles in flight."""
@@ -116,7 +117,7 @@ class FlowControl:
         """
         if self.is_counting:
             before = self._flights.get(tile_of(tile.stamp))
-            flight = self._flights[tile_of(tile.stamp)] = Flight(tile, self._n_sent, self._n_sent)
+            flight = self._flights[tile_of(tile.stamp)] = self._begun(tile)
             if before is not None:
                 flight.attempt, flight.since = before.attempt, before.since
                 if before.tile.stamp == tile.stamp:
@@ -140,8 +141,8 @@ class FlowControl:
     def started(self, node: str) -> None:
         """Note that a node was started: what it had in its hands is lost, what was on its way may be."""
         held = self._at_work.pop(node, set())
+        self._last_start = self._now()
         for stamp, flight in self._flights.items():
-            flight.is_in_doubt = True
             flight.has_ended_a_node |= stamp in map(tile_of, held)
             flight.is_lost |= stamp in map(tile_of, held)
 
@@ -167,9 +168,8 @@ class FlowControl:
         """Return the flights that are lost and get another attempt, as flights that begin anew."""
         late = [one for one in self._flights.values() if self._is_due(one) and not self._is_over(one)]
         for one in late:
-            attempt = one.attempt + one.counts
-            again = Flight(one.tile, self._n_sent, self._n_sent, attempt, since=one.since)
-            self._flights[tile_of(one.tile.stamp)] = again
+            attempt = one.attempt + self._counts(one)
+            self._flights[tile_of(one.tile.stamp)] = self._begun(one.tile, attempt=attempt, since=one.since)
             self._note_event()
         return [self._flights[tile_of(one.tile.stamp)] for one in late]
 
@@ -193,6 +193,9 @@ class FlowControl:
         self._flights.clear()
         return stamps
 
+    def _begun(self, tile: PointTile, **members: Any) -> Flight:
+        return Flight(tile, self._n_sent, self._n_sent, self._now(), **members)
+
     def _note_event(self) -> None:
         self._n_sent += 1
         self._last_event = self._now()
@@ -207,7 +210,15 @@ class FlowControl:
         )
 
     def _longest_silence(self, flight: Flight) -> float:
-        return _SILENCE if flight.is_in_doubt else self._timeout * 2 ** (flight.attempt - 1)
+        return _SILENCE if self._is_in_doubt(flight) else self._timeout * 2 ** (flight.attempt - 1)
+
+    def _is_in_doubt(self, flight: Flight) -> bool:
+        """Whether a tile may be lost since not all nodes knew of each other when it was sent, or after."""
+        return flight.sent_at < self._last_start + _MEETING
+
+    def _counts(self, flight: Flight) -> bool:
+        """Whether sending a tile again is an attempt."""
+        return flight.has_ended_a_node or not (flight.is_lost or self._is_in_doubt(flight))
 
     def _is_over(self, flight: Flight) -> bool:
-        return flight.counts and flight.attempt >= self._max_attempts
+        return self._counts(flight) and flight.attempt >= self._max_attempts

@@ -135,6 +135,19 @@ def test_a_tile_on_its_way_when_a_node_was_started_is_lost_if_nothing_happens(fl
     assert stamps(flow.overdue()) == [A]
 
 
+def test_a_tile_that_was_sent_before_a_node_was_known_to_all_is_soon_sent_again(flow, clock):
+    flow.started("tracer")
+    clock.time += 1.0
+    flow.sent(tile(A))
+    for _ in range(4):  # more often than a tile has attempts
+        clock.time += 1.1
+        assert [flight.attempt for flight in flow.overdue()] == [1]
+    clock.time += TIMEOUT
+    assert [flight.attempt for flight in flow.overdue()] == [1]
+    clock.time += 0.9 * TIMEOUT  # all have known of each other before it was sent
+    assert not flow.has_losses
+
+
 def test_a_tile_that_ends_a_node_each_time_is_given_up(flow):
     flow.sent(tile(A))
     for attempt in (2, 3):
