@@ -15,6 +15,7 @@ from support.node_bench import (
     SHED,
     STAMP,
     TO_WRITER,
+    done,
     fragments,
     made,
     outlines,
@@ -52,6 +53,8 @@ pytestmark = pytest.mark.graph
 
 
 EAST = Sides(east=True)
+#: A tile after the one of the test: once it is through, all that was sent before it has been read.
+LATER, BARN = 2 * STAMP, 13
 
 
 def info_of_tile(bounds):
@@ -153,10 +156,13 @@ def test_a_clipped_tile_is_held_back_and_asked_for(tracing, tracer):
 
 def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(tracing, tracer):
     tracer.send("edge_points", to_message(roof(HOUSE)))
-    time.sleep(0.3)
-    assert tracing == []
-    tracer.send("tile_info", info_of_tile(None))
+    later = roof(HOUSE, stamp=LATER)
+    tracer.send("tile_info", info_message(later))
+    tracer.send("edge_points", to_message(later))
     wait_until(lambda: tracer.heard["building_points"])
+    tracer.send("tile_info", info_of_tile(None))
+    wait_until(lambda: len(tracer.heard["building_points"]) == 2)
+    assert [to_stamp(one.header.stamp) for one in tracer.heard["building_points"]] == [LATER, STAMP]
 
 
 def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, tracing):
@@ -173,9 +179,9 @@ def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, 
 FRAME = MapFrame("EPSG:2229", (1000.0, 2000.0, 0.0), 0.3048, 0.3048)
 
 
-def quality_of_outlines(*ids):
+def quality_of_outlines(*ids, stamp=STAMP):
     quality = OutlineQuality(0.125, 0.5, BuildingStatus.TRACED_OUTLINE, "too narrow")
-    return quality_message(STAMP, [replace(one, quality=quality) for one in outlines(*ids)])
+    return quality_message(stamp, [replace(one, quality=quality) for one in outlines(*ids)])
 
 
 @pytest.fixture
@@ -186,14 +192,15 @@ def builder(context, bench):
 
 def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(builder):
     builder.publisher_of("map_origin").publish(origin_message(FRAME))
-    builder.send("plane_points", to_message(roof(HOUSE, SHED)))
-    builder.send("outline_quality", quality_of_outlines(HOUSE, SHED))
-    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
-    time.sleep(0.4)
-    assert builder.heard["tile_done"] == []
-    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
+    for stamp, outlined in ((STAMP, (SHED,)), (LATER, (HOUSE, SHED))):
+        builder.send("plane_points", to_message(roof(HOUSE, SHED, stamp=stamp)))
+        builder.send("outline_quality", quality_of_outlines(HOUSE, SHED, stamp=stamp))
+        builder.send("outlines", *ring_messages(stamp, outline_rings(outlines(*outlined))))
     wait_until(lambda: builder.heard["tile_done"])
-    wait_until(lambda: [m.polygon.id for m in builder.heard["roof_faces"]] == [HOUSE, SHED, -1])
+    assert done(builder) == [LATER]
+    builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
+    wait_until(lambda: done(builder) == [LATER, STAMP])
+    wait_until(lambda: [m.polygon.id for m in builder.heard["roof_faces"]] == 2 * [HOUSE, SHED, -1])
 
 
 def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(builder):
@@ -237,12 +244,13 @@ def make_writer(context, tmp_path):
 def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, tmp_path, missing):
     other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE, SHED, without=(missing,))
-    time.sleep(0.3)
-    assert other.heard["tile_done"] == []
-    assert fragments(tmp_path) == []
-    send_tile(other, HOUSE, SHED)
+    send_tile(other, BARN, stamp=LATER)
     wait_until(lambda: other.heard["tile_done"])
-    products = load_products(fragments(tmp_path)[0])
+    (later,) = fragments(tmp_path)
+    assert done(other) == [load_products(later).stamp] == [LATER]
+    send_tile(other, HOUSE, SHED)
+    wait_until(lambda: done(other) == [LATER, STAMP])
+    (products,) = (load_products(one) for one in fragments(tmp_path) if one != later)
     assert products.stamp == STAMP
     assert [one.building_id for one in products.outlines] == [HOUSE, SHED]
     assert len(products.features) == 2
@@ -263,10 +271,11 @@ def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
     other = bench(make_writer(), TO_WRITER, "tile_done")
     send_tile(other, HOUSE, SHED, without=("outlines",))
     other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
-    time.sleep(0.3)
-    assert other.heard["tile_done"] == []
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
+    send_tile(other, BARN, stamp=LATER)
     wait_until(lambda: other.heard["tile_done"])
+    assert done(other) == [LATER]
+    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
+    wait_until(lambda: done(other) == [LATER, STAMP])
 
 
 def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
@@ -286,12 +295,12 @@ def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp
     send_tile(other, HOUSE, without=("classified_points",))
     later = replace(roof(HOUSE), stamp=STAMP + 1)
     other.send("classified_points", to_message(later))
-    time.sleep(0.3)
-    assert other.heard["tile_done"] == []
-    send_tile(other, HOUSE, stamp=STAMP + 1)
+    send_tile(other, BARN, stamp=LATER)
     wait_until(lambda: other.heard["tile_done"])
-    assert to_stamp(other.heard["tile_done"][0].stamp) == STAMP + 1
-    (written,) = fragments(tmp_path)
+    assert done(other) == [LATER]
+    send_tile(other, HOUSE, stamp=STAMP + 1)
+    wait_until(lambda: done(other) == [LATER, STAMP + 1])
+    (written,) = (one for one in fragments(tmp_path) if one.stem != str(LATER))
     assert written.stem == str(STAMP), "the tile is known by its first revision"
     assert load_products(written).stamp == STAMP + 1
     assert len(load_products(written).core) == 37
