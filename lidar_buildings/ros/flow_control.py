@@ -13,9 +13,9 @@ from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
 from lidar_buildings.ros.receipts import FAILED, TAKEN, Receipt
 from lidar_buildings.ros.stamps import tile_of
 
-#: Silence after which a tile is lost that was under way when a node started; wide margin over the way of a
-#: message to a node that has nothing else to do [s].
-_SILENCE = 1.0
+#: Silence after which a tile is lost that was under way when a node started, and what each point adds to it;
+#: wide margins over the way of a message to a node that has nothing else to do [s].
+_SILENCE, _POINT_SILENCE = 1.0, 2e-6
 #: For so long a node may not know of all others that know of it: one whose first announcements got lost is
 #: announced again after 3 s; margin of three [s].
 _MEETING = 10.0
@@ -46,7 +46,7 @@ class FlowControl:
     A tile that a node has in its hands is never sent again, however long that takes. A tile in nobody's hands
     is lost if the node that had it was started anew, or if one that was sent later is done: topics keep their
     order, unless nodes share their tiles or have several in hand. Beside that it is lost if all nodes are
-    idle and silent: for a second if a node has started since, or shortly before, else for `timeout` [s],
+    idle and silent: for a few seconds if a node has started since, or shortly before, else for `timeout` [s],
     which doubles with each attempt; after `max_attempts` it is given up. At most `limit` tiles are in flight;
     0: as many as come, and none is waited for. Unless it is 1 there are more while they have few points: on
     its way from node to node nobody works on a tile.
@@ -210,7 +210,9 @@ class FlowControl:
         )
 
     def _longest_silence(self, flight: Flight) -> float:
-        return _SILENCE if self._is_in_doubt(flight) else self._timeout * 2 ** (flight.attempt - 1)
+        if self._is_in_doubt(flight):
+            return _SILENCE + _POINT_SILENCE * len(flight.tile)
+        return self._timeout * 2 ** (flight.attempt - 1)
 
     def _is_in_doubt(self, flight: Flight) -> bool:
         """Whether a tile may be lost since not all nodes knew of each other when it was sent, or after."""

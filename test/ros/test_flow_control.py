@@ -148,6 +148,15 @@ def test_a_tile_that_was_sent_before_a_node_was_known_to_all_is_soon_sent_again(
     assert not flow.has_losses
 
 
+def test_a_large_tile_has_longer_to_reach_a_new_node(flow, clock):
+    flow.started("tracer")
+    flow.sent(PointTile(np.zeros((2_000_000, 3)), stamp=A))
+    clock.time += 4.9
+    assert not flow.has_losses
+    clock.time += 0.2
+    assert stamps(flow.overdue()) == [A]
+
+
 def test_a_tile_that_ends_a_node_each_time_is_given_up(flow):
     flow.sent(tile(A))
     for attempt in (2, 3):
