@@ -27,7 +27,7 @@ from lidar_buildings.io.tiling.tile_grid import Rectangle
 MAX_SAMPLE = 100_000
 #: Side of the square in the middle of a file in which modes of the ground are looked for [m], and how many
 #: points it holds at least where points are few: fewer and wider cells show no modes.
-SQUARE_SIDE, SQUARE_POINTS = 250.0, 250_000
+SQUARE_SIDE, SQUARE_POINTS = 250.0, 100_000
 #: Side of the square in the middle of that one in which the spacing is measured [m], and the fewest points
 #: that tell it.
 SPACING_SIDE, SPACING_POINTS = 80.0, 1000
