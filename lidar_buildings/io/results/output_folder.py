@@ -220,6 +220,7 @@ class OutputFolder:
         self, fragments: list[Path], pieces: set[int], crs: str
     ) -> tuple[list[str], dict[str, int], list[str]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
+        from lidar_buildings.core.stages.building_model.levels import LOD22
         from lidar_buildings.io.results.building_blocks import write_in_blocks
         from lidar_buildings.io.results.building_files import OF_OUTLINES, model_heading, write_buildings
         from lidar_buildings.io.results.terrain_files import terrain_meshes
@@ -235,6 +236,9 @@ class OutputFolder:
         ) as buildings:
             for fragment in fragments:
                 buildings.add(load_shapes(fragment))
+            coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod != LOD22]
+            if coarse:
+                remarks.append(f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why")
             terrain = terrain_meshes(fragments, self.frame, self._files.terrain_tolerance)
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:

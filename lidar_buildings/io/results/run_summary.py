@@ -45,7 +45,7 @@ class RunSummary:
     #: What became of the footprints that were given: how many were read, used, repaired, left out for which
     #: reason, and outside the data. Empty where outlines were traced.
     footprints: dict[str, Any] = field(default_factory=dict)
-    #: One line per format that this survey cannot have; nothing is wrong with the others.
+    #: One line per format that this survey cannot have, and one if buildings lack the finest level of detail.
     remarks: tuple[str, ...] = ()
     n_facade: int = 0  #: points of class 6 that are façade
 

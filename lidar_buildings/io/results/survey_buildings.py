@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
@@ -31,8 +32,9 @@ from lidar_buildings.io.results.tile_products import Shapes
 _FOOTPRINT_ID = "footprint_id"
 #: Ids differ within twice this distance [m].
 _NEAR = 16_000.0
-#: A line's id and building id, as `feature_line` writes them.
+#: A line's id, building id and finest level of detail, as `feature_line` writes them.
 _NAME, _NUMBER = re.compile(r'"id":"([^"]*)"'), re.compile(r'"building_id":(\d+)')
+_LEVEL = re.compile(r'"lod":"([^"]*)"')
 #: A building of which this share lies within a larger one of another tile is a piece of that one;
 #: wide margin: pieces lie within it entirely, neighbours not at all.
 _PIECE_SHARE = 0.5
@@ -45,6 +47,7 @@ class _Entry:
     traced: Outline | None
     outline: Outline | None
     extent: NDArray[np.float64] | None  #: of its solids, None if there are none, see `SurveyBuildings`
+    lod: str | None  #: the finest level of detail, None or empty if there are no solids
 
     @property
     def place(self) -> NDArray[np.float64]:
@@ -108,6 +111,11 @@ class SurveyBuildings:
         exteriors = (one.exterior for one in outlines if one is not None)
         return _extent_of([np.empty((0, 2)), *exteriors, *(one[:, :2] for one in self._extents())])
 
+    @property
+    def levels(self) -> Counter[str]:
+        """Finest level of detail → number of buildings; those without solids are left out."""
+        return Counter(one.lod for one in self._entries.values() if one.lod)
+
     def places(self) -> NDArray[np.float64]:
         """Return where the buildings are, shape (n, 2), by id and name, map frame [m]."""
         places = [anchor_near(key[0], self._entries[key].place) for key in sorted(self._entries)]
@@ -135,7 +143,7 @@ class SurveyBuildings:
                 before, after, model = traced.get(number), outlines.get(number), models.get(number)
                 key = number, model.readable_id if model else self._name_of(number, before or after)
                 if key not in self._entries and self._is_new(number, before or after):
-                    self._entries[key] = _Entry(before, after, model and model.extent)
+                    self._entries[key] = _Entry(before, after, model and model.extent, model and model.lod)
                     if model:
                         self._lines.add(key, model.line)
             self._file.flush()
@@ -201,14 +209,15 @@ class _Head(NamedTuple):
     readable_id: str
     line: str
     extent: NDArray[np.float64] | None  #: as of `_Entry`
+    lod: str
 
 
 def _head_of(line: str) -> _Head:
     """Read who a line is of and where its solids are: of all its JSON the vertices alone, its last member."""
     start, _, end = line.rpartition(',"vertices":')
     vertices = np.array(json.loads(end[:-1]), dtype=np.float64).reshape(-1, 3) * GRID
-    name, number = (re.search(pattern, start)[1] for pattern in (_NAME, _NUMBER))  # type: ignore[index]
-    return _Head(int(number), name, line, _extent_of([vertices]))
+    level, name, number = (re.search(pattern, start) for pattern in (_LEVEL, _NAME, _NUMBER))
+    return _Head(int(number[1]), name[1], line, _extent_of([vertices]), level[1] if level else "")  # type: ignore[index]
 
 
 def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:

@@ -2,6 +2,7 @@
 
 import json
 import random
+from dataclasses import replace
 
 import laspy
 import numpy as np
@@ -15,6 +16,7 @@ from support.results import MODELS
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.files.compact_json import compact_json
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
@@ -204,6 +206,21 @@ def test_without_a_reference_system_there_are_no_3d_tiles_and_one_line_says_so(t
     assert "tiles3d" not in summary.files
     (line,) = summary.remarks
     assert line.startswith("no 3D Tiles were made: the inputs name no reference system: ")
+
+
+def test_buildings_coarser_than_the_finest_level_are_told(tmp_path, survey):
+    source, tiles = survey
+    output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
+    for number, tile in enumerate(tiles):
+        products = products_of(tile)
+        (line,) = products.features
+        feature = json.loads(line)
+        (building,) = feature["CityObjects"].values()
+        building["attributes"] |= {"lod": "2.2" if number == 0 else "1.2"}
+        output.write_tile(replace(products, features=[compact_json(feature)]))
+    assert output.finalise().remarks == (
+        f"coarser than LoD2.2: {len(tiles) - 1} at LoD1.2: their `reason` says why",
+    )
 
 
 def test_formats_that_are_not_wanted_are_not_made(tmp_path, survey):
