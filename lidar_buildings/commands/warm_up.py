@@ -18,10 +18,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from lidar_buildings.core import kernel_cache
 from lidar_buildings.core.kernel_cache import TEXT
 
-#: LLVM is not to write rounds of a loop several times over, where nobody knows how many there will be: that
-#: takes a tenth of the compiling, and makes no run faster.
-_PLAIN_LOOPS = ("--unroll-runtime=false", "--force-target-max-vector-interleave=1")
-
 
 def warm_up_command(options: argparse.Namespace) -> int:
     """Compile what is not compiled yet; say how far it is, where it is kept and how long it took."""
@@ -66,13 +62,9 @@ def _call_all() -> None:
 
 
 def _compile_alone() -> None:
-    from numba.core.codegen import ll
-
     from lidar_buildings.core.freed_memory import keep_freed_memory
     from lidar_buildings.core.neighbours.parallel import work_alone
 
-    for option in _PLAIN_LOOPS:
-        ll.set_option("lidar_buildings", option)
     gc.disable()  # a tenth of the compiler's time goes into it
     keep_freed_memory()
     work_alone()

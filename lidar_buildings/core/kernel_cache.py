@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -52,12 +53,10 @@ def marker() -> Path | None:
     folder = kernel_folder()
     if folder is None:
         return None
-    from numba.core.codegen import ll
-
     state = (
         _hash_of_sources(),
         metadata.version("numba"),
-        ll.get_host_cpu_name(),
+        platform.processor(),
         sys.implementation.cache_tag,
     )
     return folder / f"lidar_buildings-{hashlib.sha256(repr(state).encode()).hexdigest()[:16]}.complete"

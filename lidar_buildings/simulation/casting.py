@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.simulation.surfaces import CELL, CROWNS, FACES, ROADS, WALLS
 from lidar_buildings.simulation.terrain import terrain_elevation
 
@@ -29,14 +29,14 @@ def cell_of(x, y, columns, rows):
     return min(int(y / CELL), rows - 1) * columns + min(int(x / CELL), columns - 1)
 
 
-@inner_kernel
+@kernel
 def position_at(beam, z):
     """Where the beam is at an elevation."""
     foot_x, foot_y, top, lean_x, lean_y = beam
     return foot_x + lean_x * (top - z), foot_y + lean_y * (top - z)
 
 
-@inner_kernel
+@kernel
 def terrain_hit(beam, guess, terrain):
     """Elevation at which the beam meets the terrain [m], from a first guess."""
     z = guess
@@ -67,7 +67,7 @@ def first_hit(beam, cell, terrain_z, surfaces):
     return best, kind, row
 
 
-@inner_kernel
+@kernel
 def face_hit(beam, face, edges, sense):
     """Elevation at which a beam that falls (sense 1) or rises (−1) meets a roof face, −∞ if it does not."""
     _, _, _, lean_x, lean_y = beam
@@ -87,7 +87,7 @@ def face_hit(beam, face, edges, sense):
     return z if inside else -np.inf
 
 
-@inner_kernel
+@kernel
 def wall_hit(beam, wall):
     """Elevation at which the beam meets a wall, −∞ if it does not."""
     foot_x, foot_y, beam_top, lean_x, lean_y = beam
@@ -105,7 +105,7 @@ def wall_hit(beam, wall):
     return z if bottom < z < top else -np.inf
 
 
-@inner_kernel
+@kernel
 def next_crown(beam, cell, below, surfaces):
     """Entry and exit [m] of the next crown that the beam enters below an elevation; −∞ if there is none."""
     _, _, _, _, crowns, _, _, _, start, items = surfaces
@@ -117,7 +117,7 @@ def next_crown(beam, cell, below, surfaces):
     return best, best_exit
 
 
-@inner_kernel
+@kernel
 def crown_crossing(beam, crown):
     """Elevations at which the beam enters and leaves an ellipsoid, −∞ if it misses it."""
     _, _, _, lean_x, lean_y = beam
@@ -132,7 +132,7 @@ def crown_crossing(beam, crown):
     return crown.z + (root - half_b) / a, crown.z - (root + half_b) / a
 
 
-@inner_kernel
+@kernel
 def on_road(x, y, cell, surfaces):
     """Whether a position lies on a road."""
     _, _, _, _, _, roads, _, _, start, items = surfaces

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Increment and multipliers of SplitMix64 (Steele, Lea & Flood 2014).
 GAMMA = np.uint64(0x9E3779B97F4A7C15)
@@ -14,7 +14,7 @@ MIX_2 = np.uint64(0x94D049BB133111EB)
 ULP = 1.0 / 9007199254740992.0
 
 
-@inner_kernel
+@kernel
 def mixed(z):
     """Scramble 64 bits: the finaliser of SplitMix64."""
     z = (z ^ (z >> np.uint64(30))) * MIX_1
@@ -22,26 +22,26 @@ def mixed(z):
     return z ^ (z >> np.uint64(31))
 
 
-@inner_kernel
+@kernel
 def pulse_key(seed, strip, pulse):
     """Where a pulse's sequence of random numbers starts."""
     key = mixed(np.uint64(seed) * GAMMA + np.uint64(strip))
     return mixed(key + np.uint64(pulse) * GAMMA)
 
 
-@inner_kernel
+@kernel
 def uniform(key, draw):
     """Number `draw` of a sequence, uniform in [0, 1)."""
     return np.float64(mixed(key + np.uint64(draw + 1) * GAMMA) >> np.uint64(11)) * ULP
 
 
-@inner_kernel
+@kernel
 def exponential(key, draw):
     """Number `draw` of a sequence, exponential with mean 1."""
     return -np.log(1.0 - uniform(key, draw))
 
 
-@inner_kernel
+@kernel
 def normal_pair(key, draw):
     """Two independent standard normal numbers from draws `draw` and `draw` + 1 (Box & Muller 1958)."""
     radius = np.sqrt(2.0 * exponential(key, draw))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.simulation.casting import (
     ON_ROOF,
@@ -57,7 +57,7 @@ LOW_FROM, LOW_TO, HIGH_FROM, HIGH_TO = 2.0, 10.0, 40.0, 100.0
 DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = 0, 4, 6, 8, 64
 
 
-@inner_kernel
+@kernel
 def gross_error(key, share, terrain_z, hits):
     """Write a gross error with this probability; the number of returns, 0 or 1."""
     if uniform(key, DRAW_ERROR) >= share:
@@ -68,7 +68,7 @@ def gross_error(key, share, terrain_z, hits):
     return _write(hits, 0, terrain_z + HIGH_FROM + far * (HIGH_TO - HIGH_FROM), TOO_HIGH, -1)
 
 
-@inner_kernel
+@kernel
 def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     """Write elevation, kind and row of each return, highest first; the number of returns."""
     z, kind, row = first_hit(beam, cell, terrain_z, surfaces)
@@ -89,14 +89,14 @@ def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     return _write(hits, n_returns, z, kind, row)
 
 
-@inner_kernel
+@kernel
 def _write(hits, n_returns, z, kind, row):
     """Append a return; their new number."""
     hits[n_returns, 0], hits[n_returns, 1], hits[n_returns, 2] = z, kind, row
     return n_returns + 1
 
 
-@inner_kernel
+@kernel
 def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     """What the rim of the beam hits, in a random direction from its axis."""
     foot_x, foot_y, top, lean_x, lean_y = beam
@@ -106,7 +106,7 @@ def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     return first_hit(rim, cell, terrain_hit(rim, terrain_z, surfaces[TERRAIN]), surfaces)
 
 
-@inner_kernel
+@kernel
 def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
     """Write the returns from leaves above the solid hit; their number."""
     n_returns, draw = 0, DRAW_CROWN
@@ -162,7 +162,7 @@ def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces,
     return row
 
 
-@inner_kernel
+@kernel
 def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfaces):
     """Write where a return was measured, and what it is."""
     true_z, kind, row, number = what
@@ -181,7 +181,7 @@ def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfac
     marks[5], marks[6] = building, plane_id
 
 
-@inner_kernel
+@kernel
 def _beam(pulse, angle, flight):
     """The line of a pulse, and its time after the strip's first [s]."""
     start_x, start_y, top, heading_x, heading_y, speed, pulse_rate = flight
@@ -191,7 +191,7 @@ def _beam(pulse, angle, flight):
     return (x, y, top, heading_y * lean, -heading_x * lean), elapsed
 
 
-@inner_kernel
+@kernel
 def owner_of(kind, what, surfaces):
     """Number of the building that was hit and its roof face; 0 for all else."""
     _, faces, _, walls, _, _, _, _, _, _ = surfaces
@@ -202,7 +202,7 @@ def owner_of(kind, what, surfaces):
     return 0, 0
 
 
-@inner_kernel
+@kernel
 def class_of(kind, building, height):
     """ASPRS class of a return."""
     if kind == ON_TERRAIN:
@@ -216,7 +216,7 @@ def class_of(kind, building, height):
     return BUILDING if building > 0 else UNCLASSIFIED
 
 
-@inner_kernel
+@kernel
 def brightness_of(kind, building, asphalt):
     """Mean intensity of the material; each building's roof has its own."""
     if kind == ON_TERRAIN:

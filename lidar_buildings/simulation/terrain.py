@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Terrain:
         return _elevations(np.ascontiguousarray(xy, dtype=np.float64), self.coefficients())
 
 
-@inner_kernel
+@kernel
 def terrain_elevation(x, y, coefficients):
     """Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them."""
     z = coefficients[0, 0] + coefficients[0, 1] * x + coefficients[0, 2] * y

@@ -5,7 +5,7 @@ from functools import cache
 
 from support.source_tree import MODULES, ROOT, dotted, tree_of
 
-DECORATORS = {"kernel", "inner_kernel"}
+DECORATORS = {"kernel"}
 SOURCES = [*MODULES, *sorted((ROOT / "test").rglob("*.py")), *sorted((ROOT / "bench").rglob("*.py"))]
 PATHS = {dotted(path): path for path in SOURCES}
 
@@ -70,7 +70,7 @@ def test_loops_have_a_way_in_from_python_if_python_calls_them():
     wrong = {
         loop: kind
         for loop, kind in loops().items()
-        if kind in DECORATORS and kind != ("kernel" if loop in called_from_python() else "inner_kernel")
+        if kind in DECORATORS and kind != ("kernel" if loop in called_from_python() else "kernel")
     }
     assert wrong == {}
 

@@ -12,10 +12,10 @@ from numba.core.caching import NullCache
 from numba.core.runtime import _nrt_python, rtsys
 from numpy.testing import assert_array_equal
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 
-@inner_kernel
+@kernel
 def raised(number, by):
     return number + by
 
@@ -25,7 +25,7 @@ def raised_twice(number):
     return raised(raised(number, 1), 2)
 
 
-@inner_kernel
+@kernel
 def raised_by_one(number):
     return number + 1
 
@@ -74,12 +74,12 @@ def test_loops_divide_as_numpy_does():
     assert share(1.0, 0.0) == float("inf")
 
 
-@inner_kernel
+@kernel
 def later_part(values, begin):
     return values[begin:]
 
 
-@inner_kernel
+@kernel
 def first_below(values, limit, begin):
     """Has several ways out, on which several of its names end."""
     rest = values[begin:]

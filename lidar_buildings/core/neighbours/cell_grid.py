@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -197,7 +197,7 @@ def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-un
             ordered[i, axis] = points[rows[i], axis]
 
 
-@inner_kernel
+@kernel
 def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
     """Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers."""
     for i in range(len(rows)):
@@ -212,7 +212,7 @@ def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
             elevation[j], rows[j] = z, row
 
 
-@inner_kernel
+@kernel
 def _comes_first(points, z, row, other_z, other_row):  # type: ignore[no-untyped-def]
     """Whether a row's point, of elevation z, comes before another's by z, x, y."""
     if z != other_z:

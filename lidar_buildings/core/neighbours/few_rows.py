@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
 
 
@@ -29,7 +29,7 @@ def rows_by_group(group, n_groups):  # type: ignore[no-untyped-def]
     return rows, first
 
 
-@inner_kernel
+@kernel
 def sort_rows(values, rows, n):  # type: ignore[no-untyped-def]
     """
     Sort the first n values and, with them, rows, which decide where values are equal (Shell 1959).

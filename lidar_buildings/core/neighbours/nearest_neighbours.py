@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
@@ -119,7 +119,7 @@ def find_nth(grid, group, nth, is_probe, distance, begin, end):  # type: ignore[
                 break
 
 
-@inner_kernel
+@kernel
 def _put_least_first(values, filled, n):  # type: ignore[no-untyped-def]
     """Put the n least of the numbers first, the n-th in its place (Hoare 1961)."""
     low, high = 0, filled - 1

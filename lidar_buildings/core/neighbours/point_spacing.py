@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import cell_numbers
 from lidar_buildings.core.neighbours.nearest_neighbours import nth_distances
@@ -134,7 +134,7 @@ def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
             positions[j] = one
 
 
-@inner_kernel
+@kernel
 def _comes_first(one, other):  # type: ignore[no-untyped-def]
     """Whether a position comes before another by x, then y."""
     return one.real < other.real or (one.real == other.real and one.imag < other.imag)

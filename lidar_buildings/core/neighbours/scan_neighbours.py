@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.windows import first_windows
 
 #: What 1 is in whole numbers.
@@ -149,13 +149,13 @@ def lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, be
                     sides[i, side] = near[side]
 
 
-@inner_kernel
+@kernel
 def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
     """Whether two points are of one group and strip."""
     return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
 
 
-@inner_kernel
+@kernel
 def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
     """
     Write a point's neighbours (dx, dy, squared distance in time or in plan) to `near`.
@@ -190,7 +190,7 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
     return count, second
 
 
-@inner_kernel
+@kernel
 def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     """Move the neighbours within a squared distance to the front and return their number."""
     count = 0
@@ -201,7 +201,7 @@ def _keep_near(near, limit):  # type: ignore[no-untyped-def]
     return count
 
 
-@inner_kernel
+@kernel
 def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
     cosine, sine, total = 0, 0, 0
@@ -218,7 +218,7 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     return cosine / total, sine / total
 
 
-@inner_kernel
+@kernel
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
     """
     Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.

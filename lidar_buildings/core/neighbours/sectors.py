@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Sectors of 45° each; the opposite of one is half of them on.
 N_SECTORS = 8
@@ -16,7 +16,7 @@ def sector_of(dx, dy):  # type: ignore[no-untyped-def]
     return _of_upper_half(dx, dy)
 
 
-@inner_kernel
+@kernel
 def _of_upper_half(dx, dy):  # type: ignore[no-untyped-def]
     """Return the sector of a direction from east to just before west."""
     if dx > 0.0:

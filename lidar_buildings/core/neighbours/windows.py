@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 
 @kernel
@@ -29,7 +29,7 @@ def first_windows(numbers, n_columns, reach, cell):  # type: ignore[no-untyped-d
     return windows
 
 
-@inner_kernel
+@kernel
 def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-untyped-def]
     """
     Return where the run of a row's occupied cells begins and ends that lie at most `reach` from a column.
@@ -41,7 +41,7 @@ def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-unt
     return begin, first_from(numbers, row * n_columns + east + 1)
 
 
-@inner_kernel
+@kernel
 def first_from(numbers, least):  # type: ignore[no-untyped-def]
     """Return where rising numbers are no longer less, as np.searchsorted, which takes longer to compile."""
     begin, end = 0, len(numbers)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.few_rows import sort_rows
 
 
@@ -56,7 +56,7 @@ def n_joints(edges, distance):  # type: ignore[no-untyped-def]
     return n
 
 
-@inner_kernel
+@kernel
 def _squared(x: float, y: float, ux: float, uy: float) -> float:
     """Return the squared distance of a place to a segment, both seen from the segment's start."""
     share = min(1.0, max(0.0, (x * ux + y * uy) / (ux * ux + uy * uy)))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: A fourth point this little inside or outside the circle, relative to the sides to the fourth power, counts
 #: as on it: far above rounding (1e-16), far below what matters to the shape.
@@ -41,7 +41,7 @@ def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours
             return n_triangles + 2
 
 
-@inner_kernel
+@kernel
 def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Replace a triangle by three that meet in the vertex; it is corner 0 of each."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
@@ -53,7 +53,7 @@ def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ign
     _redirect(beyond_c, triangle, second, neighbours)
 
 
-@inner_kernel
+@kernel
 def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     """
     Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k.
@@ -69,20 +69,20 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     _redirect(beyond_ca, near, far, neighbours)
 
 
-@inner_kernel
+@kernel
 def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Write a triangle's corners and the neighbours opposite them."""
     triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@inner_kernel
+@kernel
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
 
 
-@inner_kernel
+@kernel
 def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     """Return the corner of a triangle opposite the side that it shares with another."""
     if neighbours[triangle, 0] == other:
@@ -90,7 +90,7 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     return 1 if neighbours[triangle, 1] == other else 2
 
 
-@inner_kernel
+@kernel
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """
     Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.

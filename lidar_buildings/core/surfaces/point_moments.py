@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Sums over points: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz.
 N_MOMENTS = 10
@@ -23,7 +23,7 @@ def add_point(moments, x, y, z):  # type: ignore[no-untyped-def]
     moments[9] += z * z
 
 
-@inner_kernel
+@kernel
 def covariance(moments):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz of the covariance about the mean of at least one point."""
     n = moments[0]

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Numbers below this are 0, lest a division by them overflows.
 SMALLEST = 1e-200
@@ -31,7 +31,6 @@ START = tuple(
 )
 
 
-@inlined
 @kernel
 def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
@@ -58,7 +57,6 @@ def eigenvalues_3x3(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return mean + first, max(mean - first - third, 0.0), max(mean + third, 0.0)
 
 
-@inlined
 @kernel
 def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
@@ -98,8 +96,7 @@ def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), nx, ny, nz
 
 
-@inlined
-@inner_kernel
+@kernel
 def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     """Return the unit vector that A − λ turns to 0, λ being a single eigenvalue."""
     xx, yy, zz = xx - eigenvalue, yy - eigenvalue, zz - eigenvalue
@@ -117,8 +114,7 @@ def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     return ux * scale, uy * scale, uz * scale
 
 
-@inlined
-@inner_kernel
+@kernel
 def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     """Return cosine and sine of half the angle of a vector of this length; of none, 1 and 0."""
     single = length <= DOUBLE
@@ -130,8 +126,7 @@ def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     return (larger if cosine >= 0.0 else other), (other if cosine >= 0.0 else larger)
 
 
-@inlined
-@inner_kernel
+@kernel
 def _upward(x, y, z):  # type: ignore[no-untyped-def]
     """Return the vector or its opposite: z > 0, or else y > 0, or else x > 0."""
     down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import BLOCK, for_row_blocks
 
 
@@ -131,13 +131,13 @@ def _interpolate(  # type: ignore[no-untyped-def]
         elevation[i], slope[i] = plane_elevation(x, y, a, b, c), steepness
 
 
-@inner_kernel
+@kernel
 def place_of(v, vertices):  # type: ignore[no-untyped-def]
     """Return the coordinates of a vertex."""
     return vertices[v, 0], vertices[v, 1], vertices[v, 2]
 
 
-@inner_kernel
+@kernel
 def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     """Return the coordinates of a triangle's corners."""
     return (
@@ -147,7 +147,7 @@ def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     )
 
 
-@inner_kernel
+@kernel
 def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
     """Return the rise over run of the plane through three corners; 0 for a triangle without area."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -159,7 +159,7 @@ def plane_slope(a, b, c):  # type: ignore[no-untyped-def]
     return math.sqrt(east * east + north * north) / area
 
 
-@inner_kernel
+@kernel
 def plane_elevation(x, y, a, b, c):  # type: ignore[no-untyped-def]
     """
     Return the elevation at (x, y) of the plane through three corners [m].

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.simulation.casting import (
     ON_ROOF,
     ON_TERRAIN,
@@ -71,7 +71,7 @@ def measure_rays(origins, directions, first_ray, seed, leg, scanner, size, surfa
         out[row, TRUE_BUILDING], out[row, TRUE_PLANE] = building, plane_id
 
 
-@inner_kernel
+@kernel
 def _steepest(terrain):
     """Return a slope that the terrain exceeds nowhere."""
     slope = np.hypot(terrain[0, 1], terrain[0, 2])
@@ -80,7 +80,7 @@ def _steepest(terrain):
     return slope
 
 
-@inner_kernel
+@kernel
 def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
     """Distance, kind of surface and its row of what the ray hits first; kind −1 for nothing."""
     x, y, z = origin
@@ -113,7 +113,7 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
     return (best, kind, item) if best <= max_range else (np.inf, -1, -1)
 
 
-@inner_kernel
+@kernel
 def _leaving(place, step):
     """How far the ray goes until it leaves the cell along one axis."""
     if abs(step) < 1e-12:
@@ -122,7 +122,7 @@ def _leaving(place, step):
     return ((cell + (1.0 if step > 0.0 else 0.0)) * CELL - place) / step
 
 
-@inner_kernel
+@kernel
 def _solid_in(beam, dz, sense, cell, surfaces, best, kind, item):
     """The nearest of the hit so far and of the roofs and walls that the cell lists."""
     _, faces, edges, walls, _, _, _, _, start, items = surfaces
@@ -140,7 +140,7 @@ def _solid_in(beam, dz, sense, cell, surfaces, best, kind, item):
     return best, kind, item
 
 
-@inner_kernel
+@kernel
 def _leaves_in(beam, dz, sense, cell, key, surfaces, best, kind, item):
     """The nearest of the hit so far and of the leaves of the crowns that the cell lists."""
     _, _, _, _, crowns, _, _, _, start, items = surfaces
@@ -156,14 +156,14 @@ def _leaves_in(beam, dz, sense, cell, key, surfaces, best, kind, item):
     return best, kind, item
 
 
-@inner_kernel
+@kernel
 def _clearance(origin, direction, distance, terrain):
     """How far above the terrain the ray is [m]."""
     x, y = origin[0] + distance * direction[0], origin[1] + distance * direction[1]
     return origin[2] + distance * direction[2] - terrain_elevation(x, y, terrain)
 
 
-@inner_kernel
+@kernel
 def _ground_between(origin, direction, begin, end, above, under, terrain):
     """Distance at which the ray meets the terrain between one above it and one under it."""
     middle = begin

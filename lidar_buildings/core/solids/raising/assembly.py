@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.clearance import n_joints
 from lidar_buildings.core.solids.output_grid import GRID
@@ -263,7 +263,7 @@ def _raise(
     return n_places, n_rings - len(rings), is_wide
 
 
-@inner_kernel
+@kernel
 def _place(
     vertices: IntArray, v: int, levels: IntArray, slot: int, rows: IntArray, places: IntArray, n_places: int
 ) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.raising.edge_columns import EDGE, JOINED, LEFT, LEVEL, START, X, Y
@@ -150,7 +150,7 @@ def _repair(
     return changed
 
 
-@inner_kernel
+@kernel
 def _is_taken(vertices: IntArray, new: int) -> bool:
     """Whether an earlier vertex with edges lies where a new one is to lie."""
     for v in range(new):
@@ -163,7 +163,7 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _find_crossing(
     vertices: IntArray, planes: FloatArray, a: int, b: int, left: int, right: int, new: int
 ) -> None:
@@ -176,7 +176,7 @@ def _find_crossing(
     vertices[new, Y] = int(np.rint(ay + share * (by - ay)))
 
 
-@inner_kernel
+@kernel
 def _split_edge(
     vertices: IntArray, edges: IntArray, sizes: IntArray, e: int, new: int, fan: IntArray, value: FloatArray
 ) -> None:
@@ -198,7 +198,7 @@ def _split_edge(
     arrange(vertices, edges, new, fan, 2, value)
 
 
-@inner_kernel
+@kernel
 def _cut_corner(
     vertices: IntArray,
     edges: IntArray,

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.solids.raising.edge_columns import LEVEL, START, X, Y
 
@@ -20,7 +20,7 @@ from lidar_buildings.core.solids.raising.edge_columns import LEVEL, START, X, Y
 DRAWN_BACK = 10
 
 
-@inner_kernel
+@kernel
 def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
     """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
     chosen, chosen_last, shallowest = -1, -1, 0
@@ -54,7 +54,7 @@ def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
             return chosen, chosen_last
 
 
-@inner_kernel
+@kernel
 def find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
     """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
     p, q = edges[first ^ 1, START], edges[last ^ 1, START]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.output_grid import GRID
@@ -31,7 +31,7 @@ def link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, w
         measure(vertices, edges, planes, v, fan, value, ground, within)
 
 
-@inner_kernel
+@kernel
 def arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, value: FloatArray) -> None:
     """Link the n half-edges of a vertex counter-clockwise, from the direction of −x on."""
     for i in range(n):
@@ -50,7 +50,7 @@ def arrange(vertices: IntArray, edges: IntArray, v: int, fan: IntArray, n: int, 
     vertices[v, EDGE] = fan[0] if n else -1
 
 
-@inner_kernel
+@kernel
 def fan_of(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
     """Put the half-edges around a vertex into `fan` and return how many there are."""
     n, e = 0, vertices[v, EDGE]
@@ -63,13 +63,13 @@ def fan_of(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
     return n
 
 
-@inner_kernel
+@kernel
 def raw_elevation(planes: FloatArray, x: int, y: int, piece: int) -> float:
     """Return the elevation of a piece's own plane at a place [steps of the grid]."""
     return (planes[piece, 0] * (x * GRID) + planes[piece, 1] * (y * GRID) + planes[piece, 2]) / GRID
 
 
-@inner_kernel
+@kernel
 def measure(
     vertices: IntArray,
     edges: IntArray,
@@ -106,7 +106,7 @@ def measure(
             first = last
 
 
-@inner_kernel
+@kernel
 def level_of(edges: IntArray, e: int, piece: int) -> int:
     """Return the elevation of a piece at the start of a half-edge beside it."""
     other = edges[e, CW]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID
 
@@ -28,7 +28,7 @@ def whole_numbers(vertices: FloatArray) -> IntArray:
     return np.rint((vertices - low) * (_MAX_EXTENT / max(extent, 1e-300))).astype(np.int64)
 
 
-@inner_kernel
+@kernel
 def side_of_plane(p: IntArray, a: int, b: int, c: int, d: int) -> int:
     """Return the sign of the volume of a tetrahedron of rows: 0 if all lie in one plane."""
     ux, uy, uz = p[a, 0] - p[d, 0], p[a, 1] - p[d, 1], p[a, 2] - p[d, 2]
@@ -37,14 +37,14 @@ def side_of_plane(p: IntArray, a: int, b: int, c: int, d: int) -> int:
     return sign(ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx))
 
 
-@inner_kernel
+@kernel
 def side_of_line(p: IntArray, a: int, b: int, c: int, dropped: int) -> int:
     """Return the sign of the area of a triangle of rows, seen along one axis."""
     i, j = (dropped + 1) % 3, (dropped + 2) % 3
     return sign((p[b, i] - p[a, i]) * (p[c, j] - p[a, j]) - (p[b, j] - p[a, j]) * (p[c, i] - p[a, i]))
 
 
-@inner_kernel
+@kernel
 def steepest_axis(p: IntArray, a: int, b: int, c: int) -> int:
     """Return an axis along which a triangle of rows is seen with an area, −1 if it has none."""
     best, chosen = 0, -1
@@ -56,7 +56,7 @@ def steepest_axis(p: IntArray, a: int, b: int, c: int) -> int:
     return chosen
 
 
-@inner_kernel
+@kernel
 def sign(value: int) -> int:
     """Return −1, 0 or 1."""
     if value > 0:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 
 #: Sine of an angle that counts as nothing: flips that gain no more could go on for ever.
 _NO_GAIN = 1e-9
 
 
-@inner_kernel
+@kernel
 def flip_to_delaunay(
     flat: FloatArray, corners: IntArray, rows: IntArray, begin: int, end: int, across: IntArray
 ) -> None:
@@ -66,7 +66,7 @@ def flip_to_delaunay(
             return
 
 
-@inner_kernel
+@kernel
 def _edge_towards(across: IntArray, t: int, other: int) -> int:
     for k in range(3):
         if across[t, k] == other:
@@ -74,7 +74,7 @@ def _edge_towards(across: IntArray, t: int, other: int) -> int:
     return -1
 
 
-@inner_kernel
+@kernel
 def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles opposite edge ab add up to more than 180° and the other diagonal lies inside."""
     if _angle(flat, c, a, d)[0] <= 0.0 or _angle(flat, d, b, c)[0] <= 0.0:
@@ -84,7 +84,7 @@ def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     return sine_c * cosine_d + cosine_c * sine_d < -_NO_GAIN
 
 
-@inner_kernel
+@kernel
 def _angle(flat: FloatArray, p: int, q: int, r: int) -> tuple[float, float]:
     """Return sine and cosine of the angle at p from q to r; it is 0 if one coincides with it."""
     ux, uy = flat[q, 0] - flat[p, 0], flat[q, 1] - flat[p, 1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.exact import (
     side_of_line,
@@ -78,7 +78,7 @@ def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return _meet_apart(p, s, t)
 
 
-@inner_kernel
+@kernel
 def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_t: int) -> bool:
     """Whether two triangles with a common edge lie upon each other."""
     a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]
@@ -88,7 +88,7 @@ def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_
     return axis < 0 or side_of_line(p, a, b, c, axis) == side_of_line(p, a, b, d, axis)
 
 
-@inner_kernel
+@kernel
 def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """
     Whether two triangles with one common vertex meet elsewhere: then an opposite side meets the other one.
@@ -103,7 +103,7 @@ def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether two triangles without a common vertex meet."""
     if _beside(p, s, t) or _beside(p, t, s):
@@ -114,7 +114,7 @@ def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether all corners of a triangle lie on one side of the other's plane."""
     first = side_of_plane(p, t[0], t[1], t[2], s[0])
@@ -123,7 +123,7 @@ def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return side_of_plane(p, t[0], t[1], t[2], s[2]) == first
 
 
-@inner_kernel
+@kernel
 def _segment_meets(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     """Whether a segment and a triangle have a point in common."""
     side_q = side_of_plane(p, t[0], t[1], t[2], q)
@@ -142,7 +142,7 @@ def _segment_meets(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     return (first >= 0 and second >= 0 and third >= 0) or (first <= 0 and second <= 0 and third <= 0)
 
 
-@inner_kernel
+@kernel
 def _point_in(p: IntArray, q: int, t: IntArray) -> bool:
     """Whether a point in a triangle's plane lies in the triangle or on its border."""
     axis = steepest_axis(p, t[0], t[1], t[2])
@@ -154,7 +154,7 @@ def _point_in(p: IntArray, q: int, t: IntArray) -> bool:
     return (first >= 0 and second >= 0 and third >= 0) or (first <= 0 and second <= 0 and third <= 0)
 
 
-@inner_kernel
+@kernel
 def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     """Whether a segment in a triangle's plane has a point in common with the triangle."""
     if _point_in(p, q, t) or _point_in(p, r, t):
@@ -169,7 +169,7 @@ def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     )
 
 
-@inner_kernel
+@kernel
 def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) -> bool:
     """Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab."""
     side_a, side_b = side_of_line(p, q, r, a, axis), side_of_line(p, q, r, b, axis)
@@ -178,7 +178,7 @@ def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) 
     return side_a * side_b <= 0 and side_of_line(p, a, b, q, axis) * side_of_line(p, a, b, r, axis) <= 0
 
 
-@inner_kernel
+@kernel
 def _between(p: IntArray, q: int, r: int, a: int) -> bool:
     """Whether a point on the line through two others lies between them."""
     for axis in range(3):

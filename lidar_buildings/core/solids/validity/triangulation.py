@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
 from lidar_buildings.core.solids.validity.flips import flip_to_delaunay
@@ -70,7 +70,7 @@ def _triangulate_all(
                 triangles[t, k] = corners[triangles[t, k]]
 
 
-@inner_kernel
+@kernel
 def _join_holes(
     flat: FloatArray,
     corners: IntArray,
@@ -124,7 +124,7 @@ def _join_holes(
     return n
 
 
-@inner_kernel
+@kernel
 def _is_free(
     flat: FloatArray,
     ring_starts: IntArray,
@@ -175,7 +175,7 @@ def _is_free(
     return True
 
 
-@inner_kernel
+@kernel
 def _cut_ears(
     flat: FloatArray, loop: IntArray, n: int, quality: FloatArray, triangles: IntArray, row: int
 ) -> None:
@@ -214,7 +214,7 @@ def _cut_ears(
         triangles[row, k] = loop[k]
 
 
-@inner_kernel
+@kernel
 def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     a, b, c = loop[k - 1 if k else n - 1], loop[k], loop[k + 1 if k + 1 < n else 0]
     longest = np.sqrt(max(_squared(flat, a, b), _squared(flat, b, c), _squared(flat, c, a)))
@@ -237,7 +237,7 @@ def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     return height / longest if height > _STRAIGHT else -1.0
 
 
-@inner_kernel
+@kernel
 def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
     """Return twice the area of a triangle of rows, positive if counter-clockwise."""
     return (flat[b, 0] - flat[a, 0]) * (flat[c, 1] - flat[a, 1]) - (flat[b, 1] - flat[a, 1]) * (
@@ -245,6 +245,6 @@ def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
     )
 
 
-@inner_kernel
+@kernel
 def _squared(flat: FloatArray, a: int, b: int) -> float:
     return (flat[a, 0] - flat[b, 0]) ** 2 + (flat[a, 1] - flat[b, 1]) ** 2

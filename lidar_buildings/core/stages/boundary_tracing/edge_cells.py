@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, column_of, row_of
 
 #: Room for entries at first, plus so much per position; wide margin: it doubles where needed.
@@ -65,7 +65,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
     edges.size[0] = size
 
 
-@inner_kernel
+@kernel
 def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (
@@ -88,7 +88,7 @@ def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     return False
 
 
-@inner_kernel
+@kernel
 def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab meets one of the edges in the list that begins with the entry k."""
     west, east = min(x[a], x[b]) - rounding, max(x[a], x[b]) + rounding
@@ -104,7 +104,7 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
     return False
 
 
-@inner_kernel
+@kernel
 def _box(grid, a, b):  # type: ignore[no-untyped-def]
     """Return the rows and columns that the bounding box of a segment extends over."""
     row_a, row_b = row_of(grid, grid.x[a], grid.y[a]), row_of(grid, grid.x[b], grid.y[b])
@@ -113,7 +113,7 @@ def _box(grid, a, b):  # type: ignore[no-untyped-def]
     return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
 
 
-@inner_kernel
+@kernel
 def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point."""
     is_shared_a, is_shared_b = a in (c, d), b in (c, d)
@@ -133,7 +133,7 @@ def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     return _side(x, y, rounding, c, d, a) * _side(x, y, rounding, c, d, b) <= 0
 
 
-@inner_kernel
+@kernel
 def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
     """Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells."""
     dx, dy = x[b] - x[a], y[b] - y[a]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within
 from lidar_buildings.core.stages.boundary_tracing.point_in_ring import filled
 
@@ -152,7 +152,7 @@ def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-
     return best >= radius, x + u * dx - v * dy, y + u * dy + v * dx
 
 
-@inner_kernel
+@kernel
 def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
     """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
     low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)

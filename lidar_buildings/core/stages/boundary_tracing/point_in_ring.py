@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
 
 #: Points closer to the ring than this lie on it [half sides of the neighbourhood].
@@ -82,7 +82,7 @@ def holds(grid: PointGrid, ring: NDArray[np.int64], x: float, y: float) -> bool:
     return bool(is_inside and (ax * by - bx * ay).sum() * grid.orientation > 0)
 
 
-@inner_kernel
+@kernel
 def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-def]
     """Return which cells edges pass, and for every row of cells the edges that come into it."""
     is_rim = np.zeros(n_columns * n_rows, dtype=np.bool_)
@@ -107,14 +107,14 @@ def _edges_by_row(u, v, n_columns, n_rows, margin):  # type: ignore[no-untyped-d
     return is_rim, first, edges
 
 
-@inner_kernel
+@kernel
 def _cells_of(a, b, margin, n):  # type: ignore[no-untyped-def]
     """Return the first and the last of n cells, of side 1, that an interval and its margin reach."""
     low = np.int64(max(0.0, min(min(a, b) - margin, n - 1.0)))
     return low, np.int64(max(0.0, min(max(a, b) + margin, n - 1.0)))
 
 
-@inner_kernel
+@kernel
 def _is_wrong(grid, i, u, v, near, wrong_inside, margin):  # type: ignore[no-untyped-def]
     """Whether a point lies on the wrong side of a ring, and not on it, judged by the edges of its row."""
     x, y = grid.x[i], grid.y[i]
@@ -134,7 +134,7 @@ def _is_wrong(grid, i, u, v, near, wrong_inside, margin):  # type: ignore[no-unt
     return True
 
 
-@inner_kernel
+@kernel
 def _distance_to_edge(p, q, du, dv):  # type: ignore[no-untyped-def]
     """Return the distance of a place from the segment that leads from the origin to (du, dv)."""
     length = du * du + dv * dv

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
     EdgeCells,
     add_edge,
@@ -97,7 +97,7 @@ def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  #
     return ring[:n].copy(), end
 
 
-@inner_kernel
+@kernel
 def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
@@ -108,7 +108,7 @@ def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: igno
         seen, reach = reach, min(reach * GROWTH, max_reach)
 
 
-@inner_kernel
+@kernel
 def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none."""
     rows, turns = _free_points(grid, follower, seen, reach, ring, n, back)
@@ -118,7 +118,7 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
     return -1
 
 
-@inner_kernel
+@kernel
 def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """
     Return the points that a step may lead to, and their clockwise turns.
@@ -152,7 +152,7 @@ def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no
     return rows[:count], turns[:count]
 
 
-@inner_kernel
+@kernel
 def _direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry."""
     slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
@@ -103,7 +103,7 @@ def plane_costs(
     )  # fmt: skip
 
 
-@inner_kernel
+@kernel
 def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
     """
     Return squares over places: their side, the column and row of the south-western one, and how many of both.
@@ -120,7 +120,7 @@ def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
     return side, column, row, n_columns, n_rows
 
 
-@inner_kernel
+@kernel
 def _square_of(x, y, squares):  # type: ignore[no-untyped-def]
     """Return the number of the square that a place lies in, -1 beside all."""
     side, first_column, first_row, n_columns, n_rows = squares
@@ -150,7 +150,7 @@ def point_weights(points, exterior, spacing):  # type: ignore[no-untyped-def]
     return weights
 
 
-@inner_kernel
+@kernel
 def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
     """Return the elevation of the highest return around each place, of all where there is none [m]."""
     squares = _squares_over(places, spacing)

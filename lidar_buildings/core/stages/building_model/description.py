@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 
 #: Edges that turn by less run straight on: sine of the angle.
@@ -15,7 +15,7 @@ _STRAIGHT = 0.02
 _ONE_CORNER = 0.02
 
 
-@inner_kernel
+@kernel
 def grouped(owners, n):  # type: ignore[no-untyped-def]
     """Return where each owner's places begin, and the rows of `owners` by owner; -1 owns none."""
     group = np.empty(2 * len(owners), dtype=owners.dtype)
@@ -29,13 +29,13 @@ def grouped(owners, n):  # type: ignore[no-untyped-def]
     return first, places
 
 
-@inner_kernel
+@kernel
 def _turn(e, v, borders, turns):  # type: ignore[no-untyped-def]
     """Direction in which an edge leaves a vertex [rad]."""
     return turns[e] if borders[e, 0] == v else turns[e] - math.copysign(math.pi, turns[e])
 
 
-@inner_kernel
+@kernel
 def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
     """Put the edges round each vertex in place by rising direction."""
     for v in range(len(first) - 1):
@@ -47,7 +47,7 @@ def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
             rows[at] = e
 
 
-@inner_kernel
+@kernel
 def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return what some cells, their edges and their vertices cost [m³], or a part that is `most` already."""
     first, rows, begin, around, _, sides, _, prices, _, _, _ = graph
@@ -77,7 +77,7 @@ def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # ty
     return total
 
 
-@inner_kernel
+@kernel
 def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return what all cells, edges and vertices cost [m³]."""
     first, _, _, _, _, sides, _, prices, _, _, _ = graph
@@ -92,13 +92,13 @@ def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-
     return total
 
 
-@inner_kernel
+@kernel
 def plane_beside(e, side, sides, labels):  # type: ignore[no-untyped-def]
     """Plane on one side of an edge, -1 beside the outline."""
     return labels[sides[e, side]] if sides[e, side] >= 0 else -1
 
 
-@inner_kernel
+@kernel
 def _corners(v, one, other, n, labels, graph):  # type: ignore[no-untyped-def]
     """Return the number of corners at a vertex, with that of the face between two edges if it turns there."""
     _, _, _, _, borders, sides, courses, _, spots, planes, heights = graph

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: An end that misses an obstacle by so little meets it: less than a line moves by rounding [m].
 SLACK = 1e-3
@@ -16,13 +16,13 @@ MARGIN = 2.0 * SLACK
 _SIDE = 0.35
 
 
-@inner_kernel
+@kernel
 def tile_of(position, west, side, n):  # type: ignore[no-untyped-def]
     """Return which of n tiles from `west` on holds a position; the first or last one beyond them."""
     return min(max(int((position - west) / side), 0), n - 1)
 
 
-@inner_kernel
+@kernel
 def rows_touched(line, column, tiles):  # type: ignore[no-untyped-def]
     """Return the first and the last tile that a line may touch in a column."""
     x0, y0, x1, y1 = line[0], line[1], line[2], line[3]
@@ -37,7 +37,7 @@ def rows_touched(line, column, tiles):  # type: ignore[no-untyped-def]
     return tile_of(low - MARGIN, tiles[1], tiles[2], n), tile_of(high + MARGIN, tiles[1], tiles[2], n)
 
 
-@inner_kernel
+@kernel
 def columns_touched(line, tiles):  # type: ignore[no-untyped-def]
     """Return the first and the last column of tiles that a line may touch."""
     n = int(tiles[3])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.solids.output_grid import GRID
@@ -148,7 +148,7 @@ def _extend(obstacles, tiles, start, items, n_steps, extended):  # type: ignore[
             extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 
-@inner_kernel
+@kernel
 def _reach(x, y, dx, dy, own, n_segments, obstacles, tiles, start, items):  # type: ignore[no-untyped-def]
     """
     Return how far a ray runs to the nearest obstacle [m], and whether there is a wall; 0 where none is met.
@@ -194,7 +194,7 @@ def _reach(x, y, dx, dy, own, n_segments, obstacles, tiles, start, items):  # ty
     return (nearest, wall <= nearest + _PAST) if nearest < np.inf else (0.0, True)
 
 
-@inner_kernel
+@kernel
 def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-def]
     """Write the rounded crossings of lines as far as there is room; return how many there are."""
     n, n_columns, n_rows = 0, int(tiles[3]), int(tiles[4])
@@ -226,7 +226,7 @@ def _cross(lines, tiles, start, items, crossings):  # type: ignore[no-untyped-de
     return n
 
 
-@inner_kernel
+@kernel
 def _chain(lines, tiles, vertices, row, n_walls, chains):  # type: ignore[no-untyped-def]
     """Write the links of all lines by way of the vertices whose squares they pass; return how many."""
     n_rows = int(tiles[4])

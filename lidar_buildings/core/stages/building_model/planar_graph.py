@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import link, root
@@ -86,7 +86,7 @@ def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
     return first, order, place, sides, doubled
 
 
-@inner_kernel
+@kernel
 def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
     """Sort the half-edges of a graph round its vertices: see `Rotation`."""
     order, first = rows_by_group(edges.reshape(-1), len(vertices))
@@ -110,7 +110,7 @@ def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
     return first, order, place
 
 
-@inner_kernel
+@kernel
 def next_half_edge(half, ends, first, order, place, face):  # type: ignore[no-untyped-def]
     """Return the half-edge that goes on round what lies to the left, by way of borders of faces only."""
     back = half ^ 1
@@ -122,7 +122,7 @@ def next_half_edge(half, ends, first, order, place, face):  # type: ignore[no-un
             return onward
 
 
-@inner_kernel
+@kernel
 def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ignore[no-untyped-def]
     """Number faces in place; return how many."""
     ends = edges.reshape(-1)
@@ -214,7 +214,7 @@ def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ig
     return count
 
 
-@inner_kernel
+@kernel
 def _below(v, vertices, edges, walk):  # type: ignore[no-untyped-def]
     """Return the nearest edge of a face below a vertex, -1 if there is none."""
     x, y = vertices[v, 0], vertices[v, 1]

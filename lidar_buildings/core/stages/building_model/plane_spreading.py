@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.building_model.description import length_of, plane_beside
 
 #: What the description may get longer by meanwhile [corners].
@@ -13,7 +13,7 @@ _MOST_LONGER = 8.0
 EPSILON = 1e-9
 
 
-@inner_kernel
+@kernel
 def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -70,7 +70,7 @@ def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost,
     return False
 
 
-@inner_kernel
+@kernel
 def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignore[no-untyped-def]
     """Add a cell's neighbours of a plane to the fringe; what lies round its vertices is to be looked at."""
     first, rows, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -88,7 +88,7 @@ def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignor
     return m
 
 
-@inner_kernel
+@kernel
 def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return by how much a cell with another plane makes the description longer, or `most` and more [m³]."""
     _, _, begin, around, borders, _, _, _, _, _, _ = graph
@@ -107,7 +107,7 @@ def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, cor
     return after - before
 
 
-@inner_kernel
+@kernel
 def note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
     """Note for the cells round a vertex that one of them changed."""
     first, rows, _, _, _, sides, _, _, _, _, _ = graph

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.arrangement import Cells
 from lidar_buildings.core.stages.building_model.description import (
@@ -122,7 +122,7 @@ def _simplify(  # type: ignore[no-untyped-def]
                     labels[:] = before
 
 
-@inner_kernel
+@kernel
 def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Shorten the description by cells and faces that changed, and what lies round them."""
     mark, work, longer, looked, changed, areas, min_area = known
@@ -168,7 +168,7 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
                 break
 
 
-@inner_kernel
+@kernel
 def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # type: ignore[no-untyped-def]
     """Write the cells about one that a plane fits no worse than theirs; return their number and the gain."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -188,7 +188,7 @@ def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # t
     return n, gain
 
 
-@inner_kernel
+@kernel
 def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the cells of a cell's face; return how many these are."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -204,7 +204,7 @@ def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-unty
     return n
 
 
-@inner_kernel
+@kernel
 def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the vertices at which a face ends; return how many."""
     _, _, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -222,7 +222,7 @@ def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore
     return n
 
 
-@inner_kernel
+@kernel
 def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return the neighbours' plane that shortens the description most, by more than `least`; or -1."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 #: What is left open by less than this part of a quarter turn is closed, so that points of a lattice tie
 #: everywhere or nowhere.
@@ -75,7 +75,6 @@ def _gap(edges: NDArray[Any], place: NDArray[Any]) -> NDArray[Any]:
     return np.maximum(np.maximum(edges[:-1] - place, place - edges[1:]), 0.0)
 
 
-@inlined
 @kernel
 def square_at(east, north):  # type: ignore[no-untyped-def]
     """Return the number of the square at a place in units of squares; 0 is too far off."""
@@ -84,7 +83,7 @@ def square_at(east, north):  # type: ignore[no-untyped-def]
     return row * (N_SQUARES + 2.0) + column
 
 
-@inner_kernel
+@kernel
 def without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyped-def]
     """Take the arc that a neighbour blocks out of the open ones; return how many are left."""
     square = dx * dx + dy * dy
@@ -95,7 +94,7 @@ def without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untype
     return n_open
 
 
-@inner_kernel
+@kernel
 def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     """
     Return where the arc begins and ends in which a neighbour keeps the disc's centre out.
@@ -107,7 +106,7 @@ def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
 
 
-@inner_kernel
+@kernel
 def _direction(east, north):  # type: ignore[no-untyped-def]
     """
     Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
@@ -120,7 +119,7 @@ def _direction(east, north):  # type: ignore[no-untyped-def]
     return along if along >= 0.0 else 4.0 + along
 
 
-@inner_kernel
+@kernel
 def _without(arcs, n_open, first, last):  # type: ignore[no-untyped-def]
     """Take the arc first to last out of the open ones; return how many are left."""
     k = 0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
@@ -104,7 +104,7 @@ def _find_rims(cells, everything, of_band, lengths, table, rim, begin, end):  # 
                 rim[cells.rows[i]] = _is_on_rim(near, n_near, place, radius, max_step, table, arcs)
 
 
-@inner_kernel
+@kernel
 def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
     """
     Write x, y, z and roof of the points in a window of cells to the rows of `near`, or of larger ones.
@@ -131,7 +131,7 @@ def _gathered(sorted_points, windows, near):  # type: ignore[no-untyped-def]
     return near, n_near
 
 
-@inner_kernel
+@kernel
 def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-def]
     """Whether one of the first points of the band, of the same roof, is within reach of a place."""
     x, y, z, roof = place
@@ -143,7 +143,7 @@ def _is_near(band, n_band, place, reach, max_step):  # type: ignore[no-untyped-d
     return found
 
 
-@inner_kernel
+@kernel
 def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ignore[no-untyped-def]
     """Whether an empty disc touches a place: by sectors if they suffice, else by arcs."""
     x, y, z, roof = place
@@ -163,7 +163,7 @@ def _is_on_rim(near, n_near, place, radius, max_step, table, arcs):  # type: ign
     return perhaps != ALL_SECTORS or _is_touched(near, n_near, place, radius, max_step, arcs)
 
 
-@inner_kernel
+@kernel
 def _is_touched(near, n_near, place, radius, max_step, arcs):  # type: ignore[no-untyped-def]
     """Return the same by cutting out arc after arc."""
     x, y, z, roof = place

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
@@ -87,7 +87,7 @@ def _pair_codes(
     return codes[:n]
 
 
-@inner_kernel
+@kernel
 def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: IntArray) -> int:
     """Write the planes of a point and its neighbours to `here`, the first few; return how many."""
     n, last = 0, 0
@@ -137,7 +137,7 @@ def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_brid
             ) or _leads_to(cloud, labels, other, a, equations[b], bridge, max_distance, way, queue)
 
 
-@inner_kernel
+@kernel
 def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     """
     Whether two planes are nearly parallel, and each goes nearly through the middle of the other's seams.
@@ -152,7 +152,7 @@ def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     )
 
 
-@inner_kernel
+@kernel
 def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queue):  # type: ignore[no-untyped-def]
     """
     Whether a bridge leads from the starting points over others on their plane to the plane numbered `goal`.

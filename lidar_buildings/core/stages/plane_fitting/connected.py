@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.plane_fitting.adjacency import seam_points
@@ -98,7 +98,7 @@ def split_planes(
     return number
 
 
-@inner_kernel
+@kernel
 def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the lowest row of the connected part of one plane that each point is of."""
     part = np.arange(len(labels))

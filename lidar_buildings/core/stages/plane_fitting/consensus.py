@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
@@ -58,7 +58,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3
     return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
 
 
-@inner_kernel
+@kernel
 def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     """Whether a point lies on a plane, and its surroundings along it."""
     if distance_of(plane, cloud.points, i) > limits.distance:
@@ -67,7 +67,7 @@ def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
 
 
-@inner_kernel
+@kernel
 def propose(
     cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, samples: FloatArray, plane: FloatArray
 ) -> bool:
@@ -103,7 +103,7 @@ def propose(
     return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
 
 
-@inner_kernel
+@kernel
 def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> bool:
     """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
     origin, points = cloud.points[seed], cloud.points
@@ -116,7 +116,7 @@ def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: Flo
     return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
 
 
-@inner_kernel
+@kernel
 def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> bool:
     """Write the plane of sums taken about `origin` to `plane`."""
     if fitted_plane(moments, plane) < 0.0:
@@ -125,7 +125,7 @@ def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> bool:
     return True
 
 
-@inner_kernel
+@kernel
 def grow(
     cloud: Cloud,
     limits: Limits,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.model_selection import equations_of, plane_sums
 from lidar_buildings.core.stages.plane_fitting.surroundings import MAX_NEIGHBOURS, Cloud
@@ -43,7 +43,7 @@ def refine_labels(
     return labels
 
 
-@inner_kernel
+@kernel
 def move_points(
     cloud: Cloud,
     labels: NDArray[np.int32],
@@ -85,7 +85,7 @@ def move_points(
     return moved
 
 
-@inner_kernel
+@kernel
 def labels_around(
     neighbours: NDArray[np.int32],
     labels: NDArray[np.int32],
@@ -114,7 +114,7 @@ def labels_around(
     return n
 
 
-@inner_kernel
+@kernel
 def cheapest(
     points: FloatArray,
     i: int,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.union_find import root
@@ -102,7 +102,7 @@ def equations_of(moments: FloatArray) -> FloatArray:
     return equations
 
 
-@inner_kernel
+@kernel
 def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     """Return what is saved by one plane in place of two."""
     joint = np.empty(N_MOMENTS)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.consensus import Limits, Scratch, grow, propose, samples_needed
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
@@ -88,7 +88,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     return labels
 
 
-@inner_kernel
+@kernel
 def best_of(pool: Pool) -> int:
     """Return the hypothesis with the highest score, of several the first."""
     best = 0
@@ -98,7 +98,7 @@ def best_of(pool: Pool) -> int:
     return best
 
 
-@inner_kernel
+@kernel
 def draw_seeds(
     cloud: Cloud,
     limits: Limits,
@@ -131,7 +131,7 @@ def draw_seeds(
     return cursor
 
 
-@inner_kernel
+@kernel
 def add_hypothesis(
     cloud: Cloud,
     limits: Limits,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
@@ -150,7 +150,7 @@ def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # ty
                     planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
 
 
-@inner_kernel
+@kernel
 def _count_around(grid, c):  # type: ignore[no-untyped-def]
     """Return how many points a cell and the cells around it have."""
     n = 0
@@ -160,7 +160,7 @@ def _count_around(grid, c):  # type: ignore[no-untyped-def]
     return n
 
 
-@inner_kernel
+@kernel
 def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
     """Put the points of a cell and the cells around it side by side; return how many."""
     n = 0
@@ -173,7 +173,7 @@ def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
     return n
 
 
-@inner_kernel
+@kernel
 def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
     """Write which points lie within a radius of a position to `near`; return how many."""
     n = 0
@@ -184,7 +184,7 @@ def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
     return n
 
 
-@inner_kernel
+@kernel
 def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-def]
     """Sum the near points within a radius of a position about it; return how many."""
     n, sx, sy, sz = 0.0, 0.0, 0.0, 0.0

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.joints import (
     PARALLEL,
     extent_of,
@@ -105,7 +105,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 
-@inner_kernel
+@kernel
 def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
@@ -115,7 +115,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     return m - 1
 
 
-@inner_kernel
+@kernel
 def _merge_parallels(  # type: ignore[no-untyped-def]
     points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
@@ -140,7 +140,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
     return m
 
 
-@inner_kernel
+@kernel
 def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
     """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:

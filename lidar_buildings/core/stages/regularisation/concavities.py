@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 
 #: Depth and length of a concavity up to which it is where scan lines happen to end [spacings].
@@ -69,7 +69,7 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
     return bears
 
 
-@inner_kernel
+@kernel
 def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """
     Take vertices out of the ring, always those whose concavity is the shallowest round about.
@@ -106,7 +106,7 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     return following, preceding
 
 
-@inner_kernel
+@kernel
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
     """Take out the bridges beside points at which the ring turns inwards; return whether there were any."""
     opened, bore = False, bears.copy()
@@ -122,7 +122,7 @@ def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped
     return opened
 
 
-@inner_kernel
+@kernel
 def _open(bears, first, last):  # type: ignore[no-untyped-def]
     """Give the ring back what lies under a bridge; return whether it was one."""
     n, opened = len(bears), False
@@ -134,7 +134,7 @@ def _open(bears, first, last):  # type: ignore[no-untyped-def]
     return opened
 
 
-@inner_kernel
+@kernel
 def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """Return the depth of the concavity between two vertices, infinite if it has to stay."""
     chord, deepest, hollow = _concavity(ring, first, last)
@@ -143,7 +143,7 @@ def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: 
     return np.inf
 
 
-@inner_kernel
+@kernel
 def _concavity(ring, first, last):  # type: ignore[no-untyped-def]
     """
     Return chord, depth and area of what lies between two vertices; infinite depth if it is no concavity.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.walls import (
     CENTRE_X,
     CENTRE_Y,
@@ -23,14 +23,14 @@ _MAX_CORNER_SHIFT, _LEAST_CORNER_SHIFT = 2.5, 1.2
 _SMOOTH = 1.0
 
 
-@inner_kernel
+@kernel
 def extent_of(points, first, last):  # type: ignore[no-untyped-def]
     """Return how far the first and the last sample of a wall are apart [m]."""
     a, b = first % len(points), (last - 1) % len(points)
     return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
-@inner_kernel
+@kernel
 def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
     """Return the angle by which the ring turns from one wall to the next, 0 to π [rad]."""
     ax, ay = travel_of(points, first, last, shape, i, x, y)
@@ -38,7 +38,7 @@ def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-
     return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
 
 
-@inner_kernel
+@kernel
 def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall in the ring's sense near a point."""
     n = len(points)
@@ -46,7 +46,7 @@ def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-d
     return travel_at(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], x, y)
 
 
-@inner_kernel
+@kernel
 def turning_point(points, first, last, i, k):  # type: ignore[no-untyped-def]
     """Return the middle between the last sample of a wall and the first of the next."""
     n = len(points)
@@ -76,7 +76,7 @@ def find_joint(points, first, last, shape, i, k, min_step, shortest, joint):  # 
         joint[0, 0], joint[0, 1], joint[1, 0], joint[1, 1] = ax, ay, bx, by
 
 
-@inner_kernel
+@kernel
 def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
     """Return the length of a wall between its ends in the ring's sense; negative if a line's are swapped."""
     if shape[i, RADIUS] == 0:

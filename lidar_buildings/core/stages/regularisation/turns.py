@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.surfaces.ring_division.division import FREE, Division
 from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
@@ -62,7 +62,7 @@ def _turns(points, max_turn):  # type: ignore[no-untyped-def]
     return np.array(first)
 
 
-@inner_kernel
+@kernel
 def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
     """Return the angle between the ways from a to b and from c to d, 0 to π [rad]."""
     ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.surfaces.ring_division.division import ARC, FREE
 from lidar_buildings.core.surfaces.ring_division.moments import algebraic_circle, normal_angle, scatter_of
 
@@ -61,7 +61,7 @@ def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, s
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
 
 
-@inner_kernel
+@kernel
 def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untyped-def]
     """Fit a circle by the least squared distances of bearing points, from the algebraic one on."""
     n = len(points)
@@ -114,7 +114,7 @@ def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
     return x - off * c, y - off * s
 
 
-@inner_kernel
+@kernel
 def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall, in the ring's sense, nearest to a point."""
     if shape[RADIUS] != 0:

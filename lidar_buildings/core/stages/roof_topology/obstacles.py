@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Places differ by less from where they are in whole numbers [m].
 _ROUNDING = 1e-3
 
 
-@inner_kernel
+@kernel
 def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
     """Whether a place is surely farther than so much from the line between two others."""
     return (
@@ -21,7 +21,7 @@ def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
     )
 
 
-@inner_kernel
+@kernel
 def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyped-def]
     """
     Return where the line crosses the nearest wall or step edge, NaN if there is none near.

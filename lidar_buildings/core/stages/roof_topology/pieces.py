@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.stages.roof_topology.borders import Borders
@@ -155,7 +155,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     return n_pieces
 
 
-@inner_kernel
+@kernel
 def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
     """
     Vote on whether each plane lies on the side of the line on which it is the lower one, at one place.

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.common_vertices import POINT_REACH
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
@@ -99,7 +99,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
     return moved
 
 
-@inner_kernel
+@kernel
 def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
     best, place = reach, math.nan
@@ -110,7 +110,7 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
     return place
 
 
-@inner_kernel
+@kernel
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
     """
     Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.

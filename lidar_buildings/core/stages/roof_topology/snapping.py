@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.stages.roof_topology.obstacles import stop
 from lidar_buildings.core.stages.roof_topology.step_lines import StepLines, extents_of, step_segments
@@ -76,14 +76,14 @@ def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[
             offset[k] = best_offset
 
 
-@inner_kernel
+@kernel
 def _difference(one, other):  # type: ignore[no-untyped-def]
     """Difference of two angles between -π and π."""
     turn = one - other
     return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
 
 
-@inner_kernel
+@kernel
 def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
     """Distance of a position on one line from another line."""
     x = t * math.cos(angle) - offset * math.sin(angle)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.ring_division.division import divide_chain
 from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
@@ -89,7 +89,7 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
     return runs[:n_runs], run
 
 
-@inner_kernel
+@kernel
 def _divided(sums, n, shift, cosines, sines, noise):  # type: ignore[no-untyped-def]
     """Return first side and kind of each line, last to first; steps are as in outlines, without arcs."""
     first, kind, _ = divide_chain(

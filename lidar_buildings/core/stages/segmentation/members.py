@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.surfaces.surface_patches import plan_areas
@@ -73,7 +73,7 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
     return ids
 
 
-@inner_kernel
+@kernel
 def _comes_first(p, q):  # type: ignore[no-untyped-def]
     """Whether a point comes before another by x, then y, then z."""
     for axis in range(3):

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.segmentation.part_shape import rectangle_width, spread_width
@@ -103,7 +103,7 @@ def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
     return codes[:n].copy()
 
 
-@inner_kernel
+@kernel
 def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
     """Return the next occupied cell, one or two steps off, −1 if both are empty."""
     column = numbers[cell] % n_columns

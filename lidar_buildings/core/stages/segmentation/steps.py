@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
@@ -145,7 +145,7 @@ def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
             _fit_plane(grid.points, i, near[:n], reach, plane[i])
 
 
-@inner_kernel
+@kernel
 def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
     """Fit the plane of least squares to heights of neighbours; left as it is where they lie on a line."""
     sx = sy = sz = sxx = sxy = syy = sxz = syz = szz = 0.0

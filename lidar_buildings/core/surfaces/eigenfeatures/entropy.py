@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inlined, inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.surfaces.symmetric_eigen import SMALLEST, eigenvalues_3x3
 
 LN_2 = math.log(2.0)
@@ -16,7 +16,6 @@ SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
 SERIES = tuple(2.0 / power for power in range(17, 0, -2))
 
 
-@inlined
 @kernel
 def entropy_of_shape(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     """
@@ -39,8 +38,7 @@ def entropy_of_shape(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return entropy if xx + yy + zz > 0.0 else np.inf
 
 
-@inlined
-@inner_kernel
+@kernel
 def _parts(share):  # type: ignore[no-untyped-def]
     """Return a share, at least `SMALLEST`, and x and e of it: a = x 2^e, x between √½ and √2."""
     share = max(share, SMALLEST)
@@ -49,8 +47,7 @@ def _parts(share):  # type: ignore[no-untyped-def]
     return share, np.int64(bits - (exponent << 52)).view(np.float64), exponent
 
 
-@inlined
-@inner_kernel
+@kernel
 def _log(t, exponent):  # type: ignore[no-untyped-def]
     """
     Return ln a = 2 atanh t + e ln 2 for t = (x − 1)/(x + 1) of `_parts`.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.windows import z_range
 from lidar_buildings.core.surfaces.point_moments import add_point
 
@@ -16,7 +16,7 @@ MAX_CANDIDATES = 4608
 LOOKUP_BINS = 256
 
 
-@inner_kernel
+@kernel
 def gather_window(cloud, windows, low, high, near):  # type: ignore[no-untyped-def]
     """
     Write the points of a window of cells, from elevation `low` to `high`, to the rows of `near`.
@@ -38,7 +38,7 @@ def gather_window(cloud, windows, low, high, near):  # type: ignore[no-untyped-d
     return found
 
 
-@inner_kernel
+@kernel
 def _gather_thinned(cloud, windows, low, high, near):  # type: ignore[no-untyped-def]
     """Do the same where the points of all elevations may be too many."""
     z = cloud.points[:, 2]
@@ -58,7 +58,7 @@ def _gather_thinned(cloud, windows, low, high, near):  # type: ignore[no-untyped
     return found
 
 
-@inner_kernel
+@kernel
 def rows_within(near, n_near, position, square_reach, square, rows):  # type: ignore[no-untyped-def]
     """
     Write the squared distances from a position, and which of the points are within reach; return how many.
@@ -75,7 +75,7 @@ def rows_within(near, n_near, position, square_reach, square, rows):  # type: ig
     return found
 
 
-@inner_kernel
+@kernel
 def sum_shells(near, rows, position, square, squares, lookup, shells):  # type: ignore[no-untyped-def]
     """Sum 1, d and d dᵀ over the neighbours between one radius and the next."""
     shells[:] = 0.0

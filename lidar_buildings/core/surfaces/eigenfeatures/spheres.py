@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inlined, inner_kernel, kernel, packed
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.surfaces.eigenfeatures.entropy import entropy_of_shape
 from lidar_buildings.core.surfaces.eigenfeatures.moments import (
@@ -33,7 +33,6 @@ N_COVARIANCE = 6
 
 
 @kernel
-@packed
 def describe_cells(cloud, squares, lookup, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
     """
     Describe the neighbourhoods of the points in some cells.
@@ -80,7 +79,7 @@ def describe_cells(cloud, squares, lookup, min_neighbours, found, begin, end):  
     _finish(batch, waiting[:n_waiting], squares, min_neighbours, found)
 
 
-@inner_kernel
+@kernel
 def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
     """Return where the points that rise from z[start] by no more than a height end."""
     stop = start + 1
@@ -89,7 +88,7 @@ def _end_of_run(z, start, last, height):  # type: ignore[no-untyped-def]
     return stop
 
 
-@inner_kernel
+@kernel
 def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
     """Add up the shells of a point, so that there are sums within each radius."""
     n_radii = len(shells)
@@ -101,7 +100,7 @@ def _add_to_batch(shells, batch, slot):  # type: ignore[no-untyped-def]
             batch[row + k] = total
 
 
-@inner_kernel
+@kernel
 def _finish(batch, waiting, squares, min_neighbours, found):  # type: ignore[no-untyped-def]
     """Choose the radius of each point of a batch and write what is found there."""
     n_radii = len(squares)
@@ -120,7 +119,7 @@ def _finish(batch, waiting, squares, min_neighbours, found):  # type: ignore[no-
         n_neighbours[row] = int(batch[chosen[slot]])
 
 
-@inner_kernel
+@kernel
 def _judge(batch, n_rows):  # type: ignore[no-untyped-def]
     """Put the entropy of the batch's rows behind their sums."""
     for row in range(n_rows):
@@ -128,7 +127,7 @@ def _judge(batch, n_rows):  # type: ignore[no-untyped-def]
         batch[N_MOMENTS * BATCH_ROWS + row] = entropy
 
 
-@inner_kernel
+@kernel
 def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-untyped-def]
     """
     Return the radius of least entropy among those with enough neighbours, the largest one if there is none.
@@ -141,7 +140,7 @@ def _least_entropy(batch, first, n_radii, min_neighbours):  # type: ignore[no-un
     return best
 
 
-@inner_kernel
+@kernel
 def _shapes_of(batch, rows):  # type: ignore[no-untyped-def]
     """Return eigenvalues and normals of the batch's chosen rows, a number a row, a row a column."""
     shapes = np.empty((N_COVARIANCE, BATCH_ROWS))
@@ -158,8 +157,7 @@ def _shapes_of(batch, rows):  # type: ignore[no-untyped-def]
     return shapes
 
 
-@inlined
-@inner_kernel
+@kernel
 def _covariance(batch, row):  # type: ignore[no-untyped-def]
     """Return xx, xy, xz, yy, yz, zz of the covariance about the mean, 0 for fewer than two points."""
     share = 1.0 / max(batch[row], 1.0)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
@@ -73,7 +73,7 @@ def _judge_groups(layers, seeds, errors, gap, radius):  # type: ignore[no-untype
     return high
 
 
-@inner_kernel
+@kernel
 def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
@@ -109,7 +109,7 @@ def _gather_group(layers, seed, errors, gap, group_of, is_large, members):  # ty
     return n_members
 
 
-@inner_kernel
+@kernel
 def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
     seed = group[0]
     low = np.inf
@@ -173,7 +173,7 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
             top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
 
 
-@inner_kernel
+@kernel
 def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
     n_upper, n_both = 0, 0
     for layer in block:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import (
     Layers,
     columns_in_row,
@@ -88,7 +88,7 @@ def _judge_groups(layers, bottom, seeds, gap, radius, limit, state, group_of):  
     return errors[:n_errors], open_cases[:n_open]
 
 
-@inner_kernel
+@kernel
 def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
@@ -105,7 +105,7 @@ def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[
     return members[:n_members], begins[: n_groups + 1]
 
 
-@inner_kernel
+@kernel
 def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
@@ -138,7 +138,7 @@ def _gather_group(layers, seed, gap, state, group_of, members):  # type: ignore[
     return n_members
 
 
-@inner_kernel
+@kernel
 def _is_supported(  # type: ignore[no-untyped-def]
     layers, bottom, group, gap, radius, state, group_of, counted, judged
 ):
@@ -175,7 +175,7 @@ def _is_supported(  # type: ignore[no-untyped-def]
     return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
 
 
-@inner_kernel
+@kernel
 def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
     """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
     if judged[small] != seed:

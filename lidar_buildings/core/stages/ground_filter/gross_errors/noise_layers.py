@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.windows import cells_in_row
 from lidar_buildings.core.stages.ground_filter.gross_errors.terrain_gradient import terrain_gradient
@@ -41,7 +41,7 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
 
 
-@inner_kernel
+@kernel
 def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     """
     Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
@@ -51,19 +51,19 @@ def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     return cells_in_row(layers.numbers, width, row + step, column, reach)
 
 
-@inner_kernel
+@kernel
 def rise(layers, k, east, north):  # type: ignore[no-untyped-def]
     """Return by how much the terrain at column k would rise over steps of a column, if it were plane [m]."""
     return layers.size * (east * layers.gradient[k, 0] + north * layers.gradient[k, 1])
 
 
-@inner_kernel
+@kernel
 def low_end(layers, layer):  # type: ignore[no-untyped-def]
     """Return the elevation of a layer's lowest point [m]."""
     return layers.points[layers.begin[layer], 2]
 
 
-@inner_kernel
+@kernel
 def high_end(layers, layer):  # type: ignore[no-untyped-def]
     """Return the elevation of a layer's highest point [m]."""
     return layers.points[layers.begin[layer + 1] - 1, 2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.gross_errors.noise_layers import columns_in_row
 
 # Chosen with `bench.ground.noise` and the courtyards, pits and shafts of the tests.
@@ -22,7 +22,7 @@ DEVIATIONS = 1.8
 FULL_COVER = 0.8
 
 
-@inner_kernel
+@kernel
 def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
     """
     Whether a group of layers fills its place: hardly a point lies above it that is not at its rim.
@@ -49,7 +49,7 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
     return n_cover < MIN_COVER * n_all and n_cover < enough * usual * n_points
 
 
-@inner_kernel
+@kernel
 def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     """
     Return the spacing of the points in the columns around a group that hold none of it [m].
@@ -74,7 +74,7 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     return layers.size * math.sqrt(max(n_columns, 1) / max(n_points, 1))
 
 
-@inner_kernel
+@kernel
 def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
     """
     Return how many points of a disc about a point of column k lie above it by the gap, and how many not.

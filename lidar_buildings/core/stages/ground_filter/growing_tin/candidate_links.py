@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
@@ -61,7 +61,7 @@ def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-
     return part
 
 
-@inner_kernel
+@kernel
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
     """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame
 from lidar_buildings.core.surfaces.tin import corners_of, place_of, plane_elevation, plane_slope, walk
 
@@ -32,7 +32,7 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return score
 
 
-@inner_kernel
+@kernel
 def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a point fits a facet; infinity where it may not join.
@@ -50,7 +50,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     return seen_at if seen_at <= angle or seen_at <= angle + gain * math.atan(slope) else np.inf
 
 
-@inner_kernel
+@kernel
 def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
@@ -76,14 +76,14 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return seen_at if seen_at <= angle else np.inf
 
 
-@inner_kernel
+@kernel
 def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
     """Return the largest angle between a facet and the lines from its corners to a point `off` it [rad]."""
     nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
     return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
 
 
-@inner_kernel
+@kernel
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):
@@ -94,6 +94,6 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
     return nearest
 
 
-@inner_kernel
+@kernel
 def _squared(p, q):  # type: ignore[no-untyped-def]
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: Seeds that the slope at a virtual point is taken from.
@@ -30,7 +30,7 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
     return np.linalg.solve(normal, np.swapaxes(plan, 1, 2) @ rise)[..., 0]
 
 
-@inner_kernel
+@kernel
 def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-def]
     """Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]

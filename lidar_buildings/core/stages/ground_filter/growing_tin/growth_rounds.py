@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import candidate_score
 from lidar_buildings.core.stages.ground_filter.growing_tin.frame import at_frame, extend_terrain
@@ -105,7 +105,7 @@ def _extend(mesh, border, waiting, pending, n_pending):  # type: ignore[no-untyp
     return n_pending
 
 
-@inner_kernel
+@kernel
 def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.windows import cells_in_row
@@ -85,7 +85,7 @@ def _test(candidates, rows, cells, start, spacing, result, begin, end):  # type:
                 break
 
 
-@inner_kernel
+@kernel
 def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
     """Add a ground point, relative to the candidate, to the moments of the sides it lies on."""
     away = math.hypot(dx, dy)
@@ -99,7 +99,7 @@ def _count(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
         s[N_MOMENTS] = min(s[N_MOMENTS], away)
 
 
-@inner_kernel
+@kernel
 def _fits(s, nearest):  # type: ignore[no-untyped-def]
     """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
     n = s[0]

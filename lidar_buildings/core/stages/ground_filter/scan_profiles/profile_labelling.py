@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import Profiles
@@ -65,7 +65,7 @@ def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ign
             votes[rows[i]] += label[i]
 
 
-@inner_kernel
+@kernel
 def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """
     Label one profile in one direction.
@@ -108,13 +108,13 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
         on_ground, last = True, i
 
 
-@inner_kernel
+@kernel
 def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
     """Return by how much a profile has to fall until what came before was no ground [m]."""
     return max(FALL, steepest * run) if on_ground else FALL + steepest * run
 
 
-@inner_kernel
+@kernel
 def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """
     Whether point i stands a step above the last ground point, or above one not much further back.
@@ -134,7 +134,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     return False
 
 
-@inner_kernel
+@kernel
 def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
     i = start
     while i != end:

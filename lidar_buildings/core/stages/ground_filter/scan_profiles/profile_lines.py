@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import kernel
 
 #: Least mean square of the distances in which a slope can be seen [m²]; chosen with `bench.ground.isprs`.
 MIN_SPREAD = 0.05
@@ -12,7 +12,7 @@ MIN_SPREAD = 0.05
 NO_SUMS = (0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@inner_kernel
+@kernel
 def add_side(sums, along, z, ground, i, heading, begin, end, n_points, reach):  # type: ignore[no-untyped-def]
     """
     Add the nearest ground points on one side of point i to the sums, with t and z counted from point i.
@@ -45,14 +45,14 @@ def add_side(sums, along, z, ground, i, heading, begin, end, n_points, reach):  
     return n, st, sz, stt, stz, szz
 
 
-@inner_kernel
+@kernel
 def spread_of(sums):  # type: ignore[no-untyped-def]
     """Return the sum of the squared distances along the profile from their mean [m²]."""
     n, st, _, stt, _, _ = sums
     return stt - st * st / n if n > 0 else 0.0
 
 
-@inner_kernel
+@kernel
 def fitted_line(sums, max_slope):  # type: ignore[no-untyped-def]
     """
     Return the height of point i above the line [m], its slope, and the standard deviation of the points [m].

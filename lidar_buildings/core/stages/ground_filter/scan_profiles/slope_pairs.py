@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import MIN_RUN, REENTRY_SLOPE
@@ -72,7 +72,7 @@ def objects_between_slopes(along, z, first, limits):  # type: ignore[no-untyped-
     return is_object
 
 
-@inner_kernel
+@kernel
 def _walk(along, z, start, end, heading, limits, is_object):  # type: ignore[no-untyped-def]
     """Mark what one pass finds; `ground` is the last ground point, whose elevation is recorded."""
     max_slope, tolerance, longest = limits

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns
 
 #: How far what goes on may lie above or below the rim: less than a storey, more than a crown is rough [m].
@@ -61,7 +61,7 @@ def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ig
             met[building[top[k]]] += one == LEVEL | BEHIND
 
 
-@inner_kernel
+@kernel
 def _has_level(elevation, building, begin, end, level):  # type: ignore[no-untyped-def]
     """Tell whether points of no roof lie at a level."""
     n = 0
