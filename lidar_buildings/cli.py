@@ -220,7 +220,7 @@ def _simulate(options: argparse.Namespace) -> int:
         from lidar_buildings.commands.simulate_live import simulate_live_command
 
         return simulate_live_command(options)
-    from lidar_buildings.simulation.command import simulate_command
+    from lidar_buildings.simulation.survey import simulate_command
 
     return simulate_command(options)
 
@@ -272,10 +272,21 @@ def _add_score(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
-    from lidar_buildings.evaluation.command.compare import add_compare_arguments, compare_command
+    add = parser.add_argument
+    add("old", type=Path, metavar="OLD", help="output folder of the earlier run")
+    add("new", type=Path, metavar="NEW", help="output folder of the later one")
+    add("--output", type=Path, metavar="FILE", help="GeoPackage of the changes (default: NEW/changes.gpkg)")
+    height = "least change of a roof's elevation, or four standard deviations of what has not changed"
+    add("--min-height", type=float, default=0.5, metavar="M", help=f"{height} [m] (default: 0.5)")
+    add("--min-area", type=float, default=4.0, metavar="M2", help="least part of a roof [m²] (default: 4)")
+    add("--json", action="store_true", help="print JSON with a row per change")
+    parser.set_defaults(command=_compare)
 
-    add_compare_arguments(parser)
-    parser.set_defaults(command=compare_command)
+
+def _compare(options: argparse.Namespace) -> int:
+    from lidar_buildings.evaluation.changes.comparing import compare_command
+
+    return compare_command(options)
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.evaluation.scores.edges import alpha_of_spacing
-from lidar_buildings.evaluation.scores.roofs import (
+from lidar_buildings.evaluation.scores.edges import (
     NO_ROOF,
+    alpha_of_spacing,
     fewest_points,
     roofs_of_points,
     roofs_of_polygons,

@@ -17,10 +17,7 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation import simulate_tile
-from lidar_buildings.simulation import special_roofs as special
-from lidar_buildings.simulation.scene import Road, VirtualScene
-from lidar_buildings.simulation.site import Site
-from lidar_buildings.simulation.terrain import Terrain, Wave
+from lidar_buildings.simulation.scene import Road, Site, Terrain, VirtualScene, Wave
 
 #: Seed of the scene and its density [1/m²].
 SEED, DENSITY = 0, 3.0
@@ -38,7 +35,7 @@ def hamlet(seed: int) -> VirtualScene:
     site.add_road(Road((0.0, 45.0), (90.0, 45.0), 6.0))
     site.add_row([shapes.gable(length=9), shapes.flat(length=9), shapes.dormer(length=10)], 22, 22, 10)
     site.add_building(shapes.courtyard(24, 22, 8), 66, 22, 20)
-    site.add_building(special.church(), 20, 68, 30)
+    site.add_building(shapes.church(), 20, 68, 30)
     site.add_building(shapes.round_tower(), 48, 72)
     site.add_building(shapes.l_shape(), 70, 68, 35)
     site.add_cars(3)

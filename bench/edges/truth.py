@@ -24,8 +24,8 @@ from bench.common.tables import percent, table
 from bench.edges.run import METHODS, VARIANTS, configs_of, label_area
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.evaluation.scores.blocks import merge_touching
-from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.evaluation.scores.cells import ratio
+from lidar_buildings.evaluation.scores.outlines import merge_touching
 from lidar_buildings.simulation import simulate_tile
 
 #: Distances from an outline up to which a point should be an edge, and may be one [spacings].

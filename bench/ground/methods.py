@@ -13,7 +13,7 @@ from bench.common.clouds import Cloud
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.evaluation.scores.ground import RESULT_GROUND
+from lidar_buildings.evaluation.scores.cells import RESULT_GROUND
 
 #: The methods there are, the default one first; not the one for clouds without ground.
 METHODS = tuple(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bench.common.clouds import Cloud
 from bench.common.tables import percent
 from bench.ground.methods import ground_mask
-from lidar_buildings.evaluation.scores.ground import GroundScore, score_ground
+from lidar_buildings.evaluation.scores.cells import GroundScore, score_ground
 
 #: Heading → member of GroundScore, and whether it is shown in percent.
 FIGURES = (("total", "total_error"), ("type I", "type_1_error"), ("type II", "type_2_error"))

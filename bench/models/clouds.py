@@ -22,7 +22,7 @@ from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.readers.city_model import read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import read_roof_points
-from lidar_buildings.evaluation.scores.model_points import ModelPointScore, score_model_points
+from lidar_buildings.evaluation.scores.models import ModelPointScore, score_model_points
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines

@@ -14,7 +14,7 @@ from bench.outlines.chain import chain_of, vertex_count
 from bench.outlines.peers import run_peer
 from bench.scenes.outlines import OutlineScene
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.evaluation.scores.directions import score_directions
+from lidar_buildings.evaluation.scores.corners import score_directions
 from lidar_buildings.evaluation.scores.outlines import BoundaryDistances, boundary_distances
 from lidar_buildings.pipeline.config import PipelineConfig
 

@@ -9,7 +9,7 @@ from bench.pages.drawing import plt, save
 from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.core.stages.plane_fitting.surroundings import survey_points
-from lidar_buildings.simulation import roof_shapes, special_roofs
+from lidar_buildings.simulation import roof_shapes
 
 DENSITY, NOISE = 12.0, 0.03
 COLOURS = plt.get_cmap("tab20")
@@ -19,13 +19,13 @@ def main(picture: Path) -> None:
     """Draw seeds, planes of several roofs, the published method beside ours, and a failure."""
     figure, axes = plt.subplots(2, 3, figsize=(13.0, 8.4), dpi=80, layout="constrained")
     draw_seeds(axes[0, 0])
-    hipped = sampled(special_roofs.hipped_l())
+    hipped = sampled(roof_shapes.hipped_l())
     draw(axes[0, 1], hipped, AS_PUBLISHED, "as published: the first plane takes the seams")
     draw(axes[0, 2], hipped, PlaneFittingConfig(), "ours: connected, settled along the seams")
-    cross = sampled(special_roofs.cross_gable())
+    cross = sampled(roof_shapes.cross_gable())
     draw(axes[1, 0], cross, PlaneFittingConfig(), "slopes go on across the crossing: four planes")
-    draw(axes[1, 1], sampled(special_roofs.barrel()), PlaneFittingConfig(), "a barrel comes as facets")
-    sparse = sampled(special_roofs.gable_dormer(), density=2.0)
+    draw(axes[1, 1], sampled(roof_shapes.barrel()), PlaneFittingConfig(), "a barrel comes as facets")
+    sparse = sampled(roof_shapes.gable_dormer(), density=2.0)
     draw(
         axes[1, 2],
         sparse,

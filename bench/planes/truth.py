@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bench.scenes.kit import functions_of, scan_rows
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.planes import PART_GAP, planes_of_colours
-from lidar_buildings.simulation import roof_shapes, special_roofs
+from lidar_buildings.simulation import roof_shapes
 from lidar_buildings.simulation.building import Building
 
 #: Roofs of points alone, coloured by plane.
@@ -49,7 +49,7 @@ def _labelled_roof(path: Path) -> KnownRoof:
 
 def shapes() -> dict[str, Building]:
     """Return every roof shape of the simulation with its defaults, by name."""
-    return {name: shape() for name, shape in functions_of(roof_shapes, special_roofs).items()}
+    return {name: shape() for name, shape in functions_of(roof_shapes).items()}
 
 
 def virtual_roof(name: str, building: Building, density: float, noise: float, seed: int) -> KnownRoof:

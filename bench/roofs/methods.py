@@ -14,7 +14,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
+from lidar_buildings.evaluation.scores.cells import Confusion, confusion_of
 
 #: The methods there are, the default one first.
 METHODS = next(spec_of(field).choices for field in fields(RoofSelectionConfig) if field.name == "method")

@@ -28,7 +28,7 @@ from bench.roofs.methods import (
     roof_mask,
 )
 from bench.scenes.roofs import ROOF_SCENES
-from lidar_buildings.evaluation.scores.statistics import Confusion
+from lidar_buildings.evaluation.scores.cells import Confusion
 
 
 def made(name: str, density_factor: float = 1.0, noise: float | None = None, **arguments: Any) -> Any:

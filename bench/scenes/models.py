@@ -20,9 +20,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
 from lidar_buildings.simulation import roof_shapes as shapes
-from lidar_buildings.simulation import special_roofs as special
-from lidar_buildings.simulation.building import Building, building_of, face_over
-from lidar_buildings.simulation.shell import shell_of
+from lidar_buildings.simulation.building import Building, building_of, face_over, shell_of
 
 #: Where the buildings stand [m] and elevation of the ground there [m].
 CENTRE, GROUND = (40.0, 30.0), 10.0
@@ -109,26 +107,26 @@ SHAPES: dict[str, Callable[[], Building]] = {
     "gable": shapes.gable,
     "low_gable": partial(shapes.gable, pitch_deg=12.0),
     "hip": shapes.hip,
-    "half_hip": special.half_hip,
-    "pyramid": special.pyramid,
+    "half_hip": shapes.half_hip,
+    "pyramid": shapes.pyramid,
     "l_shape": shapes.l_shape,
     "t_shape": shapes.t_shape,
-    "hipped_l": special.hipped_l,
-    "cross_gable": special.cross_gable,
-    "double_gable": special.double_gable,
+    "hipped_l": shapes.hipped_l,
+    "cross_gable": shapes.cross_gable,
+    "double_gable": shapes.double_gable,
     "step": shapes.step,
     "dormer": shapes.dormer,
-    "gable_dormer": special.gable_dormer,
+    "gable_dormer": shapes.gable_dormer,
     "courtyard": shapes.courtyard,
     "pitched_courtyard": partial(shapes.courtyard, pitch_deg=30.0),
-    "gambrel": special.gambrel,
-    "mansard": special.mansard,
-    "sawtooth": special.sawtooth,
-    "barrel": special.barrel,
+    "gambrel": shapes.gambrel,
+    "mansard": shapes.mansard,
+    "sawtooth": shapes.sawtooth,
+    "barrel": shapes.barrel,
     "round_tower": shapes.round_tower,
     "pointed_tower": partial(shapes.round_tower, diameter=14.0, eave=7.0, pitch_deg=40.0, n_sides=24),
-    "church": special.church,
-    "parapet": special.parapet,
+    "church": shapes.church,
+    "parapet": shapes.parapet,
 }
 
 #: Shape → words for its roof that are right.
@@ -219,7 +217,7 @@ def tree_grown_in(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> Model
 
 def upright_plane(**sampling) -> ModelScene:
     """A gambrel roof whose lower faces rise at 86°, 0.25 m wide in plan."""
-    return scene_of("upright_plane", special.gambrel(lower_pitch_deg=86.0, break_width=0.25), **sampling)
+    return scene_of("upright_plane", shapes.gambrel(lower_pitch_deg=86.0, break_width=0.25), **sampling)
 
 
 def coincident_planes(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> ModelScene:
@@ -242,7 +240,7 @@ def touching_courtyard(*, density=8.0, noise=0.03, rotation_deg=0.0, seed=0) -> 
 
 def narrow_parapet(*, density=8.0, **sampling) -> ModelScene:
     """A flat roof behind a parapet that is two points wide."""
-    shape = special.parapet(rim=2 / float(np.sqrt(density)), rim_height=0.9)
+    shape = shapes.parapet(rim=2 / float(np.sqrt(density)), rim_height=0.9)
     return scene_of("narrow_parapet", shape, density=density, **sampling)
 
 

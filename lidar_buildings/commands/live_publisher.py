@@ -16,8 +16,18 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.point_cloud import fill
 from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan
-from lidar_buildings.simulation.live.messages import LATCHED, ODOMETRY, SCAN, TF, TYPES, LiveMessages, Told
-from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
+from lidar_buildings.simulation.live.messages import (
+    LATCHED,
+    ODOMETRY,
+    SCAN,
+    TF,
+    TYPES,
+    LiveMessages,
+    Pace,
+    PlayReport,
+    Told,
+    ahead,
+)
 
 #: Events that are made ready ahead: two seconds of 200 poses and 10 scans.
 DEPTH = 420

@@ -15,7 +15,7 @@ from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.bags.placed_cloud import hand_over
 from lidar_buildings.io.bags.selection import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
+from lidar_buildings.simulation.live.messages import Pace, PlayReport, ahead
 
 #: Messages that are read ahead: half a second of 200 poses and 20 scans.
 _AHEAD = 100

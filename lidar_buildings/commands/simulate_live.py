@@ -9,9 +9,9 @@ from typing import Any
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SimulationConfig, make_scene
-from lidar_buildings.simulation.command import NOWHERE, check_folder
 from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan, VehicleConfig, drive, fly
-from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
+from lidar_buildings.simulation.live.messages import SurveyBag, SurveyFiles
+from lidar_buildings.simulation.survey import NOWHERE, check_folder
 
 Event = Scan | BodyPose
 

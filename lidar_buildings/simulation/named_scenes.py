@@ -9,11 +9,8 @@ import numpy as np
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import roof_shapes as shapes
-from lidar_buildings.simulation import special_roofs as special
 from lidar_buildings.simulation.building import Building
-from lidar_buildings.simulation.scene import Road, VirtualScene
-from lidar_buildings.simulation.site import Site
-from lidar_buildings.simulation.terrain import Terrain, Wave
+from lidar_buildings.simulation.scene import Road, Site, Terrain, VirtualScene, Wave
 
 #: The lots lie 5 by 5, this far apart, the first this far from the edges [m].
 PITCH, FIRST = 52.0, 36.0
@@ -138,9 +135,9 @@ def roof_types(seed: int) -> VirtualScene:
 def special_roofs(seed: int) -> VirtualScene:
     """Return one building of every special roof shape in rows on flat ground, turned at random."""
     kinds = [
-        *(special.half_hip(), special.pyramid(), special.gambrel(), special.mansard()),
-        *(special.cross_gable(), special.hipped_l(), special.double_gable(), special.gable_dormer()),
-        *(special.sawtooth(), special.barrel(), special.church(), special.parapet()),
+        *(shapes.half_hip(), shapes.pyramid(), shapes.gambrel(), shapes.mansard()),
+        *(shapes.cross_gable(), shapes.hipped_l(), shapes.double_gable(), shapes.gable_dormer()),
+        *(shapes.sawtooth(), shapes.barrel(), shapes.church(), shapes.parapet()),
     ]
     site = Site((200.0, 130.0), Terrain(50.0), seed)
     for row, kind in enumerate(kinds):

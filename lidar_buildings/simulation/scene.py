@@ -1,16 +1,69 @@
-"""A virtual scene: everything the scanner can hit, and where it lies on the earth."""
+"""A virtual scene: everything that the scanner can hit, where it lies, and the site on which it is built."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.simulation import roof_shapes
 from lidar_buildings.simulation.building import Building
-from lidar_buildings.simulation.terrain import Terrain
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One sine wave of the terrain."""
+
+    #: [m].
+    amplitude: float
+    wavelength: float
+    direction_deg: float = 0.0  #: direction in which it runs, counter-clockwise from x
+    phase: float = 0.0  #: [rad]
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """Ground whose elevation is known everywhere."""
+
+    elevation: float = 0.0  #: at the origin, without the waves [m]
+    slope: tuple[float, float] = (0.0, 0.0)  #: rise per metre along x and y
+    waves: tuple[Wave, ...] = ()  #: what is added to the slope
+
+    def coefficients(self) -> NDArray[np.float64]:
+        """Return (elevation, slope x, slope y, 0), then amplitude, wave numbers x and y, phase per wave."""
+        rows = [(self.elevation, *self.slope, 0.0)]
+        for wave in self.waves:
+            number, direction = 2 * np.pi / wave.wavelength, np.deg2rad(wave.direction_deg)
+            rows.append((wave.amplitude, number * np.cos(direction), number * np.sin(direction), wave.phase))
+        return np.array(rows)
+
+    def at(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Elevation [m] at positions of shape (n, 2)."""
+        return _elevations(np.ascontiguousarray(xy, dtype=np.float64), self.coefficients())
+
+
+@kernel
+def terrain_elevation(x, y, coefficients):
+    """Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them."""
+    z = coefficients[0, 0] + coefficients[0, 1] * x + coefficients[0, 2] * y
+    for row in range(1, len(coefficients)):
+        angle = coefficients[row, 1] * x + coefficients[row, 2] * y + coefficients[row, 3]
+        z += coefficients[row, 0] * np.sin(angle)
+    return z
+
+
+@kernel
+def _elevations(xy, coefficients):
+    """Elevation at many positions [m]."""
+    z = np.empty(len(xy))
+    for row in range(len(xy)):
+        z[row] = terrain_elevation(xy[row, 0], xy[row, 1], coefficients)
+    return z
+
 
 #: Where the scenes lie: UTM zone 32 on ETRS89, 100 m lines through the origin.
 FRAME = MapFrame("EPSG:25832", (565_000.0, 5_930_000.0, 0.0))
@@ -63,3 +116,112 @@ class VirtualScene:
         )
         _, first, position = np.unique(raw, return_index=True, return_inverse=True)
         return np.argsort(np.argsort(first))[position] + 1
+
+
+#: Tries per tree or car before the site counts as full.
+MAX_TRIES = 100
+
+
+class Site:
+    """Collects what stands on a rectangle of terrain; `random` is the only source of chance."""
+
+    def __init__(self, size: tuple[float, float], terrain: Terrain, seed: int) -> None:
+        self.size = size
+        self.terrain = terrain
+        self.random = np.random.default_rng(seed)
+        self._buildings: list[Building] = []
+        self._obstacles: list[Building] = []
+        self._trees: list[Tree] = []
+        self._roads: list[Road] = []
+
+    @property
+    def n_buildings(self) -> int:
+        """How many stand there."""
+        return len(self._buildings)
+
+    def add_road(self, road: Road) -> None:
+        """Lay a road."""
+        self._roads.append(road)
+
+    def add_building(self, shape: Building, x: float, y: float, rotation_deg: float = 0.0) -> None:
+        """Stand a building on the mean elevation of the terrain along its outline."""
+        self._buildings.append(
+            replace(self._standing(shape, x, y, rotation_deg), number=len(self._buildings) + 1)
+        )
+
+    def add_row(self, houses: list[Building], x: float, y: float, rotation_deg: float) -> None:
+        """Stand houses wall to wall in a row along their x axes, its middle at (x, y)."""
+        widths = [float(np.ptp(house.exterior[:, 0])) for house in houses]
+        left = -sum(widths) / 2
+        direction = np.array([np.cos(np.deg2rad(rotation_deg)), np.sin(np.deg2rad(rotation_deg))])
+        for house, width in zip(houses, widths, strict=True):
+            middle = np.array([x, y]) + (left + width / 2) * direction
+            self.add_building(house, float(middle[0]), float(middle[1]), rotation_deg)
+            left += width
+
+    def add_wall(self, x: float, y: float, rotation_deg: float) -> None:
+        """Stand a free wall, 15 m long, 0.3 m thick and 2 m high."""
+        shape = roof_shapes.flat(15.0, 0.3, 2.0)
+        self._obstacles.append(replace(self._standing(shape, x, y, rotation_deg), roof_type="wall", number=0))
+
+    def add_cars(self, n_cars: int) -> None:
+        """Park cars along the roads."""
+        for _ in range(n_cars):
+            road = self._roads[self.random.integers(0, len(self._roads))]
+            start, end = np.array(road.start), np.array(road.end)
+            along = (end - start) / np.hypot(*(end - start))
+            aside = np.array([-along[1], along[0]]) * (road.width / 2 - 1.2) * self.random.choice([-1, 1])
+            x, y = start + self.random.uniform(0.02, 0.98) * (end - start) + aside
+            shape = roof_shapes.flat(4.4, 1.8, 1.5)
+            turn = float(np.rad2deg(np.arctan2(along[1], along[0])))
+            car = replace(self._standing(shape, float(x), float(y), turn), roof_type="car", number=0)
+            if not any(car.polygon.intersects(other.polygon) for other in self._obstacles):
+                self._obstacles.append(car)
+
+    def add_trees(self, n_trees: int, clearance: float) -> None:
+        """Plant trees off the roads whose crowns keep this distance from all buildings [m]."""
+        built = [building.polygon for building in self._buildings]
+        paved = [shapely.LineString([road.start, road.end]).buffer(road.width / 2) for road in self._roads]
+        taken = shapely.union_all([*built, *paved])
+        shapely.prepare(taken)
+        for _ in range(n_trees):
+            for _ in range(MAX_TRIES):
+                x, y = (float(self.random.uniform(0.02, 0.98) * extent) for extent in self.size)
+                radius = float(self.random.uniform(1.8, 4.0))
+                if not shapely.dwithin(taken, shapely.Point(x, y), radius + clearance):
+                    self._plant(x, y, radius)
+                    break
+
+    def add_tree_over_eave(self, number: int) -> None:
+        """Plant a tree beside a building's longest wall, its crown over the roof by 1.2 m."""
+        ring = self._buildings[number - 1].exterior
+        edges = np.roll(ring, -1, axis=0) - ring
+        longest = int(np.argmax(np.hypot(*edges.T)))
+        outward = np.array([edges[longest, 1], -edges[longest, 0]]) / np.hypot(*edges[longest])
+        radius = float(self.random.uniform(2.0, 3.0))
+        x, y = ring[longest] + edges[longest] / 2 + outward * (radius - 1.2)
+        self._plant(float(x), float(y), radius, half_height=3.0)
+
+    def scene(self, name: str) -> VirtualScene:
+        """Return what was collected."""
+        return VirtualScene(
+            name=name,
+            size=self.size,
+            terrain=self.terrain,
+            buildings=tuple(self._buildings),
+            obstacles=tuple(self._obstacles),
+            trees=tuple(self._trees),
+            roads=tuple(self._roads),
+        )
+
+    def _standing(self, shape: Building, x: float, y: float, rotation_deg: float) -> Building:
+        on_plan = shape.placed(x, y, rotation_deg)
+        rim = shapely.segmentize(on_plan.polygon.exterior, 1.0)
+        ground = float(self.terrain.at(shapely.get_coordinates(rim)[:-1]).mean())
+        return shape.placed(x, y, rotation_deg, ground)
+
+    def _plant(self, x: float, y: float, radius: float, half_height: float | None = None) -> None:
+        """Plant a tree whose crown begins 2 m above the ground."""
+        half = float(self.random.uniform(1.2, 1.7) * radius) if half_height is None else half_height
+        ground = float(self.terrain.at(np.array([[x, y]]))[0])
+        self._trees.append(Tree(x, y, ground + 2.0 + half, radius, half))

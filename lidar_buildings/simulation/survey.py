@@ -1,28 +1,91 @@
-"""A virtual survey: to files, or to a tile in memory."""
+"""A virtual survey: to files, or to a tile in memory; and the command ``lidar-buildings simulate``."""
 
 from __future__ import annotations
 
+import argparse
 import re
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import laspy
 import numpy as np
+import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.errors import OutputError, ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
 from lidar_buildings.simulation.building import Building
-from lidar_buildings.simulation.config import SimulationConfig
-from lidar_buildings.simulation.las_strips import strip_file
+from lidar_buildings.simulation.flight import SURVEY_DATE, SimulationConfig
 from lidar_buildings.simulation.named_scenes import make_scene
-from lidar_buildings.simulation.scanner import DEFAULTS, joined, scan
+from lidar_buildings.simulation.scanner import DEFAULTS, StripPoints, joined, scan
 from lidar_buildings.simulation.scene import VirtualScene
-from lidar_buildings.simulation.truth_city_model import write_truth_city_model
-from lidar_buildings.simulation.truth_layers import write_truth_layers
+from lidar_buildings.simulation.truth import write_truth_city_model, write_truth_layers
+
+#: Resolution of the coordinates [m].
+SCALE = 0.001
+#: What the writer raises when a file cannot be written.
+_FAILURES = (OSError, laspy.errors.LaspyException, RuntimeError)
+#: Extra dimension → its type, member of `StripPoints` and description (at most 32 bytes).
+TRUTH_DIMENSIONS = {
+    "TrueClass": ("uint8", "true_class", "true ASPRS class"),
+    "TrueBuilding": ("uint32", "true_building", "number in truth.gpkg, 0 = none"),
+    "TruePlane": ("uint16", "true_plane", "roof face in truth.gpkg"),
+}
+
+
+@contextmanager
+def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], None]]:
+    """
+    Give a function that writes points of a strip to a file; `classification` is 1 throughout.
+
+    It appears when the block ends well; OutputError if it cannot be written.
+    """
+    with atomic_file(path, _FAILURES) as part, open(part, "wb") as stream:
+        writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=False)
+
+        def add(strip: StripPoints) -> None:
+            record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=writer.header)
+            record.x, record.y, record.z = frame.to_source(strip.points).T
+            record.intensity = strip.intensity
+            record.return_number = strip.return_number
+            record.number_of_returns = strip.number_of_returns
+            record.scan_direction_flag = strip.scan_direction
+            record.edge_of_flight_line = strip.edge_of_flight_line
+            record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
+            record.scan_angle = np.round(strip.scan_angle / SCAN_ANGLE_STEP).astype(np.int16)
+            record.point_source_id = strip.point_source_id
+            record.gps_time = strip.gps_time
+            for name, (_, member, _) in TRUTH_DIMENSIONS.items():
+                record[name] = getattr(strip, member)
+            writer.write_points(record)
+
+        yield add
+        writer.close()
+
+
+def _header(frame: MapFrame) -> laspy.LasHeader:
+    """A header without anything that depends on the day or the machine."""
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.add_extra_dims(
+        [laspy.ExtraBytesParams(name, kind, text) for name, (kind, _, text) in TRUTH_DIMENSIONS.items()]
+    )
+    header.scales = np.full(3, SCALE)
+    header.offsets = np.asarray(frame.origin)
+    header.add_crs(pyproj.CRS(frame.crs))
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
+    header.creation_date = SURVEY_DATE
+    header.system_identifier = "virtual scanner"
+    header.generating_software = "lidar_buildings simulate"
+    return header
+
 
 #: Names of the files of a survey.
 STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "truth.city.jsonl"
@@ -142,3 +205,39 @@ def remove_surplus(output: Path, files: list[Path]) -> None:
     for path in output.iterdir():
         if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in files:
             path.unlink()
+
+
+#: What is wrong where nothing would be made.
+NOWHERE = "simulate: nothing says where to: give --output DIR, --live or --bag DIR"
+
+
+def simulate_command(options: argparse.Namespace) -> int:
+    """
+    Make a virtual survey and say where it is.
+
+    OutputError if the folder holds something and may not be replaced, or cannot be written; ParameterError if
+    there is no such scene, a value is out of range, or the folder is missing.
+    """
+    if options.output is None:
+        raise ParameterError(NOWHERE)
+    check_folder(options.output, options.overwrite)
+    parameters: dict[str, Any] = {} if options.density is None else {"density": options.density}
+    survey = simulate_survey(options.output, options.scene, options.seed, **parameters)
+    rate = survey.n_points / max(survey.seconds, 1e-9)
+    print(
+        f"{options.scene}: {survey.n_buildings} buildings, {survey.n_points:,} points"
+        f" in {survey.seconds:.1f} s ({rate / 1e6:.2f} M points/s)"
+    )
+    for path in (*survey.files, *survey.truth_files):
+        print(f"  {path}")
+    return 0
+
+
+def check_folder(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder for a survey that holds something, unless that may be replaced."""
+    try:
+        is_full = folder.is_dir() and any(folder.iterdir())
+    except OSError as error:
+        raise OutputError(f"{folder}: {error.strerror}: choose another folder") from error
+    if is_full and not overwrite:
+        raise OutputError(f"{folder}: is not empty: choose another folder or add --overwrite")

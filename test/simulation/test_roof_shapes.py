@@ -8,8 +8,7 @@ import shapely
 
 from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.simulation import roof_shapes as shapes
-from lidar_buildings.simulation import special_roofs as special
-from lidar_buildings.simulation.shell import shell_of
+from lidar_buildings.simulation.building import shell_of
 
 #: Shape → number of roof planes.
 SHAPES = {
@@ -28,18 +27,18 @@ SHAPES = {
     "pitched_courtyard": (shapes.courtyard(pitch_deg=30), 8),
     "round_tower": (shapes.round_tower(), 1),
     "pointed_tower": (shapes.round_tower(pitch_deg=40, n_sides=24), 24),
-    "half_hip": (special.half_hip(), 4),
-    "square": (special.pyramid(), 4),
-    "gambrel": (special.gambrel(), 4),
-    "mansard": (special.mansard(), 5),
-    "cross_gable": (special.cross_gable(), 8),
-    "hipped_l": (special.hipped_l(), 6),
-    "double_gable": (special.double_gable(), 4),
-    "gable_dormer": (special.gable_dormer(), 4),
-    "sawtooth": (special.sawtooth(), 4),
-    "barrel": (special.barrel(), 12),
-    "church": (special.church(), 6),
-    "parapet": (special.parapet(), 2),
+    "half_hip": (shapes.half_hip(), 4),
+    "square": (shapes.pyramid(), 4),
+    "gambrel": (shapes.gambrel(), 4),
+    "mansard": (shapes.mansard(), 5),
+    "cross_gable": (shapes.cross_gable(), 8),
+    "hipped_l": (shapes.hipped_l(), 6),
+    "double_gable": (shapes.double_gable(), 4),
+    "gable_dormer": (shapes.gable_dormer(), 4),
+    "sawtooth": (shapes.sawtooth(), 4),
+    "barrel": (shapes.barrel(), 12),
+    "church": (shapes.church(), 6),
+    "parapet": (shapes.parapet(), 2),
 }
 
 
@@ -109,13 +108,13 @@ def test_turned_by_a_right_angle_a_roof_has_the_same_heights():
 
 
 def test_arms_of_a_hipped_corner_and_of_a_cross_have_one_ridge_height():
-    assert special.hipped_l().height == pytest.approx(5.0 + 4.0 * np.tan(np.deg2rad(35)))
-    assert special.cross_gable().height == pytest.approx(special.hipped_l().height)
+    assert shapes.hipped_l().height == pytest.approx(5.0 + 4.0 * np.tan(np.deg2rad(35)))
+    assert shapes.cross_gable().height == pytest.approx(shapes.hipped_l().height)
 
 
 def test_a_barrel_touches_its_arc_and_a_spire_stands_on_the_tower():
-    assert special.barrel().height == pytest.approx(9.0)
-    assert special.church().height == pytest.approx(34.0)
+    assert shapes.barrel().height == pytest.approx(9.0)
+    assert shapes.church().height == pytest.approx(34.0)
 
 
 def test_a_dormer_above_the_ridge_is_refused():

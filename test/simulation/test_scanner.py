@@ -9,11 +9,9 @@ import shapely
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.simulation import SimulationConfig, make_scene, simulate_tile
-from lidar_buildings.simulation.casting import ON_ROOF, cell_of, first_hit
+from lidar_buildings.simulation.casting import ON_ROOF, cell_of, first_hit, surfaces_of
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan
-from lidar_buildings.simulation.scene import Tree, VirtualScene
-from lidar_buildings.simulation.surfaces import surfaces_of
-from lidar_buildings.simulation.terrain import Terrain
+from lidar_buildings.simulation.scene import Terrain, Tree, VirtualScene
 
 #: Exact, but for the beams' width.
 NOISELESS = SimulationConfig(

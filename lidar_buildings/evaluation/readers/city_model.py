@@ -16,7 +16,7 @@ from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
-from lidar_buildings.evaluation.scores.roof_surfaces import unit_normal
+from lidar_buildings.evaluation.scores.wireframe import unit_normal
 from lidar_buildings.io.models.cityjson import faces_of_shell
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey, then any of this kind.

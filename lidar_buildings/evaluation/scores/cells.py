@@ -1,12 +1,9 @@
-"""
-Buildings as sets of square cells: by the points within a cell, or by its centre within a polygon.
-
-Cells are aligned to multiples of their size from (0, 0), whatever the data. A set is a sorted array of cell
-keys, so that its size depends on the buildings alone, however far apart they stand.
-"""
+"""Scores by point and by cell: confusion, ground points, and buildings in cells."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +12,91 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
-from lidar_buildings.evaluation.scores.statistics import Confusion
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """What the result says against what the reference says; a figure without a base (0/0) is NaN."""
+
+    hits: int  #: yes in both
+    false_alarms: int  #: yes in the result only
+    misses: int  #: yes in the reference only
+    rejections: int  #: no in both
+
+    @property
+    def total(self) -> int:
+        """Number of items asked about."""
+        return self.hits + self.false_alarms + self.misses + self.rejections
+
+    @property
+    def recall(self) -> float:
+        """Share of the reference that was found, also called completeness."""
+        return ratio(self.hits, self.hits + self.misses)
+
+    @property
+    def precision(self) -> float:
+        """Share of the result that is right, also called correctness."""
+        return ratio(self.hits, self.hits + self.false_alarms)
+
+    @property
+    def iou(self) -> float:
+        """Intersection over union, also called quality."""
+        return ratio(self.hits, self.hits + self.false_alarms + self.misses)
+
+    @property
+    def f1(self) -> float:
+        """Harmonic mean of recall and precision."""
+        return ratio(2 * self.hits, 2 * self.hits + self.false_alarms + self.misses)
+
+    @property
+    def kappa(self) -> float:
+        """
+        Agreement beyond what chance would give (Cohen 1960): 1 is perfect, 0 is chance.
+
+        NaN where both say the same single answer throughout: there is nothing to agree on beyond chance.
+        """
+        yes = (self.hits + self.false_alarms) * (self.hits + self.misses)
+        no = (self.misses + self.rejections) * (self.false_alarms + self.rejections)
+        expected = yes + no
+        # In whole numbers: both sides of (p_o − p_e) / (1 − p_e) times total².
+        return ratio((self.hits + self.rejections) * self.total - expected, self.total**2 - expected)
+
+
+def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
+    """
+    Count the agreement of two masks over the same items; ValueError if their shapes differ or are not 1D.
+    """
+    result_mask, reference_mask = np.asarray(result, bool), np.asarray(reference, bool)
+    if result_mask.ndim != 1 or result_mask.shape != reference_mask.shape:
+        given = reference_mask.shape
+        raise ValueError(f"reference has shape {given}: must be one-dimensional, as long as result")
+    hits = int(np.count_nonzero(result_mask & reference_mask))
+    yes, wanted = int(np.count_nonzero(result_mask)), int(np.count_nonzero(reference_mask))
+    return Confusion(hits, yes - hits, wanted - hits, len(result_mask) - yes - wanted + hits)
+
+
+def ratio(part: float, whole: float) -> float:
+    """Return `part` / `whole`, NaN where `whole` is 0."""
+    return part / whole if whole else math.nan
+
+
+def mean(values: NDArray[Any]) -> float:
+    """Return the mean, NaN of nothing."""
+    return float(np.mean(values)) if len(values) else math.nan
+
+
+def percentile(values: NDArray[np.float64], share: float) -> float:
+    """Return a percentile, NaN of nothing."""
+    return float(np.percentile(values, share)) if len(values) else math.nan
+
+
+def root_mean_square(values: NDArray[np.float64]) -> float:
+    """Return the root of the mean square of the finite values, NaN of none."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else math.nan
+
 
 #: Sorted keys: the cell's column in the upper half, its row in the lower.
 CellSet = NDArray[np.int64]
@@ -202,4 +282,63 @@ def score_buildings(
         recall=agreement.recall,
         precision=agreement.precision,
         iou=agreement.iou,
+    )
+
+
+#: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.
+RESULT_GROUND = (
+    int(PointClass.GROUND),
+    int(PointClass.WATER),
+    int(PointClass.RAIL),
+    int(PointClass.ROAD_SURFACE),
+)
+#: A reference's ground, unless it keeps water or roads in classes of their own.
+REFERENCE_GROUND = (int(PointClass.GROUND),)
+
+
+@dataclass(frozen=True)
+class GroundScore:
+    """The errors as Sithole and Vosselman (2004) define them; a share of nothing is NaN."""
+
+    #: Points of the reference.
+    n_points: int
+    n_ground: int
+    n_object: int
+    #: Ground taken for object, and object taken for ground.
+    n_ground_rejected: int
+    n_object_accepted: int
+    type_1_error: float  #: ground rejected / ground
+    type_2_error: float  #: object accepted / object
+    total_error: float  #: both errors / points
+    kappa: float  #: Cohen's kappa
+
+
+def score_ground(
+    result: ArrayLike,
+    reference: ArrayLike,
+    *,
+    result_ground: Collection[int] = RESULT_GROUND,
+    reference_ground: Collection[int] = REFERENCE_GROUND,
+) -> GroundScore:
+    """
+    Compare two classifications of the same points: ground, or object (everything else).
+
+    Give 2, 9, 11 as ground where the reference has water and roads apart. ValueError if the lengths differ.
+    """
+    agreement = confusion_of(
+        np.isin(np.asarray(result), list(result_ground)),
+        np.isin(np.asarray(reference), list(reference_ground)),
+    )
+    n_ground = agreement.hits + agreement.misses
+    n_object = agreement.total - n_ground
+    return GroundScore(
+        n_points=agreement.total,
+        n_ground=n_ground,
+        n_object=n_object,
+        n_ground_rejected=agreement.misses,
+        n_object_accepted=agreement.false_alarms,
+        type_1_error=ratio(agreement.misses, n_ground),
+        type_2_error=ratio(agreement.false_alarms, n_object),
+        total_error=ratio(agreement.misses + agreement.false_alarms, agreement.total),
+        kappa=agreement.kappa,
     )

@@ -1,4 +1,4 @@
-"""How well building models agree with reference models: heights, volumes, ridges, corners, kinds of roofs."""
+"""Building models against reference models, and against the points of roofs."""
 
 from __future__ import annotations
 
@@ -11,15 +11,28 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
-from lidar_buildings.evaluation.scores.outlines import MIN_IOU, match_outlines
-from lidar_buildings.evaluation.scores.polygons import MIN_INSIDE, cut_to, limits_of, valid_polygons, within
-from lidar_buildings.evaluation.scores.roof_surfaces import Solids, faces_of, footprints, roof_surfaces
-from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
-from lidar_buildings.evaluation.scores.wireframe import Wireframe, n_corners, roof_wireframe
-from lidar_buildings.evaluation.scores.wireframe_match import (
+from lidar_buildings.evaluation.scores.cells import mean, percentile, ratio, root_mean_square
+from lidar_buildings.evaluation.scores.outlines import (
+    MIN_INSIDE,
+    MIN_IOU,
+    cut_to,
+    limits_of,
+    match_outlines,
+    valid_polygons,
+    within,
+)
+from lidar_buildings.evaluation.scores.wireframe import (
     RidgeScore,
+    Solids,
+    Wireframe,
     WireframeScore,
+    faces_of,
+    footprints,
+    n_corners,
+    roof_surfaces,
+    roof_wireframe,
     score_ridges,
     score_wireframes,
 )
@@ -235,3 +248,59 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
 def _plain(word: str) -> str:
     """Return a word in small letters with hyphens."""
     return word.strip().lower().replace("_", "-").replace(" ", "-")
+
+
+#: The distances within which points are counted [m].
+WITHIN = (0.1, 0.2, 0.5)
+#: A building with fewer points has no RMSE; wide margin: roofs have hundreds.
+MIN_POINTS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPointScore:
+    """Vertical distances of points to roofs, see `doc/scores.md`; a share or mean of nothing is NaN."""
+
+    n_points: int
+    uncovered: float
+    median: float
+    bias: float
+    rmse: float
+    within: tuple[float, ...]  #: shares of the points within 0.1, 0.2 and 0.5 m of the roof
+    building_rmse_median: float
+    building_rmse_95: float
+    n_buildings: int
+    rmse_per_building: NDArray[np.float64]  #: NaN with fewer than ten points [m], shape (n_given_buildings,)
+
+
+def score_model_points(buildings: Sequence[Solids], points: ArrayLike) -> ModelPointScore:
+    """Measure how far roof points lie above or below the roof at their place, and whose roof that is."""
+    cloud = checked_points(points)
+    building, elevation = roof_surfaces(buildings).over(cloud)
+    is_on = building >= 0
+    distance = (cloud[:, 2] - elevation)[is_on]
+    per_building = _rmse_per_building(distance, building[is_on], len(buildings))
+    known = per_building[np.isfinite(per_building)]
+    return ModelPointScore(
+        n_points=len(cloud),
+        uncovered=ratio(len(cloud) - len(distance), len(cloud)),
+        median=percentile(np.abs(distance), 50),
+        bias=mean(distance),
+        rmse=root_mean_square(distance),
+        within=tuple(
+            ratio(int(np.count_nonzero(np.abs(distance) <= limit)), len(distance)) for limit in WITHIN
+        ),
+        building_rmse_median=percentile(known, 50),
+        building_rmse_95=percentile(known, 95),
+        n_buildings=len(known),
+        rmse_per_building=per_building,
+    )
+
+
+def _rmse_per_building(
+    distance: NDArray[np.float64], building: NDArray[np.int64], n_buildings: int
+) -> NDArray[np.float64]:
+    """Return the root of each building's mean square distance [m], NaN with few points."""
+    count = np.bincount(building, minlength=n_buildings)
+    squares = np.bincount(building, distance**2, minlength=n_buildings)
+    mean_square = np.divide(squares, count, out=np.full(n_buildings, np.nan), where=count >= MIN_POINTS)
+    return np.sqrt(mean_square)

@@ -10,15 +10,125 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.evaluation.scores.polygons import (
-    MIN_INSIDE,
-    cut_to,
-    limits_of,
-    simplified,
-    valid_polygons,
-    vertex_counts,
-)
-from lidar_buildings.evaluation.scores.statistics import mean, percentile, ratio, root_mean_square
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.evaluation.scores.cells import mean, percentile, ratio, root_mean_square
+
+#: An object that the area of interest cuts and nothing answers counts if so much of it lies inside.
+MIN_INSIDE = 0.5
+#: A vertex so near to the line between its neighbours is on it: maps are drawn to about that [m].
+STRAIGHT = 0.1
+
+
+def valid_polygons(polygons: ArrayLike) -> NDArray[Any]:
+    """Return the geometries as an array, repaired, with None and what has no area as an empty polygon."""
+    given = np.atleast_1d(np.asarray(polygons, dtype=object))
+    valid = shapely.make_valid(shapely.force_2d(given))
+    # A repair can leave dangling lines beside the polygons: a zero-width buffer keeps the areas alone.
+    valid = np.where(shapely.get_dimensions(valid) == 2, shapely.buffer(valid, 0.0), shapely.Polygon())
+    return np.asarray(valid, dtype=object)
+
+
+def limits_of(area: ArrayLike | None) -> shapely.Geometry | None:
+    """Return the union of an area of interest's polygons, None if there is no such area."""
+    return None if area is None else shapely.union_all(valid_polygons(area))
+
+
+def within(places: NDArray[np.float64], limits: shapely.Geometry | None) -> NDArray[np.bool_]:
+    """Tell which places, shape (n, 2) or (n, 3), lie in limits or on their edge; all where there are none."""
+    if limits is None:
+        return np.ones(len(places), dtype=bool)
+    shapely.prepare(limits)
+    return np.asarray(shapely.intersects_xy(limits, places[:, 0], places[:, 1]), dtype=bool)
+
+
+def cut_to(
+    polygons: NDArray[Any], limits: shapely.Geometry | None
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Cut polygons to the limits; return them with the share of their area that is left, 0 for empty ones."""
+    whole = shapely.area(polygons)
+    if limits is not None:
+        polygons = valid_polygons(shapely.intersection(polygons, limits))
+    return polygons, np.divide(shapely.area(polygons), whole, out=np.zeros(len(whole)), where=whole > 0)
+
+
+def simplified(polygons: NDArray[Any], tolerance: float = STRAIGHT) -> NDArray[Any]:
+    """
+    Return valid polygons without vertices on straight walls, within a tolerance (Douglas & Peucker, 1973).
+    """
+    return np.asarray(shapely.simplify(polygons, tolerance, preserve_topology=True), dtype=object)
+
+
+def vertex_counts(polygons: NDArray[Any]) -> NDArray[np.int64]:
+    """Count each outline's vertices, without the repeated one that closes a ring."""
+    owner = shapely.get_rings(polygons, return_index=True)[1]
+    counts = shapely.get_num_coordinates(polygons) - np.bincount(owner, minlength=len(polygons))
+    return np.asarray(counts, dtype=np.int64)
+
+
+def open_rings(polygons: NDArray[Any]) -> list[NDArray[np.float64]]:
+    """Return the coordinates of all rings, without the repeated vertex that closes them."""
+    return [shapely.get_coordinates(ring)[:-1] for ring in shapely.get_rings(polygons)]
+
+
+def spots_along(lines: NDArray[np.float64], step: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return spots along lines of shape (n, 2, dimensions), after the row of each spot's line [m]."""
+    vectors = lines[:, 1] - lines[:, 0]
+    counts = np.maximum(np.ceil(np.linalg.norm(vectors, axis=1) / step).astype(np.int64), 1)
+    row = np.repeat(np.arange(len(lines)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return row, lines[row, 0] + ((place + 0.5) / counts[row])[:, None] * vectors[row]
+
+
+#: Walls so near to each other are one: maps are drawn to centimetres [m].
+TOUCHING = 0.05
+#: A shorter stretch of contact is a corner, not a wall: square corners that meet share some 0.1 m [m].
+MIN_WALL = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Buildings merged where they share a wall."""
+
+    #: In the order of each block's first building; a building that touches none is unchanged;
+    #: shapely geometries, shape (n_blocks,).
+    polygons: NDArray[Any]
+    block: NDArray[np.int64]  #: row of the block that each building belongs to, shape (n_buildings,)
+
+
+def merge_touching(buildings: ArrayLike) -> Blocks:
+    """
+    Merge buildings that touch along a line, or overlap, into blocks.
+
+    Two buildings, invalid ones repaired, belong together if the outline of one runs within `TOUCHING` of the
+    other for at least half a metre. Those that meet at a corner only stay apart. Gaps in a block are closed.
+    """
+    given = valid_polygons(buildings)
+    # A set is named by its first row: blocks come in the order of these.
+    block = np.unique(sets_of_pairs(len(given), *_touching_pairs(given)), return_inverse=True)[1]
+    members = [given[rows] for rows in np.split(np.argsort(block, kind="stable"), _ends(block))]
+    merged = [one[0] if len(one) == 1 else _closed(one) for one in members if len(one)]
+    return Blocks(np.array(merged, dtype=object), block)
+
+
+def _touching_pairs(polygons: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of polygons that share a wall, pair by pair."""
+    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=TOUCHING)
+    one, other = one[one != other], other[one != other]
+    near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], TOUCHING))
+    shares_wall = shapely.length(near) >= MIN_WALL
+    return one[shares_wall], other[shares_wall]
+
+
+def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return where each block but the last one ends among its sorted members."""
+    return np.asarray(np.cumsum(np.bincount(block))[:-1], dtype=np.int64)
+
+
+def _closed(members: NDArray[Any]) -> Any:
+    grown = shapely.union_all(shapely.buffer(members, TOUCHING / 2, join_style="mitre"))
+    shrunk = shapely.buffer(grown, -TOUCHING / 2, join_style="mitre")
+    return shapely.union_all([*members, shrunk])
+
 
 #: An object counts as found from this intersection over union on (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
-from lidar_buildings.evaluation.scores.statistics import ratio
+from lidar_buildings.evaluation.scores.cells import ratio
 
 #: Intersection over union from which on two planes are the same (Everingham et al. 2010, PASCAL VOC).
 MIN_IOU = 0.5

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.simulation.config import SimulationConfig
-from lidar_buildings.simulation.flight import TAKE_OFF, Strip, plan_flight
-from lidar_buildings.simulation.las_strips import SCALE
-from lidar_buildings.simulation.live.motion import Leg, Sway
+from lidar_buildings.simulation.casting import surfaces_of
+from lidar_buildings.simulation.flight import TAKE_OFF, SimulationConfig, Strip, plan_flight
 from lidar_buildings.simulation.live.moving_survey import (
     SECOND,
     TAKE_OFF_STAMP,
+    Leg,
     MovingSurvey,
     Scan,
+    Sway,
     mounting_pose,
 )
 from lidar_buildings.simulation.scanner import DEFAULTS, StripPoints, measured
 from lidar_buildings.simulation.scene import VirtualScene
-from lidar_buildings.simulation.surfaces import surfaces_of
+from lidar_buildings.simulation.survey import SCALE
 
 #: Lever arm [m] and boresight angles [deg] of the scanner; those of a good installation are smaller.
 MOUNTING = "0.35,-0.12,-0.45,0.4,-0.25,0.6"

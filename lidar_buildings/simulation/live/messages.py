@@ -1,15 +1,22 @@
-"""Scans and poses as ROS messages, of whatever library makes them."""
+"""Scans and poses as ROS messages of any library: written into bags and files, or played in real time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+import queue
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pyproj
 
 from lidar_buildings.core.scans.cloud_layout import members_of_fields
 from lidar_buildings.core.scans.trajectory import Pose
+from lidar_buildings.io.bags.bag_writer import BagWriter
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.simulation.live.moving_survey import (
     BODY,
@@ -20,6 +27,7 @@ from lidar_buildings.simulation.live.moving_survey import (
     MovingSurvey,
     Scan,
 )
+from lidar_buildings.simulation.survey import STRIP_NAME, make_folder, remove_surplus, strip_file, write_truth
 
 SCAN, ODOMETRY, ORIGIN, FIX = "scan", "odometry", "map_origin", "fix"
 TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
@@ -173,3 +181,187 @@ class LiveMessages:
             data=scan.rows.reshape(-1).view(np.uint8),
             is_dense=True,
         )
+
+
+Item = TypeVar("Item")
+_END = object()
+_SECOND = 1e-9
+
+
+@dataclass
+class PlayReport:
+    """How a survey was played."""
+
+    #: What was told.
+    n_scans: int = 0
+    n_points: int = 0
+    #: Wall time with and without scans [s].
+    busy: float = 0.0
+    pauses: float = 0.0
+    worst_delay: float = 0.0  #: by how much at most something came too late [s]
+
+    @property
+    def rate(self) -> float:
+        """Points a second while there were scans."""
+        return self.n_points / max(self.busy, 1e-9)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.n_points:,} points in {self.n_scans:,} scans"
+            f" in {self.busy:.1f} s ({self.rate:,.0f} points/s)"
+            f" and {self.pauses:.1f} s between; at worst {self.worst_delay * 1000:.0f} ms late"
+        )
+
+
+def ahead(items: Iterable[Item], depth: int) -> Generator[Item, None, None]:
+    """
+    Yield items that a thread of their own makes, at most `depth` of them ahead.
+
+    What goes wrong in making them is raised here; the thread ends when the iterator is closed.
+    """
+    ready: queue.Queue[Any] = queue.Queue(depth)
+    is_over = threading.Event()
+
+    def offer(item: object) -> None:
+        while not is_over.is_set():
+            try:
+                ready.put(item, timeout=0.1)
+                return
+            except queue.Full:
+                continue
+
+    def work() -> None:
+        try:
+            for item in items:
+                offer(item)
+                if is_over.is_set():
+                    return
+            offer(_END)
+        except BaseException as error:
+            offer(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    try:
+        while (item := ready.get()) is not _END:
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        is_over.set()
+        thread.join()
+
+
+class Pace:
+    """
+    Waits until the time of what is told has come: as long after the first of all as it was recorded.
+
+    The report gets the times. A time longer than `pause` between two items is one between two legs [s].
+    """
+
+    def __init__(
+        self,
+        report: PlayReport,
+        pause: float,
+        now: Callable[[], float] = time.monotonic,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._report = report
+        self._pause, self._now, self._wait = pause, now, wait
+        self._first: tuple[int, float] | None = None
+        self._last = 0
+
+    def wait_for(self, stamp: int) -> None:
+        """Return when the time of something has come, at once if it has gone by [ns]."""
+        now = self._now()
+        if self._first is None:
+            self._first, self._last = (stamp, now), stamp
+        due = self._first[1] + (stamp - self._first[0]) * _SECOND
+        if due > now:
+            self._wait(due - now)
+        step = (stamp - self._last) * _SECOND
+        self._last = stamp
+        if step > self._pause:
+            self._report.pauses += step
+        self._report.worst_delay = max(self._report.worst_delay, self._now() - due)
+        self._report.busy = self._now() - self._first[1] - self._report.pauses
+
+
+class SurveyBag:
+    """
+    A bag of a survey's messages, as a recorder would have made it; see `BagWriter` and `LiveMessages`.
+
+    OutputError if there is something of that name, or it cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        survey: MovingSurvey,
+        storage: str = "mcap",
+        compression: str = "",
+        *,
+        with_tf: bool = True,
+        with_fix: bool = False,
+    ) -> None:
+        self.files = [path]
+        self._bag = BagWriter(path, storage, compression, latched={_absolute(topic) for topic in LATCHED})
+        self._messages = LiveMessages(survey, self._bag.make, with_tf=with_tf, with_fix=with_fix)
+        for told in self._messages.opening():
+            self._write(told, survey.legs[0].stamp)
+
+    def __enter__(self) -> SurveyBag:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bag.close()
+
+    def add(self, event: Scan | BodyPose) -> None:
+        """Write what is said of a scan or a pose."""
+        for told in self._messages.of(event):
+            self._write(told, event.sent)
+
+    def _write(self, told: Told, time: int) -> None:
+        self._bag.write(_absolute(told.topic), TYPES[told.topic], time, told.message)
+
+
+class SurveyFiles:
+    """
+    The files that `simulate_survey` makes, of a survey on the move: a LAZ file per leg, and the truth.
+
+    `files` are the clouds that are complete, and at the end the truth. OutputError if the folder or a file
+    cannot be written.
+    """
+
+    def __init__(self, output: Path, survey: MovingSurvey) -> None:
+        self.files: list[Path] = []
+        self._output, self._scene = output, survey.scene
+        self._leg = 0
+        self._file = ExitStack()
+        make_folder(output)
+
+    def __enter__(self) -> SurveyFiles:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        self._file.close()  # of an interrupted survey with what there is
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            remove_surplus(self._output, self.files)
+            self.files.extend(write_truth(self._output, self._scene))
+
+    def add(self, event: Scan | BodyPose) -> None:
+        """Write the returns of a scan."""
+        if not isinstance(event, Scan) or not len(event.truth.points):
+            return
+        leg = int(event.truth.point_source_id[0])
+        if leg != self._leg:
+            self._file.close()
+            self._leg = leg
+            path = self._output / STRIP_NAME.format(leg)
+            self._write = self._file.enter_context(strip_file(path, self._scene.frame))
+            self.files.append(path)
+        self._write(event.truth)
+
+
+def _absolute(topic: str) -> str:
+    return "/" + topic.lstrip("/")

@@ -7,8 +7,7 @@ import pytest
 import shapely
 from shapely import box
 
-from lidar_buildings.evaluation.scores.blocks import merge_touching
-from lidar_buildings.evaluation.scores.outlines import score_coverage, score_outlines
+from lidar_buildings.evaluation.scores.outlines import merge_touching, score_coverage, score_outlines
 
 
 def row_of_houses(count, gap=0.0):

@@ -9,7 +9,7 @@ from shapely import box
 from shapely.affinity import rotate, translate
 
 from lidar_buildings.evaluation.scores.corners import corners_of, score_corners
-from lidar_buildings.evaluation.scores.polygons import valid_polygons
+from lidar_buildings.evaluation.scores.outlines import valid_polygons
 
 
 def found_corners(*polygons):

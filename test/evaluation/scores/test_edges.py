@@ -8,15 +8,13 @@ import shapely
 
 from lidar_buildings.evaluation.scores.edges import (
     alpha_of_spacing,
-    reference_edges,
-    score_edges,
-    score_edges_per_roof,
-)
-from lidar_buildings.evaluation.scores.roofs import (
     fewest_points,
+    reference_edges,
     roof_rows,
     roofs_of_points,
     roofs_of_polygons,
+    score_edges,
+    score_edges_per_roof,
     split_at_steps,
 )
 

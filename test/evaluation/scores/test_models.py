@@ -8,14 +8,17 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.evaluation.scores.corners import match_corners
-from lidar_buildings.evaluation.scores.model_points import score_model_points
-from lidar_buildings.evaluation.scores.models import same_roof_type, score_models
-from lidar_buildings.evaluation.scores.roof_surfaces import footprints, roof_surfaces
-from lidar_buildings.evaluation.scores.wireframe import n_corners, roof_wireframe
-from lidar_buildings.evaluation.scores.wireframe_match import ridge_errors, score_wireframes
+from lidar_buildings.evaluation.scores.models import same_roof_type, score_model_points, score_models
+from lidar_buildings.evaluation.scores.wireframe import (
+    footprints,
+    n_corners,
+    ridge_errors,
+    roof_surfaces,
+    roof_wireframe,
+    score_wireframes,
+)
 from lidar_buildings.simulation import roof_shapes as shapes
-from lidar_buildings.simulation import special_roofs as special
-from lidar_buildings.simulation.shell import shell_of
+from lidar_buildings.simulation.building import shell_of
 
 #: Where the buildings stand: far from the origin, as in national reference systems.
 PLACE = (84_000.0, 447_000.0)
@@ -44,10 +47,10 @@ def placed(shape, rotation_deg=27.0):
         (shapes.shed(), 4, 4, 0),
         (shapes.gable(), 6, 7, 1),
         (shapes.hip(), 6, 9, 1),
-        (special.pyramid(), 5, 8, 0),
+        (shapes.pyramid(), 5, 8, 0),
         (shapes.l_shape(), 11, 14, 2),
-        (special.half_hip(), 10, 13, 1),
-        (special.double_gable(), 10, 13, 2),
+        (shapes.half_hip(), 10, 13, 1),
+        (shapes.double_gable(), 10, 13, 2),
         (shapes.courtyard(), 8, 8, 0),
     ],
 )
@@ -82,7 +85,7 @@ def test_corners_are_matched_so_that_most_find_a_partner():
 
 
 def test_a_model_agrees_with_itself():
-    sides = [[placed(shapes.hip())], [solid_of(special.church().placed(84_060, 447_000))]]
+    sides = [[placed(shapes.hip())], [solid_of(shapes.church().placed(84_060, 447_000))]]
     score = score_models(sides, sides)
     assert (score.n_matched, score.heights.largest, score.heights.covered) == (2, 0.0, 1.0)
     assert (score.wireframe.corner_f1, score.wireframe.edge_f1, score.wireframe.corner_offset) == (1, 1, 0)

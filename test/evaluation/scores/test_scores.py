@@ -9,14 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidar_buildings.evaluation.scores.cells import (
+    Confusion,
     cells_inside,
     cells_of_points,
     cells_of_polygons,
+    confusion_of,
     score_buildings,
+    score_ground,
 )
-from lidar_buildings.evaluation.scores.ground import score_ground
 from lidar_buildings.evaluation.scores.outlines import boundary_distances, score_outlines
-from lidar_buildings.evaluation.scores.statistics import Confusion, confusion_of
 
 #: Coordinates of a real national grid: what is right near (0, 0) must be right there.
 FAR = (851_000.0, 6_272_000.0)

@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from lidar_buildings.simulation.live.playing import Pace, PlayReport, ahead
+from lidar_buildings.simulation.live.messages import Pace, PlayReport, ahead
 
 
 class Clock:

@@ -21,8 +21,7 @@ from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.tiling.level_frame import Geodetic
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive, fly
-from lidar_buildings.simulation.live.messages import LiveMessages
-from lidar_buildings.simulation.live.recording import SurveyBag, SurveyFiles
+from lidar_buildings.simulation.live.messages import LiveMessages, SurveyBag, SurveyFiles
 from lidar_buildings.simulation.scanner import StripPoints, joined, scan
 
 FLIGHT = SimulationConfig(density=1.0)

@@ -9,8 +9,7 @@ from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.levels import Level
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
-from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
-from lidar_buildings.evaluation.scores.wireframe_match import ridge_errors
+from lidar_buildings.evaluation.scores.wireframe import ridge_errors, roof_wireframe
 
 
 def modelled(scene, order=None):

@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin impor
     GROUND_DISTANCE_SLOPE,
     MAX_SLOPE,
 )
-from lidar_buildings.evaluation.scores.ground import score_ground
+from lidar_buildings.evaluation.scores.cells import score_ground
 
 CONFIG = GroundFilterConfig()
 

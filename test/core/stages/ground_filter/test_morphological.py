@@ -4,7 +4,7 @@ import pytest
 
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.morphological import DISTANCE, label_ground
-from lidar_buildings.evaluation.scores.ground import score_ground
+from lidar_buildings.evaluation.scores.cells import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")
 

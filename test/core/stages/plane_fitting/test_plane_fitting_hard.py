@@ -14,7 +14,7 @@ from lidar_buildings.core.stages.plane_fitting.connected import split_planes
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud, survey_points
 from lidar_buildings.evaluation.scores.planes import score_planes
-from lidar_buildings.simulation import special_roofs
+from lidar_buildings.simulation import roof_shapes
 
 
 def lattice(width, depth, density=10.0, seed=0):
@@ -66,7 +66,7 @@ def test_ten_layers_a_few_millimetres_apart_are_one_plane():
 
 
 def test_a_barrel_roof_comes_as_a_few_facets_that_follow_it():
-    points, _ = sampled(special_roofs.barrel())
+    points, _ = sampled(roof_shapes.barrel())
     found = fit_roof_planes(points)
     assert 4 <= len(found.planes) <= 12
     assert np.mean(found.plane_id > 0) > 0.99
@@ -77,10 +77,10 @@ def test_a_barrel_roof_comes_as_a_few_facets_that_follow_it():
     "name", ["cross_gable", "mansard", "gambrel", "sawtooth", "hipped_l", "half_hip", "church"]
 )
 def test_special_roofs_are_found_plane_by_plane(name):
-    points, face = sampled(getattr(special_roofs, name)())
+    points, face = sampled(getattr(roof_shapes, name)())
     if name == "cross_gable":
         # Both ends of a slope touch in the middle of the roof: four planes of two faces each.
-        equations = np.round([f.plane for f in special_roofs.cross_gable().faces], 6)
+        equations = np.round([f.plane for f in roof_shapes.cross_gable().faces], 6)
         face = np.unique(equations, axis=0, return_inverse=True)[1].reshape(-1)[face - 1] + 1
     score = score_planes(fit_roof_planes(points).plane_id.astype(int), face)
     assert score.f1 == 1.0
@@ -88,7 +88,7 @@ def test_special_roofs_are_found_plane_by_plane(name):
 
 
 def test_a_parapet_two_points_wide_leaves_the_roof_whole():
-    points, face = sampled(special_roofs.parapet())
+    points, face = sampled(roof_shapes.parapet())
     found = fit_roof_planes(points)
     largest = np.bincount(face).argmax()
     assert score_planes(found.plane_id.astype(int), np.where(face == largest, 1, 0)).coverage > 0.95

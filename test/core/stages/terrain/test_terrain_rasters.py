@@ -7,7 +7,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import make_rasters
 from lidar_buildings.core.stages.terrain.window import RasterWindow
-from lidar_buildings.simulation.terrain import Terrain, Wave
+from lidar_buildings.simulation.scene import Terrain, Wave
 
 GROUND, TREE, ROOF = PointClass.GROUND, PointClass.HIGH_VEGETATION, PointClass.BUILDING
 COARSE = RasterConfig(raster_resolution=1.0)
