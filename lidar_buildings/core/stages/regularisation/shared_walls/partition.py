@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from lidar_buildings.core.solids.planar_subdivision import divide_plane, face_owners
 from lidar_buildings.core.stages.regularisation.shared_walls.rings import merged_rings
 
 #: Vertices of the arrangement lie on a grid of this side [m], which makes it exact; far below any noise.
@@ -31,8 +32,7 @@ def partitioned(
     """
     slots = _slots(polygons, gaps)
     rings = shapely.get_parts(shapely.boundary(np.concatenate([polygons, slots])))
-    noded = shapely.union_all(rings, grid_size=GRID)
-    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(noded)))
+    faces = divide_plane(rings, GRID)
     faces = faces[np.lexsort(shapely.bounds(faces).T)]
     owner = _owners(faces, polygons, traced)
     _drop_loose_parts(faces, owner, len(polygons))
@@ -70,20 +70,13 @@ def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[
 def _owners(
     faces: NDArray[np.object_], polygons: NDArray[np.object_], traced: NDArray[np.object_]
 ) -> NDArray[np.int64]:
-    """
-    Return the building of each face, −1 for none: of several the one whose points it is among.
-
-    If that does not tell, the one that has more to lose.
-    """
-    inside = shapely.point_on_surface(faces)
-    building, face = shapely.STRtree(inside).query(polygons, predicate="contains")
-    is_traced = shapely.contains(traced[building], inside[face])
-    order = np.lexsort([building, shapely.area(polygons)[building], ~is_traced, face])
-    building, face = building[order], face[order]
-    first = np.flatnonzero(np.diff(face, prepend=-1))
-    owner = np.full(len(faces), -1)
-    owner[face[first]] = building[first]
-    return owner
+    """Return the building of each face: of several the one whose points it is among, else the smallest."""
+    area = shapely.area(polygons)
+    return face_owners(
+        faces,
+        polygons,
+        lambda face, building, inside: (~shapely.contains(traced[building], inside[face]), area[building]),
+    )
 
 
 def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_buildings: int) -> None:
