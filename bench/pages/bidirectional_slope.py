@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from bench.pages.drawing import plt, save
+from lidar_buildings.core.stages.ground_filter.bidirectional_slope import net_votes
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
+from lidar_buildings.core.stages.ground_filter.scan_profiles import cut_profiles
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 #: Colours of the maps.

@@ -8,8 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.common.tables import table
-from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
-from lidar_buildings.core.stages.edge_labelling.measures import eigenvalues_by_area
+from lidar_buildings.core.stages.edge_labelling.clusters import (
+    eigenvalues_by_area,
+    in_second,
+    metric_of,
+    two_means,
+)
 from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
 
 #: Side of the cube, spacing of the points on its faces, their noise, and the radius of the spheres [m].

@@ -18,8 +18,8 @@ from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import plane_votes
-from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_selection.roof_patches import plane_votes
+from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.brightness import brightness_raster

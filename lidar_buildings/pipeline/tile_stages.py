@@ -22,9 +22,8 @@ from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
-from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground, used_classes
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.overlap import used_classes
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import number_planes
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig

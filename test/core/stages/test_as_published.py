@@ -8,11 +8,11 @@ from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace
-from lidar_buildings.core.stages.ground_filter.growing_tin.histogram_tin import (
+from lidar_buildings.core.stages.ground_filter.bidirectional_slope import objects_between_slopes
+from lidar_buildings.core.stages.ground_filter.progressive_tin import (
     facet_offsets,
     histogram_limits,
 )
-from lidar_buildings.core.stages.ground_filter.scan_profiles.slope_pairs import objects_between_slopes
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
 from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig

@@ -7,23 +7,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_columns, checked_points, extent_of
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, lowest_of_cells, sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured, quantised_spacing
-from lidar_buildings.core.stages.ground_filter import morphological
+from lidar_buildings.core.stages.ground_filter.bidirectional_slope import profile_ground, slope_pair_ground
 from lidar_buildings.core.stages.ground_filter.config import (
     CANDIDATE_SPACING,
     HEIGHT_WITHOUT_GROUND,
     GroundFilterConfig,
 )
-from lidar_buildings.core.stages.ground_filter.consensus import agreed_ground
-from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
-from lidar_buildings.core.stages.ground_filter.growing_tin import histogram_tin, progressive_tin
-from lidar_buildings.core.stages.ground_filter.plates import NO_EXTENTS
-from lidar_buildings.core.stages.ground_filter.scan_profiles import bidirectional_slope, slope_pairs
-from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
+from lidar_buildings.core.stages.ground_filter.consensus import NO_EXTENTS, agreed_ground, opened_ground
+from lidar_buildings.core.stages.ground_filter.gross_errors import find_noise
+from lidar_buildings.core.stages.ground_filter.progressive_tin import (
+    grown_ground,
+    histogram_ground,
+    near_terrain,
+)
+from lidar_buildings.core.stages.ground_filter.scan_profiles import find_scan_lines
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
@@ -128,7 +131,7 @@ def classify_ground(
     free = _free(classes, None if aside is None else aside[cloud.rows])
     labels = None
     if config.method == "slope_pairs":
-        labels = slope_pairs.label_ground(points, in_rows_order(cloud, free), config, **scan)[cloud.rows]
+        labels = slope_pair_ground(points, in_rows_order(cloud, free), config, **scan)[cloud.rows]
     if point_spacing is not None:
         point_spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
     vertices, cut_off = _ground_of_cells(
@@ -137,7 +140,7 @@ def classify_ground(
     terrain = build_tin(vertices, extent_of(cloud.points)[:, :2])
     elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
-    ground = progressive_tin.near_terrain(height, slope, config) if labels is None else labels
+    ground = near_terrain(height, slope, config) if labels is None else labels
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
     return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height), cut_off)
@@ -170,17 +173,48 @@ def _ground_of_cells(
     if config.method == "slope_pairs":
         return candidates, cut_off
     if config.method == "histogram_tin":
-        ground = histogram_tin.label_candidates(candidates, extent, config)
+        ground = histogram_ground(candidates, extent, config)
     elif config.method == "morphological":
-        ground = morphological.label_ground(candidates, config)
+        ground = opened_ground(candidates, config)
     else:
         spacing = quantised_spacing(candidates) if spacing is None else spacing
         if config.method == "progressive_tin":
-            ground, _ = progressive_tin.label_candidates(candidates, extent, spacing, config)
+            ground, _ = grown_ground(candidates, extent, spacing, config)
         elif config.method == "bidirectional_slope":
             lines = find_scan_lines(points, spacing, **scan)
             scanned = [] if lines is None else [lines.profiles(points, cloud.rows[rows])]
-            ground = bidirectional_slope.label_candidates(candidates, spacing, config, scanned)
+            ground = profile_ground(candidates, spacing, config, scanned)
         else:
             ground, cut_off = agreed_ground(candidates, extent, spacing, config)
     return candidates[ground] if ground.any() else candidates, cut_off
+
+
+#: A place is covered if a point lies within so many spacings; by chance 1 in 10⁵ places has none.
+_REACH = 2.0
+
+
+def used_classes(
+    points: NDArray[np.float64], classification: NDArray[np.uint8] | None, point_spacing: float | None = None
+) -> NDArray[np.uint8] | None:
+    """
+    Return the source's classes, 0 for points of class 12 where no other point but noise covers the place.
+
+    So they are classified as any other point; those beside them are, too, up to where others begin.
+    """
+    if classification is None or PointClass.OVERLAP not in classification:
+        return classification
+    used = classification == PointClass.OVERLAP
+    reach = _REACH * given_or_measured(points, point_spacing)
+    covers = ~used & ~np.isin(classification, (PointClass.LOW_NOISE, PointClass.HIGH_NOISE))
+    overlap = points[used, :2]
+    lone = overlap[~_has_near(overlap, points[covers, :2], reach)]
+    used[used] = _has_near(overlap, lone, reach)
+    return np.where(used, np.uint8(PointClass.NEVER_CLASSIFIED), classification)
+
+
+def _has_near(places: NDArray[np.float64], others: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+    if not len(others):
+        return np.zeros(len(places), dtype=bool)
+    distance = cKDTree(others).query(places, distance_upper_bound=reach)[0]
+    near: NDArray[np.bool_] = np.isfinite(distance)
+    return near

@@ -1,15 +1,19 @@
-"""What a method looks for roofs among, the same for all methods."""
+"""What a method looks for roofs among, and what lies around each point or column."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.columns import Columns, gathered
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.sectors import sector_of
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 #: Smallest radius of a neighbourhood, in spacings: sixteen points on an even surface, where planes take six.
@@ -76,3 +80,127 @@ class Candidates:
     def of_buildings(self, roof: NDArray[np.bool_], min_area: float) -> NDArray[np.bool_]:
         """Tell which roof points are of buildings in plan with so much area [m²]."""
         return np.asarray(self.buildings(roof, min_area)[0] >= 0)
+
+
+#: Points more nearly on a line than this span no plane: cables, single scan lines.
+MAX_LINEARITY = 0.95
+#: Columns a block of work.
+BLOCK = 32_768
+
+
+class Surroundings(NamedTuple):
+    """What stands within reach of each column's middle in plan, told by whole columns."""
+
+    n_sectors: NDArray[np.uint8]  #: sectors of eight that show some, shape (n_columns,)
+    #: The ends of its elevations [m]; infinite the wrong way round where there is nothing, shape
+    #: (n_columns,).
+    lowest: NDArray[np.float64]
+    highest: NDArray[np.float64]
+
+
+def near_tangent_plane(
+    columns: Columns,
+    normals: NDArray[np.float64],
+    is_surface: NDArray[np.bool_],
+    radius: float,
+    max_distance: float,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points lie on the surface or its immediate continuation.
+
+    `normals` are those of the surface points alone; the surface goes on beyond these by the radius, and a
+    point may be `max_distance` from the tangent plane of one within it [m].
+    """
+    return _joined(columns, columns.select(is_surface), normals, is_surface, radius, max_distance, 1.0)
+
+
+def near_in_plan(columns: Columns, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+    """Tell which points are targets or lie within reach of one in plan [m]."""
+    near = columns.select(targets)
+    return _joined(columns, near, near.points, targets, reach, np.inf, 0.0)
+
+
+def _joined(
+    columns: Columns,
+    surface: Columns,
+    normals: NDArray[np.float64],
+    is_surface: NDArray[np.bool_],
+    radius: float,
+    max_distance: float,
+    upright: float,
+) -> NDArray[np.bool_]:
+    joined = is_surface.copy()
+    own, other = (columns.points, columns.first), (surface.points, surface.first, normals)
+    limits = radius, max_distance, upright
+
+    def join(begin: int, end: int) -> None:
+        runs = columns.around(radius, np.arange(begin, end))
+        _join(*own, *other, runs, *limits, joined, begin)
+
+    for_row_blocks(join, len(columns.numbers), BLOCK)
+    return joined
+
+
+def surroundings(
+    columns: Columns, chosen: NDArray[np.bool_], reach: float, wanted: NDArray[np.bool_]
+) -> Surroundings:
+    """
+    Look at the chosen points around those columns that hold wanted points; for others there is no answer.
+
+    Whole columns are within reach if their middles are: to within half a column, as many times faster as
+    there are points in one.
+    """
+    rows, first, asking = np.flatnonzero(chosen), columns.first_of(chosen), columns.holding(wanted)
+    is_held = np.diff(first, append=first[-1]) > 0
+    holds = np.flatnonzero(is_held)
+    before: NDArray[np.int64] = np.cumsum(is_held) - is_held
+    place = columns.places[holds]
+    lowest, highest = (columns.points[rows[at], 2] for at in (first[holds], first[holds + 1] - 1))
+    n = len(columns.numbers)
+    found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
+    own, known = columns.places, (before, place, lowest, highest, reach / columns.size)
+
+    def look_around(begin: int, end: int) -> None:
+        runs = columns.around(reach, asking[begin:end])
+        _look_around(asking[begin:end], own, runs, *known, *found)
+
+    for_row_blocks(look_around, len(asking), BLOCK)
+    return found
+
+
+@kernel
+def _join(  # type: ignore[no-untyped-def]
+    points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin
+):
+    for k in range(begin, begin + len(runs)):
+        for i in range(first[k], first[k + 1]):
+            if joined[i]:
+                continue
+            x, y, z = points[i]
+            for row in range(runs.shape[1]):
+                west, east = runs[k - begin, row]
+                for j in range(surface_first[west], surface_first[east]):
+                    dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, upright * (surface[j, 2] - z)
+                    off = normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz
+                    if dx * dx + dy * dy + dz * dz <= radius * radius and abs(off) <= max_distance:
+                        joined[i] = True
+                        break
+                if joined[i]:
+                    break
+
+
+@kernel
+def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sectors, low, high):  # type: ignore[no-untyped-def]
+    for one in range(len(asking)):
+        k, seen = asking[one], 0
+        for row in range(runs.shape[1]):
+            for j in range(before[runs[one, row, 0]], before[runs[one, row, 1]]):
+                dx, dy = place[j, 1] - own[k, 1], place[j, 0] - own[k, 0]
+                if dx * dx + dy * dy > reach * reach:
+                    continue
+                low[k], high[k] = min(low[k], lowest[j]), max(high[k], highest[j])
+                if dx != 0 or dy != 0:
+                    seen |= 1 << sector_of(dx, dy)
+        while seen:
+            n_sectors[k] += seen & 1
+            seen >>= 1

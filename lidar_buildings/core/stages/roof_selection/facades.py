@@ -1,4 +1,4 @@
-"""Façades: what of a building lies below the edges of its roofs, and between them."""
+"""Façades and walls: what of a building lies below the edges of its roofs, or is seen without them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.neighbours.columns import Columns
-from lidar_buildings.core.stages.roof_selection.surroundings import near_in_plan, surroundings
+from lidar_buildings.core.stages.roof_selection.candidates import near_in_plan, surroundings
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
 REACH_SPACINGS = 0.7
@@ -67,3 +67,24 @@ def find_facades(
     well = surroundings(columns, is_roof, max(WELL_REACH, far), is_inside)
     is_inside &= (well.n_sectors >= MIN_SECTORS)[column] & (z <= well.highest[column])
     return hangs | is_inside
+
+
+#: How far a wall rises above `min_height`: fences, hedges, lorries and ground floors alone rise less [m].
+MIN_RISE = 2.5
+
+
+def wall_areas(
+    points: NDArray[np.float64], label: NDArray[np.int64], min_width: float
+) -> NDArray[np.float64]:
+    """
+    Return length times height of upright patches [m²], 0 for those that are too low or short for a building.
+    """
+    n = np.bincount(label)
+    order = np.lexsort((points[:, 2], label))
+    last = np.cumsum(n) - 1
+    rise = points[order[last], 2] - points[order[last - n + 1], 2]
+    x, y = (away - (np.bincount(label, away) / n)[label] for away in points[:, :2].T)
+    xx, yy, xy = (np.bincount(label, one) / n for one in (x * x, y * y, x * y))
+    # The variance of an even line is a twelfth of its length's square.
+    length = np.sqrt(12.0 * (0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)))
+    return np.where((rise >= MIN_RISE) & (length >= min_width), length * rise, 0.0)

@@ -1,4 +1,4 @@
-"""The public function of roof selection, and its steps."""
+"""The stage: roofs, façades, vegetation and roads, one class for every point."""
 
 from __future__ import annotations
 
@@ -8,26 +8,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.crowds import without_crowds
+from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
-from lidar_buildings.core.stages.roof_selection import lasclassify, single_returns
 from lidar_buildings.core.stages.roof_selection.candidates import (
     COLUMNS_A_RADIUS,
     MIN_RADIUS,
     RADIUS_SPACINGS,
     Candidates,
+    surroundings,
 )
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
-from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
+from lidar_buildings.core.stages.roof_selection.published_methods import planar_cells, single_return_planes
 from lidar_buildings.core.stages.roof_selection.roads import find_roads, of_road_grey, point_brightness
-from lidar_buildings.core.stages.roof_selection.smooth_patches import roofs as smooth_patches
-from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
-from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
-from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
+from lidar_buildings.core.stages.roof_selection.smooth_patches import find_roofs
+from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.surfaces.opened_terrain import opened_terrain
 
 #: Classes that are decided here; what has another one has it for good, but for ground that is road.
@@ -44,8 +45,8 @@ OPEN = (
 NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: Method that tells no walls → its function.
 METHODS = {
-    "lasclassify": lasclassify.find_roofs,
-    "single_returns": single_returns.find_roofs,
+    "lasclassify": planar_cells,
+    "single_returns": single_return_planes,
     "all": lambda candidates, config: np.ones(len(candidates.points), dtype=bool),
 }
 #: What is lower than this share of `min_height` may be what a bridge goes on as.
@@ -177,7 +178,7 @@ def select_roofs(
     del raised
     roof, wall = np.zeros((2, len(chosen)), dtype=bool)
     if config.method == "smooth_patches":
-        roof[is_raised], wall[is_raised] = smooth_patches.find_roofs(candidates, config)
+        roof[is_raised], wall[is_raised] = find_roofs(candidates, config)
     else:
         found = METHODS[config.method](candidates, config)
         roof[is_raised] = candidates.of_buildings(found, config.min_building_area)
@@ -280,3 +281,70 @@ def _open_classes(
     classes[stands | is_facade] = PointClass.BUILDING
     facade = np.where(is_bare, Facade.BARE, Facade.BELOW_ROOF) * (is_facade | is_wall)
     return classes, facade.astype(np.uint8)
+
+
+#: Returns of a pulse this near one another came from one surface: scanners that record a first and a last
+#: return of every pulse give the same echo twice, some centimetres apart [m].
+SAME_ECHO = 0.3
+
+
+def last_and_only_returns(
+    points: NDArray[np.float64], return_number: ArrayLike | None, number_of_returns: ArrayLike | None
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Tell which points are the last return of their pulse, and which are its only one.
+
+    Where no pulse has a single return, the scanner recorded two of every pulse. A point then counts as the
+    only return if another return number lies next to it. Every point does if either column is missing.
+    """
+    n = len(points)
+    if return_number is None or number_of_returns is None:
+        return np.ones(n, dtype=bool), np.ones(n, dtype=bool)
+    number = checked_column("return_number", return_number, n, np.int64)
+    of = checked_column("number_of_returns", number_of_returns, n, np.int64)
+    is_only = of <= 1
+    if n and not is_only.any():
+        grid = build_grid(points, SAME_ECHO)
+        for_row_blocks(lambda begin, end: _find_twins(grid, number, is_only, begin, end), n)
+    return (number >= of) | is_only, is_only
+
+
+@kernel
+def _find_twins(grid, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
+    """Mark sorted points begin to end next to which a return of another number lies."""
+    near = np.empty(len(grid.points), dtype=np.int64)
+    for i in range(begin, end):
+        x, y, z = grid.points[i]
+        row = grid.rows[i]
+        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, SAME_ECHO, False, near)):
+            if number[grid.rows[near[k]]] != number[row]:
+                has_twin[row] = True
+                break
+
+
+#: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.
+VEGETATION_FLOOR = 0.01
+
+
+def vegetation_classes(height: NDArray[np.float64], config: RoofSelectionConfig) -> NDArray[np.uint8]:
+    """
+    Return low, medium or high vegetation by height, unclassified below and above (Mancera-Taboada, 2012).
+
+    Of points that are neither ground nor roof; a limit belongs to the class above it.
+    """
+    limits = np.maximum.accumulate(
+        [
+            VEGETATION_FLOOR,
+            config.low_vegetation_height,
+            config.medium_vegetation_height,
+            config.max_vegetation_height,
+        ]
+    )
+    classes = (
+        PointClass.UNCLASSIFIED,
+        PointClass.LOW_VEGETATION,
+        PointClass.MEDIUM_VEGETATION,
+        PointClass.HIGH_VEGETATION,
+        PointClass.UNCLASSIFIED,
+    )
+    return np.array(classes, dtype=np.uint8)[np.digitize(height, limits)]

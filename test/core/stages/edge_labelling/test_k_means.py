@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from sklearn.cluster import KMeans
 
-from lidar_buildings.core.stages.edge_labelling.k_means import in_second, metric_of, two_means
+from lidar_buildings.core.stages.edge_labelling.clusters import in_second, metric_of, two_means
 
 
 def points_of(n_features, seed=0):

@@ -3,9 +3,14 @@ import pytest
 from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
-from lidar_buildings.core.stages.edge_labelling.open_arcs import N_SECTORS, N_SQUARES, sector_table, square_at
-from lidar_buildings.core.stages.edge_labelling.rims import on_rims
-from lidar_buildings.core.stages.edge_labelling.roofs import roofs_in_plan
+from lidar_buildings.core.stages.edge_labelling.clusters import roofs_in_plan
+from lidar_buildings.core.stages.edge_labelling.rims import (
+    N_SECTORS,
+    N_SQUARES,
+    on_rims,
+    sector_table,
+    square_at,
+)
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
 

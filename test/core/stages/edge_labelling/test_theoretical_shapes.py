@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.edge_labelling.theoretical_shapes import (
+from lidar_buildings.core.stages.edge_labelling.labelling import (
     SHAPES,
     discriminant_edges,
     nearest_shapes,

@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 
 from bench.scenes.terrain import TERRAIN_SCENES
+from lidar_buildings.core.stages.ground_filter import bidirectional_slope
+from lidar_buildings.core.stages.ground_filter.bidirectional_slope import fit_trend, grow_ground, net_votes
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.scan_profiles import profile_labelling
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_labelling import net_votes
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_regression import grow_ground
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profile_trend import fit_trend
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles
+from lidar_buildings.core.stages.ground_filter.scan_profiles import cut_profiles
 
 CONFIG = GroundFilterConfig(method="bidirectional_slope")
 
@@ -100,7 +98,7 @@ def test_sloping_edges_in_a_dense_cloud_are_steps_all_the_same(monkeypatch):
     height = hedge(points, 40.0)
     lines = [cut_profiles(points, 0.2, 0.0)]
     assert not (net_votes(lines, points[:, 2], CONFIG)[height > 0.7] > 0.1).any()
-    monkeypatch.setattr(profile_labelling, "WINDOW", 0.0)
+    monkeypatch.setattr(bidirectional_slope, "WINDOW", 0.0)
     assert (net_votes(lines, points[:, 2], CONFIG)[height > 0.7] > 0.1).any()
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours.sectors import N_SECTORS
-from lidar_buildings.core.stages.ground_filter.growing_tin.candidate_links import (
+from lidar_buildings.core.stages.ground_filter.landforms import (
     ROWS_A_BLOCK,
     nearest_by_sector,
 )

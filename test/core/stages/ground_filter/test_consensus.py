@@ -8,7 +8,7 @@ from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import consensus
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import (
+from lidar_buildings.core.stages.ground_filter.progressive_tin import (
     GROUND_DISTANCE_SLOPE,
     MAX_SLOPE,
 )
@@ -175,9 +175,9 @@ def test_labels_follow_from_the_distance_to_the_terrain():
 
 def views_are(monkeypatch, views, beyond):
     """Put labels in the place of the three views, and what the TIN does not reach within narrow limits."""
-    monkeypatch.setattr(consensus, "label_candidates", lambda *_: (views[0], beyond))
-    monkeypatch.setattr(consensus.bidirectional_slope, "label_candidates", lambda *_: views[1])
-    monkeypatch.setattr(consensus.morphological, "label_ground", lambda *_: views[2])
+    monkeypatch.setattr(consensus, "grown_ground", lambda *_: (views[0], beyond))
+    monkeypatch.setattr(consensus, "profile_ground", lambda *_: views[1])
+    monkeypatch.setattr(consensus, "opened_ground", lambda *_: views[2])
 
 
 def test_two_of_three_views_decide(monkeypatch):

@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.growing_tin import growth_rounds
-from lidar_buildings.core.stages.ground_filter.growing_tin.facet_scores import candidate_score
-from lidar_buildings.core.stages.ground_filter.growing_tin.frame import extend_terrain
-from lidar_buildings.core.stages.ground_filter.growing_tin.terrain_growth import GrowthLimits, start_growth
+from lidar_buildings.core.stages.ground_filter import tin_growth
+from lidar_buildings.core.stages.ground_filter.tin_growth import (
+    GrowthLimits,
+    candidate_score,
+    extend_terrain,
+    start_growth,
+)
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
 from lidar_buildings.core.surfaces.tin import walk
 
@@ -85,8 +88,8 @@ def test_threads_do_not_change_the_terrain(monkeypatch):
     _, growth = started(seed=6)
     other = growth.copy()
     growth.grow(LIMITS)
-    in_blocks = growth_rounds.for_row_blocks
-    monkeypatch.setattr(growth_rounds, "for_row_blocks", lambda kernel, n: in_blocks(kernel, n, 7))
+    in_blocks = tin_growth.for_row_blocks
+    monkeypatch.setattr(tin_growth, "for_row_blocks", lambda kernel, n: in_blocks(kernel, n, 7))
     other.grow(LIMITS)
     np.testing.assert_array_equal(triangles_of(growth), triangles_of(other))
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.morphological import DISTANCE, label_ground
+from lidar_buildings.core.stages.ground_filter.consensus import DISTANCE, opened_ground
 from lidar_buildings.evaluation.scores.cells import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")
@@ -33,7 +33,7 @@ def town(slope=0.0, seed=0, size=160.0):
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.3])
 def test_boxes_on_a_plane_are_told_from_it(slope):
     points, roof = town(slope)
-    ground = label_ground(points, CONFIG)
+    ground = opened_ground(points, CONFIG)
     assert not ground[roof].any()
     # At the upper edge of the data a disc has nothing above it to rest on: a strip of a slope is lost there.
     inner = points[:, 0] < points[:, 0].max() - 25.0
@@ -43,7 +43,7 @@ def test_boxes_on_a_plane_are_told_from_it(slope):
 def test_a_steep_hillside_is_ground():
     points = lattice(120.0, 120.0, 0.8)
     points[:, 2] += 0.7 * points[:, 0]
-    ground = label_ground(points, CONFIG)
+    ground = opened_ground(points, CONFIG)
     assert ground[points[:, 0] < 95.0].mean() > 0.99
 
 
@@ -51,7 +51,7 @@ def test_a_hill_as_wide_and_high_as_a_hall_is_ground():
     points = lattice(240.0, 240.0, 1.0)
     away = np.hypot(points[:, 0] - 120.0, points[:, 1] - 120.0)
     points[:, 2] += 12.0 * np.exp(-((away / 35.0) ** 2))
-    assert label_ground(points, CONFIG).mean() > 0.99
+    assert opened_ground(points, CONFIG).mean() > 0.99
 
 
 @pytest.mark.parametrize(
@@ -68,18 +68,18 @@ def test_a_hill_as_wide_and_high_as_a_hall_is_ground():
     ids=["one", "two", "identical", "collinear", "one roof only", "huge", "tiny"],
 )
 def test_what_shows_one_even_surface_is_all_ground(points):
-    assert label_ground(np.array(points), CONFIG).all()
+    assert opened_ground(np.array(points), CONFIG).all()
 
 
 def test_points_on_one_vertical_leave_the_lowest_as_ground():
     points = np.column_stack((np.full((50, 2), 2.0), np.arange(50) / 5))
-    np.testing.assert_array_equal(label_ground(points, CONFIG), points[:, 2] <= DISTANCE)
+    np.testing.assert_array_equal(opened_ground(points, CONFIG), points[:, 2] <= DISTANCE)
 
 
 def test_a_stray_point_far_off_changes_nothing():
     points, _ = town()
-    labels = label_ground(points, CONFIG)
-    strayed = label_ground(np.vstack((points, [1e7, -1e7, 3.0])), CONFIG)
+    labels = opened_ground(points, CONFIG)
+    strayed = opened_ground(np.vstack((points, [1e7, -1e7, 3.0])), CONFIG)
     # Discs may now be centred beyond the data's former edge, so that a house there may be taken for ground.
     inner = (points[:, :2] > 30.0).all(axis=1) & (points[:, :2] < 130.0).all(axis=1)
     np.testing.assert_array_equal(strayed[:-1][inner], labels[inner])
@@ -91,13 +91,13 @@ def test_a_tile_with_a_buffer_gets_the_labels_of_the_whole():
     points[:, 2] += 6 * np.sin(points[:, 0] / 40)
     for x in range(20, 700, 45):
         points[(np.abs(points[:, :2] - [x, 30]) < [9, 12]).all(axis=1), 2] += 7.0
-    whole = label_ground(points, CONFIG)
+    whole = opened_ground(points, CONFIG)
     reach = 2 * CONFIG.opening_radius + 40.0
     for low, high in ((0.0, 350.0), (350.0, 531.0), (531.0, 700.0)):
         core = (points[:, 0] >= low) & (points[:, 0] < high)
         tile = (points[:, 0] >= low - reach) & (points[:, 0] < high + reach)
         cut = np.zeros(len(points), dtype=bool)
-        cut[tile] = label_ground(points[tile], CONFIG)
+        cut[tile] = opened_ground(points[tile], CONFIG)
         assert (cut == whole)[core].mean() > 0.999
 
 
@@ -106,7 +106,7 @@ def test_objects_are_told_where_points_are_far_apart():
     points = lattice(1500.0, 1500.0, 15.0)
     object_ = np.hypot(points[:, 0] - 700.0, points[:, 1] - 700.0) < 10.0
     points[object_, 2] += 30.0
-    np.testing.assert_array_equal(label_ground(points, CONFIG), ~object_)
+    np.testing.assert_array_equal(opened_ground(points, CONFIG), ~object_)
 
 
 @pytest.mark.real_data
@@ -116,7 +116,7 @@ def test_the_isprs_samples_are_labelled_with_few_errors_wherever_the_grid_lies(d
         las = laspy.read(path)
         points, truth = np.column_stack((las.x, las.y, las.z)), np.asarray(las.classification)
         for shift in ([0.0, 0.0, 0.0], [0.37, 12.71, 0.0]):
-            ground = label_ground(points + shift, CONFIG)
+            ground = opened_ground(points + shift, CONFIG)
             errors.append(score_ground(np.where(ground, 2, 1), truth).total_error)
     # Measured: 3.5 % in the mean, 8.8 % on the worst sample.
     assert np.mean(errors) < 0.04

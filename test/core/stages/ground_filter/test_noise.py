@@ -6,7 +6,7 @@ import pytest
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING
-from lidar_buildings.core.stages.ground_filter.gross_errors.noise import find_noise
+from lidar_buildings.core.stages.ground_filter.gross_errors import find_noise
 
 LOW, HIGH = PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 SIZE = 70.0

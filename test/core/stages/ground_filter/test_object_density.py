@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.growing_tin.landforms import (
+from lidar_buildings.core.stages.ground_filter.landforms import (
     CELL,
     RADIUS,
     object_density,

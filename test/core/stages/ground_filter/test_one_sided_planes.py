@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.growing_tin import one_sided_planes
-from lidar_buildings.core.stages.ground_filter.growing_tin.one_sided_planes import (
+from lidar_buildings.core.stages.ground_filter import landforms
+from lidar_buildings.core.stages.ground_filter.landforms import (
     MIN_SPREAD,
     ROWS_A_BLOCK,
     SIDES,
@@ -25,11 +25,11 @@ def continues_by_least_squares(candidates, rows, ground, spacing):
     found = np.zeros(len(rows), dtype=bool)
     for r, row in enumerate(rows):
         around = candidates[ground] - candidates[row]
-        around = around[np.hypot(*around[:, :2].T) <= one_sided_planes.REACH * spacing]
+        around = around[np.hypot(*around[:, :2].T) <= landforms.PLANE_REACH * spacing]
         for side in range(SIDES):
             turn = 2 * math.pi * side / SIDES
             those = around[around[:, 0] * math.cos(turn) + around[:, 1] * math.sin(turn) > 1e-9]
-            if len(those) < one_sided_planes.MIN_POINTS:
+            if len(those) < landforms.MIN_PLANE_POINTS:
                 continue
             spread = np.linalg.eigvalsh(np.cov(those[:, :2].T))
             if 4 * spread[0] * spread[1] <= MIN_SPREAD * spread.sum() ** 2:
@@ -38,10 +38,10 @@ def continues_by_least_squares(candidates, rows, ground, spacing):
             plane = np.linalg.lstsq(design, those[:, 2], rcond=None)[0]
             residual = np.sqrt(np.mean((design @ plane - those[:, 2]) ** 2))
             found[r] |= (
-                np.hypot(*those[:, :2].T).min() <= one_sided_planes.NEAREST * spacing
-                and np.hypot(*plane[:2]) <= one_sided_planes.MAX_SLOPE
-                and residual <= one_sided_planes.MAX_RESIDUAL
-                and abs(plane[2]) <= one_sided_planes.MAX_DISTANCE + residual
+                np.hypot(*those[:, :2].T).min() <= landforms.PLANE_NEAREST * spacing
+                and np.hypot(*plane[:2]) <= landforms.MAX_SLOPE
+                and residual <= landforms.MAX_RESIDUAL
+                and abs(plane[2]) <= landforms.MAX_DISTANCE + residual
             )
     return found
 

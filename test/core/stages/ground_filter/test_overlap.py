@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.ground_filter.classification import used_classes
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.overlap import used_classes
 from lidar_buildings.pipeline.tile_stages import filter_ground
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.plates import find_plates
+from lidar_buildings.core.stages.ground_filter.consensus import find_plates
 
 CONFIG = GroundFilterConfig()
 #: East and north of the area, and of the hall on it, 200 m x 120 m [m].

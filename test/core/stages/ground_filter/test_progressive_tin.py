@@ -3,7 +3,7 @@ import pytest
 
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.growing_tin.progressive_tin import label_candidates
+from lidar_buildings.core.stages.ground_filter.progressive_tin import grown_ground
 
 CONFIG = GroundFilterConfig(method="progressive_tin")
 
@@ -46,7 +46,7 @@ def test_a_rough_slope_is_the_ground_that_its_candidates_make_up():
     candidates = lattice(60.0, 60.0, 1.2)
     candidates[:, 2] += 0.3 * candidates[:, 0]
     extent = np.array([candidates[:, :2].min(axis=0), candidates[:, :2].max(axis=0)])
-    ground, _ = label_candidates(candidates, extent, 1.2, CONFIG)
+    ground, _ = grown_ground(candidates, extent, 1.2, CONFIG)
     assert ground.all()
 
 
@@ -64,4 +64,4 @@ def test_a_rough_slope_is_the_ground_that_its_candidates_make_up():
 def test_few_or_odd_candidates_are_all_ground(candidates):
     candidates = np.array(candidates)
     extent = np.array([candidates[:, :2].min(axis=0) - 1.0, candidates[:, :2].max(axis=0) + 1.0])
-    assert label_candidates(candidates, extent, 1.0, CONFIG)[0].all()
+    assert grown_ground(candidates, extent, 1.0, CONFIG)[0].all()

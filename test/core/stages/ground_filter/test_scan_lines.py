@@ -6,8 +6,11 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.scan_profiles.profiles import cut_profiles, sorted_profiles
-from lidar_buildings.core.stages.ground_filter.scan_profiles.scan_lines import find_scan_lines
+from lidar_buildings.core.stages.ground_filter.scan_profiles import (
+    cut_profiles,
+    find_scan_lines,
+    sorted_profiles,
+)
 
 SPACING = 1.0
 

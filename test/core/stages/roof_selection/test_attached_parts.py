@@ -3,7 +3,7 @@ import pytest
 
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.attached_parts import LEVEL_STEP, wide_levels
+from lidar_buildings.core.stages.roof_selection.smooth_patches import LEVEL_STEP, wide_levels
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 CELL = 0.4

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from bench.scenes.roofs import ROOF_SCENES
+from lidar_buildings.core.stages.roof_selection.roof_patches import is_deck
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.core.stages.roof_selection.smooth_patches.decks import is_deck
 
 
 def sheet(x, y, z, step=0.5):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.stages.roof_selection.candidates import surroundings
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
-from lidar_buildings.core.stages.roof_selection.surroundings import surroundings
 
 SPACING = 0.25
 

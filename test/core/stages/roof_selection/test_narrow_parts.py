@@ -5,7 +5,7 @@ import pytest
 from scipy import ndimage
 
 from lidar_buildings.core.neighbours.columns import by_column
-from lidar_buildings.core.stages.roof_selection.smooth_patches.narrow_parts import wide_enough as of_columns
+from lidar_buildings.core.stages.roof_selection.smooth_patches import wide_enough as of_columns
 from lidar_buildings.core.surfaces.morphology import square_distances
 
 SPACING = 0.25

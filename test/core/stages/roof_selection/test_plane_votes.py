@@ -5,7 +5,7 @@ import numpy as np
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.plane_votes import (
+from lidar_buildings.core.stages.roof_selection.roof_patches import (
     N_VOTERS,
     find_voted_surface,
     plane_votes,

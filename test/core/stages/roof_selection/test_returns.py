@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.stages.roof_selection.returns import last_and_only_returns
-from lidar_buildings.core.stages.roof_selection.selection import select_roofs
+from lidar_buildings.core.stages.roof_selection.selection import last_and_only_returns, select_roofs
 
 
 def test_without_numbers_every_return_is_the_only_one():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.neighbours.columns import by_column
-from lidar_buildings.core.stages.roof_selection.smooth_patches.rims import stands_out
+from lidar_buildings.core.stages.roof_selection.smooth_patches import stands_out
 
 CELL = 1.0
 

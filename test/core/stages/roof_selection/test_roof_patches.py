@@ -6,7 +6,7 @@ import pytest
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches.roof_patches import find_roof_surface
+from lidar_buildings.core.stages.roof_selection.roof_patches import find_roof_surface
 
 
 def started(width, split_share, noise=0.0, length=5.0):

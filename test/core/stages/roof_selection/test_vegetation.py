@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.core.stages.roof_selection.vegetation import vegetation_classes
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs, vegetation_classes
 
 
 @pytest.mark.parametrize(

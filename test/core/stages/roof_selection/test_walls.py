@@ -5,8 +5,8 @@ import pytest
 
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.facades import wall_areas
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.core.stages.roof_selection.smooth_patches.walls import wall_areas
 
 GROUND, BUILDING = PointClass.GROUND, PointClass.BUILDING
 #: Name of a wall → length and height [m], and whether it is a building's.

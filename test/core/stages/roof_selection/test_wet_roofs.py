@@ -3,7 +3,7 @@ import pytest
 
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.core.stages.roof_selection.smooth_patches.wet_roofs import find_wet_roofs
+from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 
 SPACING = 0.4
 CONFIG = RoofSelectionConfig()

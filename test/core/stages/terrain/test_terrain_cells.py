@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells
-from lidar_buildings.core.stages.terrain.known_cells import closed, squared_distance
+from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells, closed, squared_distance
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.triangulation import triangulate
 

@@ -1,0 +1,623 @@
+"""Methods `bidirectional_slope` and `slope_pairs`: slopes along profiles, forth and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.stages.ground_filter.scan_profiles import Profiles, cut_profiles, find_scan_lines
+
+# Chosen with `bench.ground.isprs`.
+#: Width of the strips that are cut as profiles [multiples of the spacing].
+WIDTH = 1.7
+#: By how much more passes have to call a point ground than object, as a share of all.
+AGREEMENT = 0.1
+#: Distance over which the terrain is smoothed before its slope is taken off [m]; passes err less on what is
+#: left: so much less agreement is asked of them.
+TREND_RADIUS, LESS_ON_TREND = 20.0, 0.1
+#: Where the trend of all points is steeper than this share of `profile_max_slope`, the first passes look at
+#: heights above it: uphill every one leaves the ground otherwise.
+STEEP_SHARE = 0.5
+
+
+def profile_ground(
+    candidates: NDArray[np.float64],
+    spacing: float,
+    config: GroundFilterConfig,
+    scanned: Sequence[Profiles] = (),
+) -> NDArray[np.bool_]:
+    """
+    Tell which candidates are ground by walking along profiles in both directions.
+
+    Where a profile rises by a step it leaves the ground, and is back on it where it has come down to the
+    elevation it left (Shan & Sampath 2005). Profiles are the scan lines, where the cloud has any, and strips
+    cut in `profile_directions` directions; passes in all directions vote. Ground is then grown along the
+    profiles by local regression, the slope of the terrain taken off, and all repeated.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At least one; at most one per cell, without gross errors [m].
+    spacing : float
+        Of the candidates [m].
+    config : GroundFilterConfig
+        The members that begin with `profile_`.
+    scanned : sequence of Profiles, optional
+        The scan lines, see `find_scan_lines`.
+
+    Returns
+    -------
+    ndarray of shape (n_candidates,), bool
+    """
+    n = config.profile_directions
+    profiles = [cut_profiles(candidates, WIDTH * spacing, 180.0 * k / n) for k in range(n)]
+    profiles += scanned
+    z = candidates[:, 2]
+    net = net_votes(profiles, z, config)
+    trend = fit_trend(candidates, np.ones(len(z), dtype=bool), TREND_RADIUS)
+    is_steep = np.hypot(*trend.gradient_at(candidates).T) > STEEP_SHARE * config.profile_max_slope
+    if is_steep.any():
+        net[is_steep] = net_votes(profiles, z - trend.elevation_at(candidates), config)[is_steep]
+    ground = grow_ground(profiles, z, net > AGREEMENT, spacing)
+    if ground.any():
+        height = z - fit_trend(candidates, ground, TREND_RADIUS).elevation_at(candidates)
+        ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
+        ground = grow_ground(profiles, z, ground, spacing)
+    return reject_outliers(profiles, z, ground, spacing, config)
+
+
+#: What a pass says of a point, in half votes; likely ground may yet turn out to be the roof that it began on.
+OBJECT, UNKNOWN, LIKELY, GROUND = -2, 0, 1, 2
+# Chosen with `bench.ground.isprs`.
+#: Where a profile's beginning falls by more than this, it began on an object [m].
+FALL = 1.5
+#: How steeply the ground behind an object may lie above the ground before it, rise over run.
+REENTRY_SLOPE = 0.05
+#: How far back along a profile a rise is looked for [m].
+WINDOW = 1.0
+#: Distance over which a pass forgets the slope of the ground that it came over [m].
+SLOPE_MEMORY = 10.0
+#: Steps shorter than this say little about the slope [m].
+MIN_RUN = 0.5
+#: Steepest slope that a pass expects to go on behind an object, rise over run.
+MAX_TREND = 1.0
+
+
+def net_votes(
+    profiles: Sequence[Profiles], elevation: NDArray[np.float64], config: GroundFilterConfig
+) -> NDArray[np.float64]:
+    """
+    Return by how much more passes call a point ground than object, as a share of all passes: −1 to 1.
+
+    Each set of profiles is walked forth and back (Shan & Sampath 2005). A point is object from where the
+    profile rises by a step until it has come back to the elevation of the last ground point; so what lies
+    between a rise and a fall is object in both directions, and what lies above a single step, such as a
+    terrace, in one. Elevations may be heights above a trend.
+    """
+    limits = config.profile_max_slope, config.profile_step, config.profile_max_object, WINDOW
+    z = np.ascontiguousarray(elevation)
+    votes = np.zeros((len(profiles), len(z)), dtype=np.int8)
+
+    def label(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            one = profiles[k]
+            _label_both_ways(one.rows, one.first, one.along, z, limits, votes[k])
+
+    for_row_blocks(label, len(profiles), 1)
+    return votes.sum(axis=0, dtype=np.int64) / (2.0 * GROUND * max(len(profiles), 1))
+
+
+@kernel
+def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ignore[no-untyped-def]
+    z = elevation[rows]
+    label = np.empty(len(rows), dtype=np.int8)
+    for heading in (1, -1):
+        for k in range(len(first) - 1):
+            if first[k] < first[k + 1]:
+                _walk(along, z, first[k], first[k + 1], heading, limits, label)
+        for i in range(len(rows)):
+            votes[rows[i]] += label[i]
+
+
+@kernel
+def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
+    """
+    Label one profile in one direction.
+
+    The first points are likely ground, until the profile falls by more than the terrain can: then they were
+    on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
+    sure, that on the way there too.
+    """
+    max_slope, step, max_object, _ = limits
+    i = begin if heading > 0 else end - 1
+    start, last = i, i
+    on_ground, standing, slope = True, LIKELY, 0.0
+    label[i] = LIKELY
+    for _ in range(end - begin - 1):
+        i += heading
+        run = abs(along[i] - along[last])
+        if on_ground and _rises(along, z, i, last, begin, end, heading, limits, label):
+            on_ground = False
+            label[i] = OBJECT
+            continue
+        if not on_ground and z[i] > z[last] + step + (max(slope, 0.0) + REENTRY_SLOPE) * run:
+            label[i] = OBJECT
+            if run > max_object:
+                # No object is as long, or the longest was not known: unknown until it goes on as far again.
+                label[i] = UNKNOWN
+                start, last, on_ground, standing, slope = i, i, True, UNKNOWN, 0.0
+            continue
+        steepest = max_slope if on_ground else REENTRY_SLOPE + max(-slope, 0.0)
+        if standing != GROUND and abs(along[i] - along[start]) > max_object:
+            _change(label, start, i, heading, LIKELY, GROUND)
+            standing = GROUND
+        if standing != GROUND and z[last] - z[i] > _fallen(steepest, run, on_ground):
+            _change(label, start, i, heading, LIKELY, UNKNOWN)
+            start, standing = i, LIKELY
+        if on_ground:
+            weight = min(1.0, run / SLOPE_MEMORY)
+            slope += weight * ((z[i] - z[last]) / max(run, MIN_RUN) - slope)
+            slope = min(max(slope, -MAX_TREND), MAX_TREND)
+        label[i] = standing
+        on_ground, last = True, i
+
+
+@kernel
+def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
+    """Return by how much a profile has to fall until what came before was no ground [m]."""
+    return max(FALL, steepest * run) if on_ground else FALL + steepest * run
+
+
+@kernel
+def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
+    """
+    Whether point i stands a step above the last ground point, or above one not much further back.
+
+    In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
+    same.
+    """
+    max_slope, step, _, window = limits
+    j = last
+    while begin <= j < end:
+        run, rise = abs(along[i] - along[j]), z[i] - z[j]
+        if run > window and j != last:
+            return False
+        if label[j] != OBJECT and rise > step and rise > max_slope * run:
+            return True
+        j -= heading
+    return False
+
+
+@kernel
+def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
+    i = start
+    while i != end:
+        if label[i] == before:
+            label[i] = after
+        i += heading
+
+
+# Chosen with `bench.ground.isprs`.
+#: How often points next to the ground are tried again, at most.
+ROUNDS = 25
+#: How far away a line through ground points may begin [multiples of the spacing].
+REACH = 6.0
+#: By how many lines ground has to lead to a point, more than half of those that lie well below it.
+SUPPORT = 2
+#: Points this near a line are where it leads to [m]; by how much that grows per unit of slope [m], and per
+#: standard deviation of the ground.
+TOLERANCE, TOLERANCE_SLOPE, ROUGHNESS = 0.2, 0.3, 1.0
+#: Ground points on either side that a line is fitted to.
+POINTS = 4
+#: Steepest slope that is carried on beyond the points it was fitted to, rise over run.
+MAX_SLOPE = 1.0
+#: Roughness of the ground adds at most so much to the tolerance [m].
+MAX_ROUGHNESS = 0.5
+#: A point is against ground if it stands so many tolerances above the line; weights in half votes.
+AGAINST = 3.0
+FOR_WEIGHT, AGAINST_WEIGHT = 2, -1
+
+
+def grow_ground(
+    profiles: Sequence[Profiles], elevation: NDArray[np.float64], ground: NDArray[np.bool_], spacing: float
+) -> NDArray[np.bool_]:
+    """
+    Return the ground with all points that lines through ground points beside them lead to.
+
+    On every profile a line is fitted to the nearest ground points on either side of a point and carried on to
+    it. A point joins where `SUPPORT` more lines lead to it than pass well below it, these counting
+    half: at the foot and the top of a slope, one side of it always does. Repeated until no point joins.
+
+    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
+    """
+    ground = ground.copy()
+    reach = REACH * spacing
+    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)  # so few that their sum is no more
+    axes = [_Axis(one, elevation, ground, votes[k]) for k, one in enumerate(profiles)]
+    new = np.flatnonzero(ground)
+
+    def judge(begin: int, end: int) -> None:
+        for axis in axes[begin:end]:
+            axis.judge(new, reach)
+
+    for _ in range(ROUNDS):
+        if not len(new):
+            break
+        for_row_blocks(judge, len(axes), 1)
+        new = np.flatnonzero(~ground & (votes.sum(axis=0, dtype=np.int8) >= FOR_WEIGHT * SUPPORT))
+        ground[new] = True
+    return ground
+
+
+class _Axis:
+    """One set of profiles with the ground and the votes of its lines so far."""
+
+    def __init__(
+        self,
+        profiles: Profiles,
+        elevation: NDArray[np.float64],
+        ground: NDArray[np.bool_],
+        votes: NDArray[np.int8],
+    ) -> None:
+        self.profiles = profiles
+        self.z = elevation[profiles.rows]
+        self.ground = ground[profiles.rows]
+        self.place = np.empty(len(self.z), dtype=np.intp)
+        self.place[profiles.rows] = np.arange(len(self.z))
+        self.line = np.repeat(np.arange(len(profiles.first) - 1), np.diff(profiles.first))
+        #: Half votes for each row of the cloud.
+        self.votes = votes
+
+    def judge(self, new: NDArray[np.intp], reach: float) -> None:
+        """Add new ground and count the lines again of all points within its reach."""
+        one = self.profiles
+        changed = self.place[new]
+        self.ground[changed] = True
+        stale = np.zeros(len(self.z), dtype=np.bool_)
+        _mark_around(changed, one.along, self.line, self.ground, reach, stale)
+        _judge(one.along, self.z, one.first, self.line, self.ground, stale, reach, one.rows, self.votes)
+
+
+@kernel
+def _mark_around(changed, along, line, ground, reach, stale):  # type: ignore[no-untyped-def]
+    for i in changed:
+        for heading in (-1, 1):
+            j = i + heading
+            while 0 <= j < len(along) and line[j] == line[i] and abs(along[j] - along[i]) <= reach:
+                stale[j] = not ground[j]
+                j += heading
+
+
+@kernel
+def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: ignore[no-untyped-def]
+    for i in range(len(rows)):
+        if not stale[i]:
+            continue
+        vote = 0
+        for heading in (-1, 1):
+            sums = add_side(
+                NO_SUMS, along, z, ground, i, heading, first[line[i]], first[line[i] + 1], POINTS, reach
+            )
+            if sums[0] < 2 or spread_of(sums) < MIN_SPREAD * sums[0]:
+                continue
+            height, slope, sigma = fitted_line(sums, MAX_SLOPE)
+            margin = TOLERANCE + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
+            if height < margin:
+                vote += FOR_WEIGHT
+            elif height > AGAINST * margin:
+                vote += AGAINST_WEIGHT
+        votes[rows[i]] = vote
+
+
+# Chosen with `bench.ground.isprs`.
+#: Ground is rejected that stands so many standard deviations above a line through its neighbours.
+REJECTION = 2.0
+#: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
+REJECTION_POINTS, REJECTION_REACH = 6, 10.0
+#: Sets of profiles that have to agree before a point is rejected, where there are as many.
+MIN_AXES = 3
+
+
+def reject_outliers(
+    profiles: Sequence[Profiles],
+    elevation: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> NDArray[np.bool_]:
+    """
+    Return the ground without the points that stand above it on every profile.
+
+    The local linear regression of Shan & Sampath (2005): a line is fitted to the ground points on both sides,
+    and a point is rejected if it lies further above it than `profile_step` and than `REJECTION` times
+    the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
+    or the edge of a terrace, which stand out on most, stay.
+
+    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
+    """
+    limits = (REJECTION_REACH * spacing, config.profile_step, REJECTION)
+    judged, above = np.zeros((2, len(profiles), len(ground)), dtype=np.bool_)
+
+    def judge(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            one = profiles[k]
+            _stand_out(one.rows, one.first, one.along, elevation, ground, limits, judged[k], above[k])
+
+    for_row_blocks(judge, len(profiles), 1)
+    n_judged = judged.sum(axis=0)
+    return ground & ((n_judged < min(MIN_AXES, len(profiles))) | (above.sum(axis=0) < n_judged))
+
+
+@kernel
+def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  # type: ignore[no-untyped-def]
+    """
+    Tell of each point whether it is ground with ground on both sides, and well above the line through it.
+    """
+    reach, step, rejection = limits
+    z, is_ground = elevation[rows], ground[rows]
+    for k in range(len(first) - 1):
+        begin, end = first[k], first[k + 1]
+        for i in range(begin, end):
+            if not is_ground[i]:
+                continue
+            one = add_side(NO_SUMS, along, z, is_ground, i, -1, begin, end, REJECTION_POINTS, reach)
+            both = add_side(one, along, z, is_ground, i, 1, begin, end, REJECTION_POINTS, reach)
+            n_one, n = one[0], both[0]
+            if 0 < n_one < n and n >= 3 and spread_of(both) >= MIN_SPREAD * n:
+                height, _, sigma = fitted_line(both, np.inf)
+                judged[rows[i]] = True
+                above[rows[i]] = height > max(step, rejection * sigma)
+
+
+#: Least mean square of the distances in which a slope can be seen [m²]; chosen with `bench.ground.isprs`.
+MIN_SPREAD = 0.05
+#: Number of points and sums of t, z, t², tz and z² before any is added.
+NO_SUMS = (0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def add_side(sums, along, z, ground, i, heading, begin, end, n_points, reach):  # type: ignore[no-untyped-def]
+    """
+    Add the nearest ground points on one side of point i to the sums, with t and z counted from point i.
+
+    Parameters
+    ----------
+    sums : tuple of an int and five float
+        See `NO_SUMS`.
+    along, z : ndarray of shape (n,)
+        Place along the profile and elevation [m].
+    ground : ndarray of shape (n,), bool
+        Which points count.
+    i, heading : int
+        The point, and the side: −1 or 1.
+    begin, end : int
+        Where its profile begins and ends.
+    n_points : int
+        Most points.
+    reach : float
+        How far they may be [m].
+    """
+    n, st, sz, stt, stz, szz = sums
+    most, j = n + n_points, i + heading
+    while begin <= j < end and n < most and abs(along[j] - along[i]) <= reach:
+        if ground[j]:
+            t, dz = along[j] - along[i], z[j] - z[i]
+            n += 1
+            st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
+        j += heading
+    return n, st, sz, stt, stz, szz
+
+
+@kernel
+def spread_of(sums):  # type: ignore[no-untyped-def]
+    """Return the sum of the squared distances along the profile from their mean [m²]."""
+    n, st, _, stt, _, _ = sums
+    return stt - st * st / n if n > 0 else 0.0
+
+
+@kernel
+def fitted_line(sums, max_slope):  # type: ignore[no-untyped-def]
+    """
+    Return the height of point i above the line [m], its slope, and the standard deviation of the points [m].
+
+    The line is no steeper than `max_slope` where it is carried on to point i.
+    """
+    n, st, sz, _, stz, szz = sums
+    slope = (stz - st * sz / n) / spread_of(sums)
+    rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
+    slope = min(max(slope, -max_slope), max_slope)
+    return -(sz - slope * st) / n, slope, math.sqrt(rest / (n - 2)) if n > 2 else 0.0
+
+
+# Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.
+#: Fineness of the grid, and largest number of its cells: they grow beyond.
+CELLS_PER_RADIUS, MAX_CELLS = 4.0, 4_000_000
+#: Where there is no ground near, ground so many radii away says how the trend goes on, with little weight.
+FAR, FAR_WEIGHT = 4.0, 1e-3
+#: Weight of the mean of all, where there is none at all.
+FLOOR = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Trend:
+    """A smooth surface, given at the middles of square cells."""
+
+    elevation: NDArray[np.float64]  #: [m], shape (n_rows, n_columns)
+    gradient: tuple[NDArray[np.float64], NDArray[np.float64]]  #: rise over run along x and y
+    corner: NDArray[np.float64]  #: south-west corner of the grid [m], shape (2,)
+    cell: float  #: side of a cell [m]
+
+    def elevation_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the trend's elevation at points [m]."""
+        return self._at(self.elevation, points)
+
+    def gradient_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the trend's gradient at points, shape (n_points, 2)."""
+        return np.column_stack([self._at(part, points) for part in self.gradient])
+
+    def _at(self, values: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        column, row = ((points[:, :2] - self.corner) / self.cell - 0.5).T
+        return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
+
+
+def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float) -> Trend:
+    """
+    Fit a plane round the middle of every cell to the ground points, weighted by distance.
+
+    The weights are Gaussian, so that all sums of all regressions come from smoothing grids of sums.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        At least one; the trend covers all of them [m].
+    ground : ndarray of shape (n_points,), bool
+        Those that it is fitted to.
+    radius : float
+        Standard deviation of the weights [m].
+    """
+    cell = radius / CELLS_PER_RADIUS
+    low, high = extent_of(points)[:, :2]
+    while np.prod((high - low) / cell + 3.0) > MAX_CELLS:
+        cell *= 2.0
+    corner = (np.floor(low / cell) - 1.0) * cell
+    columns, rows = (np.floor((high - corner) / cell) + 2.0).astype(int)
+    x, y = (points[ground, :2] - corner).T
+    base = points[:, 2].min()
+    z = points[ground, 2] - base
+    number = (y // cell).astype(np.intp) * columns + (x // cell).astype(np.intp)
+    products = (np.ones(len(z)), x, y, z, x * x, x * y, y * y, x * z, y * z)
+    moments = np.empty((len(products), rows, columns))
+
+    def smooth(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            sums = np.bincount(number, products[k], rows * columns).astype(np.float64)
+            moments[k] = _smoothed(sums.reshape(rows, columns), radius / cell)
+
+    for_row_blocks(smooth, len(products), 1)
+    middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
+    elevation, slope_x, slope_y = _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
+    return Trend(base + elevation, (slope_x, slope_y), corner, cell)
+
+
+def _planes(
+    moments: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], level: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """
+    Return the elevations at (x, y) and the slopes of the planes of least squares, from sums of products.
+
+    `level` is added to the variances in plan [m²]: points that are all near one place, or on a line, have no
+    slope beyond it.
+    """
+    weight = np.maximum(moments[0], 1e-30)
+    mx, my, mz, mxx, mxy, myy, mxz, myz = moments[1:] / weight
+    xx, yy, xy = mxx - mx * mx + level, myy - my * my + level, mxy - mx * my
+    xz, yz = mxz - mx * mz, myz - my * mz
+    determinant = xx * yy - xy * xy
+    slope_x, slope_y = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
+    return mz + slope_x * (x - mx) + slope_y * (y - my), slope_x, slope_y
+
+
+def _smoothed(sums: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """Smooth sums, with a little of what lies further away where there is nothing near."""
+    return _blur(sums, sigma) + FLOOR * sums.mean() + FAR_WEIGHT * _blur(sums, FAR * sigma)
+
+
+def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
+    """
+    Smooth with nearly Gaussian weights, three moving means one after another; nothing lies beyond the grid.
+    """
+    # Three means over w cells have a variance of (w² - 1) / 4.
+    width = max(round(math.sqrt(4.0 * sigma * sigma + 1.0)), 1)
+    width += 1 - width % 2
+    for _ in range(3):
+        values = ndimage.uniform_filter(values, width, mode="constant")
+    return values
+
+
+#: Width of the strips from west to east that stand in for scan lines [spacings], as in `bidirectional_slope`.
+STRIP_WIDTH = 1.7
+
+
+def slope_pair_ground(
+    points: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    config: GroundFilterConfig,
+    **scan: NDArray[Any] | None,
+) -> NDArray[np.bool_]:
+    """
+    Tell which free points are ground by the 1D bi-directional slope filter (Sampath & Shan 2007, page 806).
+
+    Along each scan line the filter looks for slopes between consecutive points steeper than
+    `profile_max_slope`. Points from a rise on, up to a fall back to the elevation recorded before the rise,
+    are no ground. Each line is filtered forth and back; what either pass calls no ground is none.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_points, 3)
+        In the scan's order [m].
+    free : ndarray of shape (n_points,), bool
+        Which of them are no gross errors.
+    config : GroundFilterConfig
+        `profile_max_slope`, `profile_step` (how near the recorded elevation a fall has to come) and
+        `profile_max_object` (after which an elevation is recorded anew).
+    **scan : ndarray of shape (n_points,), optional
+        What tells scan lines apart, see `find_scan_lines`; strips from west to east where nothing does.
+    """
+    rows = np.flatnonzero(free)
+    spacing = quantised_spacing(points[rows])
+    lines = find_scan_lines(points, spacing, **scan)
+    if lines is None:
+        profiles = cut_profiles(points[rows], STRIP_WIDTH * spacing, 0.0)
+    else:
+        profiles = lines.profiles(points, rows)
+    limits = config.profile_max_slope, config.profile_step, config.profile_max_object
+    own = rows[profiles.rows]
+    ground = np.zeros(len(points), dtype=np.bool_)
+    ground[own] = ~objects_between_slopes(profiles.along, points[own, 2], profiles.first, limits)
+    return ground
+
+
+@kernel
+def objects_between_slopes(along, z, first, limits):  # type: ignore[no-untyped-def]
+    """
+    Return which points of profiles either pass finds between a rise and a fall.
+
+    Limits are the slope, the distance from the recorded elevation [m], and the longest object [m].
+    """
+    is_object = np.zeros(len(z), dtype=np.bool_)
+    for k in range(len(first) - 1):
+        if first[k] < first[k + 1]:
+            _walk_pairs(along, z, first[k], first[k + 1] - 1, 1, limits, is_object)
+            _walk_pairs(along, z, first[k + 1] - 1, first[k], -1, limits, is_object)
+    return is_object
+
+
+@kernel
+def _walk_pairs(along, z, start, end, heading, limits, is_object):  # type: ignore[no-untyped-def]
+    """Mark what one pass finds; `ground` is the last ground point, whose elevation is recorded."""
+    max_slope, tolerance, longest = limits
+    ground, is_inside, i = start, False, start
+    while i != end:
+        before, i = i, i + heading
+        slope = (z[i] - z[before]) / max(abs(along[i] - along[before]), MIN_RUN)
+        run = abs(along[i] - along[ground])
+        if is_inside:
+            back = slope < -max_slope and z[i] <= z[ground] + tolerance + REENTRY_SLOPE * run
+            is_inside = not back and run <= longest
+        else:
+            is_inside = slope > max_slope
+        if is_inside:
+            is_object[i] = True
+        else:
+            ground = i

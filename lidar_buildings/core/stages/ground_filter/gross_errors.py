@@ -1,0 +1,602 @@
+"""Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
+from lidar_buildings.core.neighbours.windows import cells_in_row
+
+# Chosen with `bench.ground.noise` and the scenes of the tests.
+#: A low error lies further than this below what surrounds it, a high one than that from everything else [m].
+LOW_GAP, HIGH_GAP = 1.0, 10.0
+#: Within how many columns around a low error hardly anything else lies as low.
+RADIUS = 20
+#: Most layers of a group of errors.
+MAX_GROUP = 60
+#: Side of the blocks in which occupied cells are counted, in cells; doubled until they hold as many.
+BLOCK_CELLS = 16
+#: Most cells that a column of the search may be wide.
+MAX_COLUMN = 64
+#: High errors stand apart by at least this many columns: sparse points are far from each other anyway.
+MIN_GAP_COLUMNS = 10
+
+
+def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
+    """
+    Return the class of gross errors, 7 or 18, and 0 elsewhere, in the order of `cloud`.
+
+    Points are looked at in columns about as wide as their spacing, and there in layers. Errors are small
+    groups of layers that are connected and lie apart from everything else: low ones below all that
+    surrounds them, high ones in the air.
+    The cells of `cloud` may be no larger than the columns have to be.
+    """
+    step = _column_cells(cloud)
+    if step == 1:
+        return _find_in_columns(cloud)
+    columns = sort_by_cell(cloud.points, step * cloud.size)
+    noise = np.empty(len(cloud.points), dtype=np.uint8)
+    noise[columns.rows] = _find_in_columns(columns)
+    return noise
+
+
+def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
+    layers = split_into_layers(cloud, LOW_GAP)
+    low = find_low_layers(layers, LOW_GAP, RADIUS, MAX_GROUP)
+    high = find_cloud_layers(layers, low)
+    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size), RADIUS)
+    noise = np.zeros(len(low), dtype=np.uint8)
+    noise[high] = PointClass.HIGH_NOISE
+    noise[low] = PointClass.LOW_NOISE
+    return np.repeat(noise, np.diff(layers.begin))
+
+
+def _column_cells(cloud: CellGrid) -> int:
+    """
+    Return how many cells wide a column is: about as wide as points are apart, whole cells.
+
+    Points are as far apart as in the block in which the middle cell lies: where most of them are.
+    """
+    lowest = cloud.points[cloud.first[:-1]]
+    side = BLOCK_CELLS
+    while True:
+        counts = np.diff(rows_by_cell(lowest, side * cloud.size).first)
+        occupied = np.median(np.repeat(counts, counts))
+        if occupied >= BLOCK_CELLS or side >= MAX_COLUMN * BLOCK_CELLS:
+            return int(min(max(round(side / np.sqrt(occupied)), 1), MAX_COLUMN))
+        side *= 2
+
+
+class Layers(NamedTuple):
+    """What the search for gross errors looks at instead of points."""
+
+    points: NDArray[np.float64]  #: sorted by column, and by z within it [m], shape (n_points, 3)
+    #: Layer j holds the points begin[j] to begin[j + 1] (exclusive), shape (n_layers + 1,).
+    begin: NDArray[np.int64]
+    #: Column k holds the layers first[k] to first[k + 1] (exclusive), rising, shape (n_columns + 1,).
+    first: NDArray[np.int64]
+    column: NDArray[np.int64]  #: the column that each layer stands in, shape (n_layers,)
+    numbers: NDArray[np.int64]  #: the columns' numbers, row by row; see `CellGrid`, shape (n_columns,)
+    width: int  #: by how much the number of a column's northern neighbour is higher
+    size: float  #: side of a column [m]
+    #: The terrain's rise over run along x and y; see `terrain_gradient`, shape (n_columns, 2).
+    gradient: NDArray[np.float64]
+
+
+def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
+    """Split each column where two points on top of one another are more than `gap` [m] apart."""
+    starts = np.ones(len(cloud.points), dtype=np.bool_)
+    starts[1:] = np.diff(cloud.points[:, 2]) > gap
+    starts[cloud.first[:-1]] = True
+    begin = np.append(np.flatnonzero(starts), len(cloud.points))
+    first = np.searchsorted(begin, cloud.first)
+    column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
+    gradient = terrain_gradient(cloud.points[cloud.first[:-1]], cloud.size)
+    return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
+
+
+@kernel
+def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
+    """
+    Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
+    """
+    width = layers.width
+    row, column = layers.numbers[k] // width, layers.numbers[k] % width
+    return cells_in_row(layers.numbers, width, row + step, column, reach)
+
+
+@kernel
+def rise(layers, k, east, north):  # type: ignore[no-untyped-def]
+    """Return by how much the terrain at column k would rise over steps of a column, if it were plane [m]."""
+    return layers.size * (east * layers.gradient[k, 0] + north * layers.gradient[k, 1])
+
+
+@kernel
+def low_end(layers, layer):  # type: ignore[no-untyped-def]
+    """Return the elevation of a layer's lowest point [m]."""
+    return layers.points[layers.begin[layer], 2]
+
+
+@kernel
+def high_end(layers, layer):  # type: ignore[no-untyped-def]
+    """Return the elevation of a layer's highest point [m]."""
+    return layers.points[layers.begin[layer + 1] - 1, 2]
+
+
+# Chosen with `bench.ground.noise`.
+#: Cells along a block's side.
+GRADIENT_CELLS = 8
+#: The share of a block's cells whose lowest points lie below the elevation taken for it.
+LOW_SHARE = 0.25
+#: Blocks on each side that take part in the plane through a block.
+GRADIENT_REACH = 2
+#: With fewer blocks around than this a block counts as level.
+MIN_BLOCKS = 6
+#: Blocks whose variance across a line is less than this share of that along it tell no slope across.
+MIN_SPREAD = 1e-3
+
+
+def terrain_gradient(lowest: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """
+    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2), from its lowest point.
+
+    Each block of cells has the elevation below which a quarter of its cells reach. The plane of least squares
+    through the blocks around counts as far as it explains how they differ.
+    """
+    blocks = sort_by_cell(lowest, GRADIENT_CELLS * cell)
+    n = np.diff(blocks.first)
+    nodes = blocks.points[blocks.first[:-1] + (LOW_SHARE * n).astype(np.int64)]
+    others = _blocks_around(blocks)
+    known = (others >= 0)[..., None]
+    n_known = known.sum(axis=1, keepdims=True)
+    away = np.where(known, nodes[others] - nodes[:, None], 0.0)
+    away = known * (away - away.sum(axis=1, keepdims=True) / n_known)
+    products = np.swapaxes(away, 1, 2) @ away
+    rise, variance = products[:, :2, 2:], products[:, 2:, 2:]
+    slope = np.linalg.pinv(products[:, :2, :2], MIN_SPREAD, hermitian=True) @ rise
+    explained = np.divide(
+        (slope * rise).sum(axis=1, keepdims=True), variance, out=np.zeros_like(variance), where=variance > 0.0
+    )
+    gradient = np.empty((len(lowest), 2))
+    gradient[blocks.rows] = np.repeat(((n_known >= MIN_BLOCKS) * explained * slope)[..., 0], n, axis=0)
+    return gradient
+
+
+def _blocks_around(blocks: CellGrid) -> NDArray[np.int64]:
+    """Return the blocks within reach of each, itself among them, −1 where there is none."""
+    across = np.arange(-GRADIENT_REACH, GRADIENT_REACH + 1)
+    column = (blocks.numbers % blocks.n_columns)[:, None, None] + across
+    wanted = blocks.numbers[:, None, None] + across[:, None] * blocks.n_columns + across
+    found = np.minimum(np.searchsorted(blocks.numbers, wanted), len(blocks.numbers) - 1)
+    is_there = (blocks.numbers[found] == wanted) & (column >= 0) & (column < blocks.n_columns)
+    return np.where(is_there, found, -1).reshape(len(blocks.numbers), -1)
+
+
+# Chosen with `bench.ground.noise` and the scenes of the tests.
+#: Columns between which layers still touch: ground seen through gaps is connected over so many.
+GROUP_REACH = 3
+#: Columns around that support the level of a group: fewer may be gross errors themselves ...
+MIN_SUPPORT = 6
+#: ... and most of these from one other small group.
+MAX_OF_SMALL = 2
+#: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
+SHRINKAGE = 1.0
+#: A group has to be below the larger part of what is around: this many columns for each of its own.
+MIN_SURROUNDINGS = 2
+#: Gross errors below gross errors are found one after the other; wide margin.
+MAX_PASSES = 10
+#: What is known of a layer.
+UNKNOWN, LARGE, ERROR = 0, 1, 2
+
+
+def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDArray[np.bool_]:
+    """
+    Return which layers are low gross errors.
+
+    A group is what is connected: layers of columns at most three apart whose elevations, the terrain's
+    slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
+    anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
+
+    Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
+    """
+    bottom, seeds = layers.first[:-1].copy(), layers.first[:-1]
+    n_layers = len(layers.column)
+    state, group_of = np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
+    for _ in range(MAX_PASSES):
+        errors, open_cases = _judge_low(layers, bottom, seeds, gap, radius, limit, state, group_of)
+        if len(errors) == 0:
+            break
+        state[errors] = ERROR
+        seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
+        group_of[:] = -1
+    return state == ERROR
+
+
+def _new_bottoms(
+    layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones."""
+    for k in columns:
+        left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
+        bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
+    raised = bottom[columns]
+    return raised[raised >= 0]
+
+
+@kernel
+def _judge_low(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
+    members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
+    errors, open_cases = np.empty(len(members), np.int64), np.empty(len(begins), np.int64)
+    n_errors, n_open = 0, 0
+    # How many columns of a small group support the one under judgement, which is noted beside.
+    counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
+    for i in range(len(begins) - 1):
+        group = members[begins[i] : begins[i + 1]]
+        if _is_supported(layers, bottom, group, gap, radius, state, group_of, counted, judged):
+            open_cases[n_open] = group[0]
+            n_open += 1
+        elif not is_open_pit(layers, group, gap):
+            for layer in group:
+                errors[n_errors] = layer
+                n_errors += 1
+    return errors[:n_errors], open_cases[:n_open]
+
+
+@kernel
+def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
+    """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
+    members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
+    n_members, n_groups = 0, 0
+    group = np.empty(limit, dtype=np.int64)
+    for seed in seeds:
+        if state[seed] == UNKNOWN and group_of[seed] < 0:
+            n_more = _gather_low(layers, seed, gap, state, group_of, group)
+            for k in range(n_more):
+                members[n_members + k] = group[k]
+            if n_more > 0:
+                n_members, n_groups = n_members + n_more, n_groups + 1
+                begins[n_groups] = n_members
+    return members[:n_members], begins[: n_groups + 1]
+
+
+@kernel
+def _gather_low(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
+    """
+    Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
+
+    `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
+    """
+    n_members, done = 1, 0
+    members[0], group_of[seed] = seed, seed
+    while done < n_members:
+        layer = members[done]
+        done += 1
+        k = layers.column[layer]
+        for step in range(-GROUP_REACH, GROUP_REACH + 1):
+            start, stop = columns_in_row(layers, k, step, GROUP_REACH)
+            for other in range(start, stop):
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+                up = 0.5 * (rise(layers, k, across, step) - rise(layers, other, -across, -step))
+                low, high = low_end(layers, layer) + up - gap, high_end(layers, layer) + up + gap
+                for j in range(layers.first[other], layers.first[other + 1]):
+                    if low_end(layers, j) > high:
+                        break
+                    if high_end(layers, j) < low or group_of[j] == seed or state[j] == ERROR:
+                        continue
+                    if state[j] == LARGE or n_members == len(members):
+                        for i in range(n_members):
+                            state[members[i]] = LARGE
+                        return -1
+                    members[n_members], group_of[j] = j, seed
+                    n_members += 1
+    return n_members
+
+
+@kernel
+def _is_supported(  # type: ignore[no-untyped-def]
+    layers, bottom, group, gap, radius, state, group_of, counted, judged
+):
+    """
+    Whether enough columns around reach down to a group's level, or too few are there to tell.
+
+    Another small group, which may be an error as well, counts for no more than two of its columns.
+    """
+    seed, k = group[0], layers.column[group[0]]
+    top = -np.inf
+    for layer in group:
+        number = layers.numbers[layers.column[layer]]
+        east = number % layers.width - layers.numbers[k] % layers.width
+        north = number // layers.width - layers.numbers[k] // layers.width
+        top = max(top, high_end(layers, layer) - rise(layers, k, east, north))
+    slope = math.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
+    radius = math.ceil(radius / (1.0 + SHRINKAGE * slope))
+    n_level, n_above = 0, 0
+    for step in range(-radius, radius + 1):
+        start, stop = columns_in_row(layers, k, step, radius)
+        for other in range(start, stop):
+            b = bottom[other]
+            across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+            if b < 0 or group_of[b] == seed or across * across + step * step > radius * radius:
+                continue
+            if low_end(layers, b) - rise(layers, k, across, step) > top + gap:
+                n_above += 1
+            elif state[b] == LARGE or group_of[b] < 0:
+                n_level += 1
+            else:
+                n_level += _count_small(group_of[b], seed, counted, judged)
+            if n_level >= MIN_SUPPORT:
+                return True
+    return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
+
+
+@kernel
+def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
+    """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
+    if judged[small] != seed:
+        judged[small], counted[small] = seed, 0
+    counted[small] += 1
+    return 1 if counted[small] <= MAX_OF_SMALL else 0
+
+
+# Chosen with `bench.ground.noise` and the courtyards, pits and shafts of the tests.
+#: Points that are not enough to show a pit.
+FEW = 3
+#: Columns around that the density of points is taken from.
+DENSITY_REACH = 6
+#: Radius of the disc about each point within which the points above are counted, in point spacings.
+DISC = 1.75
+#: Share of points above, of all points in those discs, that covers a group.
+MIN_COVER = 0.65
+#: Over a hole, points above are fewer than a surface has by more than so many standard deviations ...
+DEVIATIONS = 1.8
+#: ... and are certainly enough at this share of them.
+FULL_COVER = 0.8
+
+
+@kernel
+def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
+    """
+    Whether a group of layers fills its place: hardly a point lies above it that is not at its rim.
+
+    Errors lie scattered among the pulses that reached the surface, however dense they are themselves, so that
+    no more of them are counted than the surface would have.
+    What is farther above a point than the `gap` [m] covers it.
+    """
+    n_points = 0
+    for layer in group:
+        n_points += layers.begin[layer + 1] - layers.begin[layer]
+    if n_points <= FEW:
+        return False
+    spacing = _spacing_around(layers, group)
+    radius, usual = DISC * spacing, math.pi * DISC * DISC
+    n_cover, n_all = 0.0, 0.0
+    for layer in group:
+        for i in range(layers.begin[layer], layers.begin[layer + 1]):
+            above, beside = _count_disc(layers, layers.column[layer], layers.points[i], radius, gap)
+            n_cover += above
+            n_all += above + min(beside, usual)
+    n_surface = usual + len(group) * (layers.size / spacing) ** 2
+    enough = min(1.0 - DEVIATIONS / math.sqrt(n_surface), FULL_COVER)
+    return n_cover < MIN_COVER * n_all and n_cover < enough * usual * n_points
+
+
+@kernel
+def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
+    """
+    Return the spacing of the points in the columns around a group that hold none of it [m].
+
+    In each row of columns, empty ones count from the first to the last that is not.
+    """
+    k = layers.column[group[0]]
+    n_points, n_columns = 0, 0
+    for step in range(-DENSITY_REACH, DENSITY_REACH + 1):
+        start, stop = columns_in_row(layers, k, step, DENSITY_REACH)
+        if start == stop:
+            continue
+        n_columns += layers.numbers[stop - 1] - layers.numbers[start] + 1
+        for other in range(start, stop):
+            is_own = False
+            for layer in group:
+                is_own = is_own or layers.column[layer] == other
+            if is_own:
+                n_columns -= 1
+            else:
+                n_points += layers.begin[layers.first[other + 1]] - layers.begin[layers.first[other]]
+    return layers.size * math.sqrt(max(n_columns, 1) / max(n_points, 1))
+
+
+@kernel
+def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
+    """
+    Return how many points of a disc about a point of column k lie above it by the gap, and how many not.
+    """
+    above, beside = 0, 0
+    reach = math.ceil(radius / layers.size)
+    for step in range(-reach, reach + 1):
+        start, stop = columns_in_row(layers, k, step, reach)
+        for i in range(layers.begin[layers.first[start]], layers.begin[layers.first[stop]]):
+            dx, dy = layers.points[i, 0] - point[0], layers.points[i, 1] - point[1]
+            if dx * dx + dy * dy > radius * radius:
+                continue
+            if layers.points[i, 2] > point[2] + gap:
+                above += 1
+            else:
+                beside += 1
+    return above, beside
+
+
+# Chosen with `bench.ground.noise` and the scenes of the tests.
+#: Most points of a group: crowns, masts and the corners of roofs that a tile cuts off have more.
+MAX_POINTS = 3
+#: Columns around that have to be lower: with fewer there is nothing that a group could be above.
+MIN_LOWER = 6
+#: By what share of the gap those columns are lower.
+LOWER_SHARE = 0.7
+# Chosen with the clouds and towers of `test_noise.py`.
+#: Side of the blocks that are looked at, in columns.
+BLOCK_COLUMNS = 24
+#: Empty air between the surface and what is above it [m]; wide margin: no mast lacks points over so much.
+CLOUD_GAP = 200.0
+#: Share of a cloud's columns in which the surface is seen as well: towers hide what is below them.
+TRANSPARENT = 0.5
+
+
+def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radius: int) -> NDArray[np.bool_]:
+    """
+    Return which layers are high gross errors: few points in the air, farther than a gap from everything.
+
+    Layers, split at less than the `gap` [m], that are known as low gross errors do not count. The surface has
+    to lie below within `radius` columns.
+    """
+    return _judge_high(layers, _isolated(layers, gap), errors, gap, radius)
+
+
+def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
+    """Return the columns' top layers that are small and stand far above what is next to them."""
+    z = layers.points[:, 2]
+    low, high = z[layers.begin[:-1]], z[layers.begin[1:] - 1]
+    top = layers.first[1:] - 1
+    above = low[top] - high[np.maximum(top - 1, 0)] > gap
+    beside = np.zeros(len(top), dtype=np.bool_)
+    beside[1:] |= low[top[1:]] - high[top[:-1]] > LOWER_SHARE * gap
+    beside[:-1] |= low[top[:-1]] - high[top[1:]] > LOWER_SHARE * gap
+    is_small = layers.begin[top + 1] - layers.begin[top] <= MAX_POINTS
+    return top[is_small & np.where(top > layers.first[:-1], above, beside)]
+
+
+@kernel
+def _judge_high(layers, seeds, errors, gap, radius):  # type: ignore[no-untyped-def]
+    """Return which layers are part of a group that is an error, starting from the seeds."""
+    high = np.zeros(len(layers.column), dtype=np.bool_)
+    group_of = np.full(len(layers.column), -1, dtype=np.int64)
+    is_large = np.zeros(len(layers.column), dtype=np.bool_)
+    members = np.empty(MAX_POINTS, dtype=np.int64)
+    for seed in seeds:
+        if errors[seed] or is_large[seed] or group_of[seed] >= 0:
+            continue
+        n_members = _gather_high(layers, seed, errors, gap, group_of, is_large, members)
+        group = members[: max(n_members, 0)]
+        if n_members > 0 and _is_in_the_air(layers, group, errors, gap, radius, group_of):
+            for layer in group:
+                high[layer] = True
+    return high
+
+
+@kernel
+def _gather_high(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
+    """
+    Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
+    """
+    n_members, done, n_points = 1, 0, layers.begin[seed + 1] - layers.begin[seed]
+    members[0], group_of[seed] = seed, seed
+    reach = math.ceil(gap / layers.size)
+    while done < n_members:
+        layer = members[done]
+        done += 1
+        k = layers.column[layer]
+        for step in range(-reach, reach + 1):
+            start, stop = columns_in_row(layers, k, step, reach)
+            for other in range(start, stop):
+                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+                upright = gap * gap - layers.size * layers.size * (across * across + step * step)
+                if upright < 0.0:
+                    continue
+                low = low_end(layers, layer) - math.sqrt(upright)
+                high = high_end(layers, layer) + math.sqrt(upright)
+                for j in range(layers.first[other], layers.first[other + 1]):
+                    if low_end(layers, j) > high:
+                        break
+                    if high_end(layers, j) < low or group_of[j] == seed or errors[j]:
+                        continue
+                    n_points += layers.begin[j + 1] - layers.begin[j]
+                    if is_large[j] or n_points > MAX_POINTS:
+                        for i in range(n_members):
+                            is_large[members[i]] = True
+                        return -1
+                    members[n_members], group_of[j] = j, seed
+                    n_members += 1
+    return n_members
+
+
+@kernel
+def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
+    seed = group[0]
+    low = np.inf
+    for layer in group:
+        low = min(low, low_end(layers, layer))
+    k, n_lower = layers.column[seed], 0
+    for step in range(-radius, radius + 1):
+        start, stop = columns_in_row(layers, k, step, radius)
+        for other in range(start, stop):
+            first, j = layers.first[other], layers.first[other + 1] - 1
+            while j >= first and (errors[j] or group_of[j] == seed):
+                j -= 1
+            n_lower += j >= first and high_end(layers, j) < low - LOWER_SHARE * gap
+    return n_lower >= max(MIN_LOWER, len(group))
+
+
+def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """
+    Return which layers belong to clouds, block by block.
+
+    In two divisions into blocks, one shifted against the other: the corner of a tower that one cuts off
+    looks like a small cloud, but not in both. Layers known as low gross errors do not count.
+    """
+    if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
+        return np.zeros(len(layers.column), dtype=np.bool_)
+    side = BLOCK_COLUMNS * layers.size
+    lowest = layers.points[layers.begin[:-1]]
+    shifted = lowest + np.array([0.5 * side, 0.5 * side, 0.0])
+    clouds = _clouds_of_blocks(layers, errors, lowest, side)
+    return clouds & _clouds_of_blocks(layers, errors, shifted, side)
+
+
+def _clouds_of_blocks(
+    layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
+) -> NDArray[np.bool_]:
+    clouds = np.zeros(len(layers.column), dtype=np.bool_)
+    blocks = sort_by_cell(lowest, side)
+    _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
+    return clouds
+
+
+@kernel
+def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-untyped-def]
+    """
+    Mark what lies above the lowest gap of each block that divides surface and clouds.
+
+    `rising` holds the layers block by block, in each by their lowest point.
+    """
+    for block in range(len(first) - 1):
+        top = np.inf
+        for i in range(first[block], first[block + 1]):
+            layer = rising[i]
+            if errors[layer]:
+                continue
+            if low_end(layers, layer) - top > CLOUD_GAP and _is_transparent(
+                layers, errors, rising[first[block] : first[block + 1]], low_end(layers, layer)
+            ):
+                for j in range(i, first[block + 1]):
+                    clouds[rising[j]] = True
+                break
+            top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
+
+
+@kernel
+def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
+    n_upper, n_both = 0, 0
+    for layer in block:
+        if errors[layer] or low_end(layers, layer) < split:
+            continue
+        lowest = layers.first[layers.column[layer]]
+        if layer == lowest or low_end(layers, layer - 1) < split:
+            n_upper += 1
+            n_both += layer > lowest and not errors[layer - 1]
+    return n_both >= TRANSPARENT * n_upper

@@ -1,1 +1,0 @@
-"""Method `progressive_tin`: a TIN that grows over the terrain."""

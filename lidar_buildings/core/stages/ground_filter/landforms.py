@@ -1,0 +1,302 @@
+"""Landforms or objects: parts of what may be ground, judged by their links to the terrain."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.neighbours.cell_grid import raster_cells, sort_by_cell
+from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.neighbours.union_find import flatten, link
+from lidar_buildings.core.neighbours.windows import cells_in_row
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
+
+# These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
+#: How far neighbours may be, in spacings of the candidates.
+REACH = 3.0
+#: Share of objects around up to which terrain is open, and from which on it is not at all.
+OPEN_SHARE, BUILT_SHARE = 0.04, 0.15
+#: Side of the cells that are counted [m], and the number of them around: `bench.ground.isprs` and `.scenes`.
+CELL, RADIUS = 10.0, 6
+#: Points of one part rise by no more than this over their distance in plan.
+MAX_LINK_SLOPE = 0.7
+#: A link is steep if it rises by more than this over its length: walls do, banks do not.
+STEEP_SLOPE = 0.85
+#: Smallest part that is judged as a whole, among objects and in open terrain [candidates].
+MIN_PART, MIN_OPEN_PART = 15.0, 2.0
+#: Parts with at least this share of steep links, of at least so many candidates, are excluded.
+EXCLUDED_SHARE, MIN_EXCLUDED_PART = 0.7, 50.0
+
+
+def find_landforms(
+    candidates: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    gained: NDArray[np.bool_],
+    spacing: float,
+    config: GroundFilterConfig,
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """
+    Tell which of the gained candidates are of the terrain, and which are certainly not.
+
+    Neighbours that are gained and nearly level make up a part. Its links to the ground decide: banks, mounds
+    and terraces meet it under slopes, walls in steps (Sithole & Vosselman 2005 judge segments in this way).
+    How many steps are allowed depends on the density of objects: in open terrain, what rises from it is
+    likely to be terrain.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n_candidates, 3)
+        At most one per place [m].
+    ground, gained : ndarray of shape (n_candidates,), bool
+        What is ground without doubt, and what may be as well.
+    spacing : float
+        Spacing of the candidates [m].
+    config : GroundFilterConfig
+        Shares.
+
+    Returns
+    -------
+    landform, excluded : ndarray of shape (n_candidates,), bool
+        Parts of `gained`.
+    """
+    rows = np.flatnonzero(gained)
+    links = nearest_by_sector(candidates, rows, REACH * spacing)
+    density = object_density(candidates, ~(ground | gained))[rows]
+    openness = np.clip((BUILT_SHARE - density) / (BUILT_SHARE - OPEN_SHARE), 0.0, 1.0)
+    part = level_parts(candidates, rows, links, MAX_LINK_SLOPE)
+    counts = _count_links(candidates, rows, links, ground, part)
+    kept, certain = _judge(counts, np.bincount(part, openness, len(rows)).astype(np.float64), config)
+    landform, excluded = np.zeros_like(ground), np.zeros_like(ground)
+    landform[rows] = kept[part]
+    excluded[rows] = certain[part]
+    return landform, excluded
+
+
+def _judge(
+    counts: NDArray[np.float64], openness: NDArray[np.float64], config: GroundFilterConfig
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    size, n_links, n_steep = counts.T
+    is_open = openness / np.maximum(size, 1.0)
+    allowed = config.max_steep_share + is_open * (config.max_open_steep_share - config.max_steep_share)
+    large = size >= MIN_PART + is_open * (MIN_OPEN_PART - MIN_PART)
+    kept = large & (n_links > 0.0) & (n_steep <= allowed * n_links)
+    walled = n_steep >= EXCLUDED_SHARE * np.maximum(n_links, 1.0)
+    return kept, ~kept & walled & (size >= MIN_EXCLUDED_PART)
+
+
+@kernel
+def _count_links(candidates, rows, links, ground, part):  # type: ignore[no-untyped-def]
+    """Return each part's size, its links to the ground, and how many of them are steep."""
+    counts = np.zeros((len(rows), 3))
+    for r in range(len(rows)):
+        count = counts[part[r]]
+        count[0] += 1.0
+        for j in links[r]:
+            if j < 0 or not ground[j]:
+                continue
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
+            count[1] += 1.0
+            count[2] += 1.0 if rise > STEEP_SLOPE * length else 0.0
+    return counts
+
+
+def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """
+    Return the share of objects among the candidates around each, 0 to 1.
+
+    Cells up to 60 m away along x and y count with Gaussian weights (σ = 30 m).
+    """
+    cell, shape = raster_cells(candidates, CELL)
+    n_objects, n_all = (
+        np.bincount(cell, weights, shape[0] * shape[1]).astype(np.float64).reshape(shape)
+        for weights in (is_object, None)
+    )
+    near = [
+        ndimage.gaussian_filter(one, RADIUS / 2.0, mode="constant", truncate=2.0).ravel()[cell]
+        for one in (n_objects, n_all)
+    ]
+    return near[0] / near[1]
+
+
+#: Rows a block of work; wide margin, the result does not depend on it.
+ROWS_A_BLOCK = 1024
+
+
+def nearest_by_sector(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], reach: float
+) -> NDArray[np.int32]:
+    """
+    Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
+
+    At most one candidate a place; none farther away in plan than `reach` [m].
+    """
+    cells = by_column(candidates, reach)
+    found = np.full((len(rows), N_SECTORS), -1, dtype=np.int32)
+    runs = cells.first[cells.around(reach)]
+    cell = np.empty(len(candidates), dtype=np.int64)
+    cell[cells.rows] = cells.column
+    for_row_blocks(
+        lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
+        len(rows),
+        ROWS_A_BLOCK,
+    )
+    return found
+
+
+@kernel
+def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-def]
+    """
+    Return the part of each row: the lowest of the rows that it is connected with.
+
+    Neighbours, the `links` of `nearest_by_sector`, are connected if they rise by no more than `max_slope`
+    over their distance.
+    """
+    place = np.full(len(candidates), -1, dtype=np.int32)
+    part = np.empty(len(rows), dtype=np.int64)
+    for r in range(len(rows)):
+        place[rows[r]] = part[r] = r
+    for r in range(len(rows)):
+        for j in links[r]:
+            if j < 0 or place[j] < 0:
+                continue
+            rise, length = rise_and_length(candidates[j], candidates[rows[r]])
+            if abs(rise) <= max_slope * length:
+                link(part, r, place[j])
+    flatten(part)
+    return part
+
+
+@kernel
+def rise_and_length(start, end):  # type: ignore[no-untyped-def]
+    """Return the rise from one point to another and their distance in plan [m]."""
+    return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
+
+
+@kernel
+def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
+    """
+    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
+
+    `runs` say between which of them the cells around lie, south, level and north: (n_cells, 3, 2).
+    """
+    nearest = np.empty(N_SECTORS)
+    for r in range(begin, end):
+        x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
+        nearest[:] = reach * reach
+        for line in range(3):
+            for i in range(runs[k, line, 0], runs[k, line, 1]):
+                dx, dy = points[i, 0] - x, points[i, 1] - y
+                squared = dx * dx + dy * dy
+                if squared == 0.0 or squared > reach * reach:
+                    continue
+                sector = sector_of(dx, dy)
+                if squared < nearest[sector]:
+                    nearest[sector] = squared
+                    found[r, sector] = origin[i]
+
+
+# These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
+#: Half planes that are tried.
+SIDES = 8
+#: How far the points of a plane may be, and how near the nearest of them has to be, in spacings.
+PLANE_REACH, PLANE_NEAREST = 3.5, 2.0
+#: Fewest points of a plane.
+MIN_PLANE_POINTS = 6
+#: Its steepest slope, rise over run, and its largest root mean square residual [m].
+MAX_SLOPE, MAX_RESIDUAL = 0.8, 0.25
+#: How far from it a point may be beyond that residual [m].
+MAX_DISTANCE = 0.3
+#: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
+MIN_SPREAD = 0.05
+
+
+def continues_terrain(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], ground: NDArray[np.bool_], spacing: float
+) -> NDArray[np.bool_]:
+    """
+    Return which of the rows lie on the plane through the ground in a half plane around them.
+
+    A robust form of mirroring (Axelsson 2000): instead of one corner's far side, all ground on one side of
+    the point has to make a plane that the point lies on. A roof has ground below it on every side.
+
+    Candidates, ground and spacing are those of `find_landforms`; `rows` are the candidates asked for.
+    """
+    known = candidates[ground]
+    result = np.zeros(len(rows), dtype=np.bool_)
+    if len(known) < MIN_PLANE_POINTS:
+        return result
+    cells = sort_by_cell(known, PLANE_REACH * spacing)
+    # A candidate's cell by the same numbering, without sorting again: from the first known point's.
+    column = math.floor(cells.points[0, 0] / cells.size) - cells.numbers[0] % cells.n_columns
+    row = math.floor(cells.points[0, 1] / cells.size) - cells.numbers[0] // cells.n_columns
+    start = (float(column), float(row))
+    for_row_blocks(
+        lambda a, b: _test_planes(candidates, rows, cells, start, spacing, result, a, b),
+        len(rows),
+        ROWS_A_BLOCK,
+    )
+    return result
+
+
+@kernel
+def _test_planes(candidates, rows, cells, start, spacing, result, begin, end):  # type: ignore[no-untyped-def]
+    sums = np.empty((SIDES, N_MOMENTS + 1))
+    towards = np.empty((SIDES, 2))
+    for side in range(SIDES):
+        turn = 2.0 * math.pi * side / SIDES
+        towards[side, 0], towards[side, 1] = math.cos(turn), math.sin(turn)
+    for r in range(begin, end):
+        x, y, z = candidates[rows[r]]
+        sums[:] = 0.0
+        sums[:, N_MOMENTS] = np.inf
+        # Whole numbers before the product: over an enormous extent it would be rounded.
+        column = np.int64(math.floor(x / cells.size) - start[0])
+        line = np.int64(math.floor(y / cells.size) - start[1])
+        for beside in range(line - 1, line + 2):
+            low, high = cells_in_row(cells.numbers, cells.n_columns, beside, column, 1)
+            for i in range(cells.first[low], cells.first[high]):
+                dx, dy, dz = cells.points[i, 0] - x, cells.points[i, 1] - y, cells.points[i, 2] - z
+                _count_sides(dx, dy, dz, PLANE_REACH * spacing, towards, sums)
+        for side in range(SIDES):
+            if _makes_plane(sums[side], PLANE_NEAREST * spacing):
+                result[r] = True
+                break
+
+
+@kernel
+def _count_sides(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
+    """Add a ground point, relative to the candidate, to the moments of the sides it lies on."""
+    away = math.hypot(dx, dy)
+    if away > reach:
+        return
+    for side in range(SIDES):
+        if dx * towards[side, 0] + dy * towards[side, 1] <= 1e-9:
+            continue
+        s = sums[side]
+        add_point(s, dx, dy, dz)
+        s[N_MOMENTS] = min(s[N_MOMENTS], away)
+
+
+@kernel
+def _makes_plane(s, nearest):  # type: ignore[no-untyped-def]
+    """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
+    n = s[0]
+    if n < MIN_PLANE_POINTS or s[N_MOMENTS] > nearest:
+        return False
+    x, y, z = s[1] / n, s[2] / n, s[3] / n
+    xx, xy, xz, yy, yz, zz = covariance(s)
+    determinant = xx * yy - xy * xy
+    if determinant <= MIN_SPREAD * 0.25 * (xx + yy) ** 2:
+        return False
+    a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
+    residual = math.sqrt(max(0.0, zz - a * xz - b * yz))
+    if math.hypot(a, b) > MAX_SLOPE or residual > MAX_RESIDUAL:
+        return False
+    return abs(z - a * x - b * y) <= MAX_DISTANCE + residual

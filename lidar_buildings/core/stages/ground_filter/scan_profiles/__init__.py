@@ -1,1 +1,0 @@
-"""Method `bidirectional_slope`: profiles walked forth and back."""
