@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from rosgraph_msgs.msg import Clock
 
-from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags import bags_among
@@ -18,78 +14,13 @@ from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
 from lidar_buildings.io.clouds.input_file import InputFile
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_queue import FileQueue
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.qos import EVENT
-from lidar_buildings.ros.stamps import header_of, tile_of, to_time
-
-#: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
-_AHEAD = 2
-
-
-class TileReader:
-    """
-    Reads the tiles of a source ahead, in a thread of its own: no callback waits for the disk.
-
-    The pool's processes put tiles together, if there is one. `error` is what ended the reading;
-    `is_exhausted` says whether every tile has been taken.
-    """
-
-    def __init__(self, source: TileSource, pool: BuildingPool) -> None:
-        self.error: Exception | None = None
-        self.is_exhausted = False
-        self._source = source
-        self._pool = pool
-        self._tiles = source.ready()
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="tile_reader")
-        self._coming: deque[Future[PointTile | None]] = deque()
-        self._on_tile: Callable[[], None] = lambda: None
-
-    @property
-    def tile_count(self) -> int:
-        """Number of tiles, as the source knows it."""
-        return self._source.tile_count
-
-    def start(self, on_tile: Callable[[], None]) -> None:
-        """Begin to read; `on_tile` is called, in another thread, when there is something to take."""
-        self._on_tile = on_tile
-        for _ in range(_AHEAD):
-            self._read_on()
-
-    def take(self) -> PointTile | None:
-        """Return the next tile, None if none is ready."""
-        if self.error is not None or not (self._coming and self._coming[0].done()):
-            return None
-        try:
-            tile = self._coming.popleft().result()
-        except Exception as error:
-            self.error = error
-            return None
-        if tile is None:
-            self.is_exhausted = True
-        else:
-            self._read_on()
-        return tile
-
-    def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
-        """Return a tile with a larger buffer on some sides, None if there is none."""
-        return self._source.grown(tile_of(tile.stamp), sides)
-
-    def stop(self) -> None:
-        """Stop reading and wait for the thread."""
-        self._on_tile = lambda: None
-        self._thread.shutdown(cancel_futures=True)
-
-    def _read_on(self) -> None:
-        self._coming.append(self._thread.submit(self._read))
-        self._coming[-1].add_done_callback(lambda _: self._on_tile())
-
-    def _read(self) -> PointTile | None:
-        """Read one tile; None behind the last one."""
-        tile = next(self._tiles, None)
-        return None if tile is None else self._pool.call(SpooledTile.read, tile.alone())
+from lidar_buildings.ros.stamps import header_of, to_time
 
 
 class TilePlayer(TileSender):
@@ -104,7 +35,8 @@ class TilePlayer(TileSender):
             self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
         for problem in self._source.problems:
             self.get_logger().error(problem)
-        self.tiles = TileReader(self._source, pool or BuildingPool(0))
+        workers = pool or BuildingPool(0)
+        self.tiles = FileQueue(self._source, lambda tile: workers.call(SpooledTile.read, tile))
         self._is_finished = False
         self._clock_publisher = None
         if config.publish_clock:
@@ -132,7 +64,7 @@ class TilePlayer(TileSender):
         if self._is_finished:
             return
         super().on_tick()
-        if not self.tiles.is_exhausted or self._peek() is not None or len(self._flow):
+        if self.tiles.n_left or self._peek() is not None or len(self._flow):
             return
         self._is_finished = True
         n_failed = f", {len(self._failed)} given up" if self._failed else ""
@@ -143,7 +75,6 @@ class TilePlayer(TileSender):
         """Stop reading and remove the temporary files."""
         if hasattr(self, "tiles"):
             self.tiles.stop()
-            self._source.close()
         if self._temporary is not None:
             remove_folder(self._temporary)
         super().destroy_node()

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import PointStamped, Vector3Stamped
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.io.tiling.tile_queue import TileQueue
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.ros.flow_control import FlowControl
@@ -31,18 +31,6 @@ from lidar_buildings.ros.tile_info import CLIPPED, clipped_of, info_message, ove
 _TICK = 0.1
 #: Period of the reminders of what is waited for [s].
 _REMIND = 10.0
-
-
-class TileQueue(Protocol):
-    """Where tiles come from."""
-
-    error: Exception | None  #: why no more come
-
-    def take(self) -> PointTile | None:
-        """Return the next tile, None if none is ready."""
-
-    def grown(self, tile: PointTile, sides: Sides) -> PointTile | None:
-        """Return a tile with a larger buffer on some sides, None if there is none."""
 
 
 class TileSender(StageNode):

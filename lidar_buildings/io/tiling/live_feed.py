@@ -102,6 +102,12 @@ class LiveFeed:
         """Number of tiles that have points."""
         return 0 if self._survey is None else self._survey.n_tiles
 
+    @property
+    def n_left(self) -> int:
+        """Number of tiles, roughly, with points that were not taken, also of points that wait; 0 if none."""
+        n_early = bool(self._early or self._inbox.n_points or self._placer.n_waiting)
+        return n_early + (0 if self._survey is None else self._survey.n_left) + (self._made is not None)
+
     def counts(self) -> dict[str, int]:
         """Return what has come, what waits, and what was left out for which reason."""
         survey = self._survey

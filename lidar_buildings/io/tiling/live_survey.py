@@ -95,6 +95,11 @@ class LiveSurvey:
         """Tiles, roughly, with points that are not sent, or not done; 0 if there is none."""
         return len(self._tiles.changed) + len(self._under_way) + bool(self._batch or self._unwritten)
 
+    @property
+    def n_left(self) -> int:
+        """Tiles, roughly, with points that are not sent; 0 if there is none."""
+        return len(self._tiles.changed) + len(self._ready) + bool(self._batch or self._unwritten)
+
     def add(self, scan: PlacedScan, now: float) -> None:
         """
         Take a scan in the map; `now` is the time by which tiles are waited for [s].
