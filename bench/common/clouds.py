@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.scan import KEPT
-from lidar_buildings.io.clouds.las import frame_of, open_inputs, xyz_of
-from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns
+from lidar_buildings.io.clouds.las import frame_of, open_inputs
+from lidar_buildings.io.clouds.point_columns import point_columns, without_empty_columns, xyz_of
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Where the real clouds lie unless --data or LIDAR_BUILDINGS_DATA says otherwise: beside the repository.

@@ -7,8 +7,7 @@ Write the drawing without entities that stands around those of every DXF file, m
 import ezdxf
 
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.io.models.dxf import COURTYARD, LINES, OUTLINE, TERRAIN, layer_name
-from lidar_buildings.io.models.dxf_entities import APPLICATION, EMPTY
+from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, EMPTY, LINES, OUTLINE, TERRAIN, layer_name
 
 #: AutoCAD 2000: the oldest version with light polylines and units, which everything reads.
 VERSION = "R2000"

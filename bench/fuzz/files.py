@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from lidar_buildings.commands.settings import read_settings
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.clouds.las import read_tile
 

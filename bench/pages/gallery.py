@@ -19,7 +19,7 @@ from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.io.models.cityjson import feature_line, load_feature
-from lidar_buildings.report.models import model_arrays
+from lidar_buildings.report.contents import model_arrays
 from lidar_buildings.report.view.drawing import picture_of
 from lidar_buildings.report.view.parts import Coloured, models_of
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.bags import is_bag, is_bag_file
+from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import frame_of, open_cloud
 from lidar_buildings.io.files.locations import located

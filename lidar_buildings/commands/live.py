@@ -15,8 +15,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.io.results.run_folder import discard_unfinished
-from lidar_buildings.io.results.sole_use import sole_use
+from lidar_buildings.io.results.run_folder import discard_unfinished, sole_use
 
 if TYPE_CHECKING:
     from lidar_buildings.nodes.model_writer import ModelWriter

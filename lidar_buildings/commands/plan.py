@@ -14,10 +14,10 @@ from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.neighbours.parallel import n_cores
-from lidar_buildings.io.bags import bags_among
+from lidar_buildings.io.bags.bag_inputs import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.find_inputs import open_each
-from lidar_buildings.io.clouds.las_extent import read_extent
+from lidar_buildings.io.clouds.las import read_extent
 from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey

@@ -16,7 +16,7 @@ from lidar_buildings.io.results.process_tree import cpu_of, peak_memory, tree_of
 from lidar_buildings.io.results.run_summary import RunSummary, counted
 
 if TYPE_CHECKING:
-    from lidar_buildings.io.bags.recording import Recording
+    from lidar_buildings.io.bags.bag_writer import Recording
 
 
 class Usage(NamedTuple):

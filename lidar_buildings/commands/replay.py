@@ -9,11 +9,10 @@ from pathlib import Path
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, BagMessage
-from lidar_buildings.io.bags.bag_config import NO_SCAN, BagConfig
-from lidar_buildings.io.bags.cut_mcap import open_bag
+from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, BagMessage, open_bag
+from lidar_buildings.io.bags.bag_inputs import NO_SCAN, BagConfig
+from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.bags.placed_cloud import hand_over
-from lidar_buildings.io.bags.selection import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.simulation.live.messages import Pace, PlayReport, ahead
 

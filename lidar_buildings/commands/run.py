@@ -19,7 +19,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.io.bags import bags_among, bags_beside_clouds, bags_of
+from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
 from lidar_buildings.io.results.run_folder import (
@@ -30,8 +30,8 @@ from lidar_buildings.io.results.run_folder import (
     check_folder,
     discard_unfinished,
     holds_tiles,
+    sole_use,
 )
-from lidar_buildings.io.results.sole_use import sole_use
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
     from lidar_buildings.io.vectors.footprints import FootprintFile

@@ -16,7 +16,7 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_folder import Use
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -153,7 +153,7 @@ def _new_bag(options: argparse.Namespace) -> Path:
         raise ParameterError(
             "--record: without ROS there is nothing to record: leave out --no-ros, or --record"
         )
-    from lidar_buildings.io.bags.recording import Recording, bag_folder  # takes time to import
+    from lidar_buildings.io.bags.bag_writer import Recording, bag_folder  # takes time to import
 
     return Recording(bag_folder(options.record)).path
 

@@ -14,7 +14,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
 from lidar_buildings.nodes.topics import RECORDED

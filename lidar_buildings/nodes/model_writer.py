@@ -15,7 +15,7 @@ from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.nodes.configs import ModelWriterConfig
 from lidar_buildings.nodes.map_frames import FrameListener

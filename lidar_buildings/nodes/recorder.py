@@ -11,8 +11,7 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.core.model.errors import ParameterError
-from lidar_buildings.io.bags.bag_writer import offered
-from lidar_buildings.io.bags.recording import Recording, bag_folder
+from lidar_buildings.io.bags.bag_writer import Recording, bag_folder, offered
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lidar_buildings.io.bags import bags_among
+from lidar_buildings.io.bags.bag_inputs import bags_among
 from lidar_buildings.io.results.run_folder import PARTIAL, PLACED
 from lidar_buildings.io.tiling.live_files import CLOUDS
 from lidar_buildings.nodes.table import SOURCES, topics_until

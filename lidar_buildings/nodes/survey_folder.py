@@ -14,15 +14,13 @@ from typing import TYPE_CHECKING, Any
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.bags import bags_among
-from lidar_buildings.io.bags.bag_inputs import with_clouds
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.run_folder import Share, check_folder
+from lidar_buildings.io.results.run_folder import Share, check_folder, sole_use
 from lidar_buildings.io.results.run_summary import RunSummary
-from lidar_buildings.io.results.sole_use import sole_use
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes.configs import ModelWriterConfig
 

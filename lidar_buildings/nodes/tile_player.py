@@ -9,9 +9,8 @@ from rosgraph_msgs.msg import Clock
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.io.bags import bags_among
-from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_queue import FileQueue

@@ -2,23 +2,344 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import rasterio
 import shapely
 from numpy.typing import NDArray
+from rasterio.enums import Resampling
+from rasterio.errors import RasterioError
+from rasterio.windows import Window, from_bounds
 
+from lidar_buildings.core.model.classes import PointClass, is_of_groups
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.solids.face_triangles import face_pieces, triangles_of
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.las import open_cloud
+from lidar_buildings.io.clouds.point_columns import xyz_of
+from lidar_buildings.io.models.cityjson import load_feature
+from lidar_buildings.io.results.classified_files import every_stretch, kept_points, stretches
 from lidar_buildings.io.results.run_folder import DTM, Share
 from lidar_buildings.io.tiling.tile_grid import Rectangle
-from lidar_buildings.report.models import ModelArrays, model_arrays
-from lidar_buildings.report.relief import Relief, read_relief
 from lidar_buildings.report.result_folder import ReportedBuilding, Result
-from lidar_buildings.report.shown_points import ShownPoints, read_shown_points
+
+#: What stands in cells that are not known.
+UNKNOWN = -32_768
+_RELIEF_STEPS = 65_000
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Elevations, row by row from north to south."""
+
+    #: Elevations are `middle` + `steps` × `step`; `UNKNOWN` where there are none. Shape (n_rows, n_columns).
+    steps: NDArray[np.int16]
+    #: Map frame [m].
+    middle: float
+    step: float
+    #: Outer corner of the first cell, map frame [m].
+    west: float
+    north: float
+    cell: tuple[float, float]  #: width and height of a cell [m]
+
+
+def read_relief(path: Path, frame: MapFrame, box: Rectangle | None, most_cells: int) -> Relief:
+    """
+    Read a raster of elevations, or what is in a box of it, coarser where it is larger.
+
+    No more than `most_cells` along the longer side; InputError if it cannot be read.
+    """
+    try:
+        with rasterio.open(path) as file:
+            window = _window(file, frame, box)
+            coarser = max(window.width, window.height, most_cells) / most_cells
+            shape = max(round(window.height / coarser), 1), max(round(window.width / coarser), 1)
+            resampling = Resampling.average if coarser > 1 else Resampling.nearest
+            read = file.read(1, window=window, out_shape=shape, masked=True, resampling=resampling)
+            transform = file.window_transform(window)
+            cell = tuple(
+                size * file.res[axis] * frame.horizontal_unit / shape[1 - axis]
+                for axis, size in enumerate((window.width, window.height))
+            )
+    except (RasterioError, OSError) as error:
+        raise InputError(f"{path}: cannot be read ({error}): run it again") from error
+    x, y, _ = frame.to_map(np.array([[transform.c, transform.f, 0.0]]))[0].tolist()
+    elevations = read.astype(np.float64) * frame.vertical_unit - frame.origin[2]
+    return _in_steps(elevations, (x, y), (cell[0], cell[1]))
+
+
+def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None) -> Window:
+    whole = Window(0, 0, file.width, file.height)
+    if box is None:
+        return whole
+    corners = np.insert(np.reshape(box, (2, 2)), 2, 0.0, axis=1)
+    (west, south, _), (east, north, _) = frame.to_source(corners)
+    wanted = from_bounds(west, south, east, north, file.transform)
+    try:
+        return wanted.intersection(whole).round_offsets().round_lengths()
+    except rasterio.errors.WindowError:
+        return whole
+
+
+def _in_steps(
+    elevations: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float64]],
+    corner: tuple[float, float],
+    cell: tuple[float, float],
+) -> Relief:
+    known = elevations.compressed()
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    middle, step = (low + high) / 2, max((high - low) / _RELIEF_STEPS, 0.01)
+    steps = np.ma.filled(np.rint((elevations - middle) / step), UNKNOWN).astype(np.int16)
+    return Relief(steps, middle, step, *corner, cell)
+
+
+#: Kind of surface → its number in the page.
+KINDS = {GROUND_SURFACE: 0, WALL_SURFACE: 1, ROOF_SURFACE: 2}
+#: Text of so many characters is a job: some ten buildings, enough to pay for its way to another process.
+_BATCH = 400_000
+
+
+class ModelArrays(NamedTuple):
+    """Solids one after the other."""
+
+    vertices: NDArray[np.int32]  #: each building's once, for all its levels [mm], shape (n_vertices, 3)
+    #: Rows of the vertices, counter-clockwise from outside, shape (n_triangles, 3).
+    triangles: NDArray[np.uint32]
+    faces: NDArray[np.uint16]  #: number of the solid's face that a triangle is of, shape (n_triangles,)
+    kinds: NDArray[np.uint8]  #: values of `KINDS`, shape (n_triangles,)
+    #: The building's row, the level of detail times ten, its first triangle, and how many it has, shape
+    #: (n_solids, 4).
+    solids: NDArray[np.int32]
+    n_left_out: int  #: buildings beyond the budget
+
+
+class _Solid(NamedTuple):
+    """A solid of a building; `triangles` are rows of the building's vertices."""
+
+    level: int
+    triangles: NDArray[np.uint32]
+    faces: NDArray[np.uint16]
+    kinds: NDArray[np.uint8]
+
+
+class _Building(NamedTuple):
+    """All solids of a building."""
+
+    name: str
+    vertices: NDArray[np.int32]
+    solids: list[_Solid]
+
+
+def model_arrays(
+    lines: Iterable[str], names: Sequence[str], most_triangles: int, share: Share = map
+) -> ModelArrays:
+    """
+    Divide the solids of buildings, from their CityJSONFeatures, into triangles.
+
+    Beyond the most triangles buildings are left out. `share`, as `map`, may do its jobs, some buildings each,
+    in other processes. InputError if a line is no such feature.
+    """
+    row_of = {name: row for row, name in enumerate(names)}
+    vertices = [np.empty((0, 3), dtype=np.int32)]
+    triangles = [np.empty((0, 3), dtype=np.uint32)]
+    faces, kinds = [np.empty(0, dtype=np.uint16)], [np.empty(0, dtype=np.uint8)]
+    solids: list[tuple[int, int, int, int]] = []
+    n_vertices = n_triangles = n_left_out = 0
+    for building in chain.from_iterable(share(_cut_all, list(_batches(lines)))):
+        if n_triangles >= most_triangles:
+            n_left_out += 1
+            continue
+        for solid in building.solids:
+            solids.append((row_of[building.name], solid.level, n_triangles, len(solid.triangles)))
+            triangles.append(solid.triangles + np.uint32(n_vertices))
+            faces.append(solid.faces)
+            kinds.append(solid.kinds)
+            n_triangles += len(solid.triangles)
+        vertices.append(building.vertices)
+        n_vertices += len(building.vertices)
+    return ModelArrays(
+        np.concatenate(vertices),
+        np.concatenate(triangles),
+        np.concatenate(faces),
+        np.concatenate(kinds),
+        np.array(solids, dtype=np.int32).reshape(-1, 4),
+        n_left_out,
+    )
+
+
+def _batches(lines: Iterable[str]) -> Iterator[list[str]]:
+    batch: list[str] = []
+    size = 0
+    for line in lines:
+        if size >= _BATCH:
+            yield batch
+            batch, size = [], 0
+        batch.append(line)
+        size += len(line)
+    if batch:
+        yield batch
+
+
+def _cut_all(lines: Sequence[str]) -> list[_Building]:
+    """Divide some buildings."""
+    return [_cut(load_feature(line)[0]) for line in lines]
+
+
+def _cut(feature: dict[str, Any]) -> _Building:
+    vertices = np.array(feature["vertices"], dtype=np.int32).reshape(-1, 3)
+    geometries = feature["CityObjects"][feature["id"]]["geometry"]
+    return _Building(feature["id"], vertices, [_solid(one, vertices * GRID) for one in geometries])
+
+
+def _solid(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> _Solid:
+    """Divide a solid into triangles."""
+    surfaces = [KINDS[surface["type"]] for surface in geometry["semantics"]["surfaces"]]
+    (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
+    faces = [tuple(map(tuple, rings)) for rings in shell]
+    by_face = [triangles_of(pieces) for pieces in face_pieces(vertices, faces)]
+    counts = [len(one) for one in by_face]
+    corners = chain.from_iterable(chain.from_iterable(by_face))
+    return _Solid(
+        round(10 * float(geometry["lod"])),
+        np.fromiter(corners, dtype=np.uint32, count=3 * sum(counts)).reshape(-1, 3),
+        np.repeat(np.arange(len(counts), dtype=np.uint16), counts),
+        np.repeat(np.array([surfaces[value] for value in values], dtype=np.uint8), counts),
+    )
+
+
+#: Set in `classes` for points of walls.
+FACADE = 128
+#: Read beside the class; numbers of buildings are whole in float64, too.
+_DIMENSIONS = ("BuildingId", "PlaneId", "EdgeLabel", "intensity", "HeightAboveGround")
+#: Share of the budget that the points of buildings may take.
+_OF_BUILDINGS = 0.6
+_STEPS = 65_535
+
+
+@dataclass(frozen=True, eq=False)
+class ShownPoints:
+    """Points without noise, in whole steps from a corner, sorted by building."""
+
+    steps: NDArray[np.uint16]  #: coordinates are `corner` + `steps` × `step`, shape (n_points, 3)
+    #: Map frame [m], shape (3,).
+    corner: NDArray[np.float64]
+    step: NDArray[np.float64]
+    classes: NDArray[np.uint8]  #: ASPRS class, with `FACADE` added for walls, shape (n_points,)
+    #: One more than the building's row, 0 for none of those that are shown, shape (n_points,).
+    building: NDArray[np.uint16]
+    #: The plane within its building, 0 for none, counted on from 1 after 255, shape (n_points,).
+    plane: NDArray[np.uint8]
+    edge: NDArray[np.bool_]  #: whether the point lies on an edge of a roof, shape (n_points,)
+    intensity: NDArray[np.uint16]  #: the source's, 0 where it has none, shape (n_points,)
+    height: NDArray[np.float32]  #: above ground [m], 0 where it is not known, shape (n_points,)
+
+
+def read_shown_points(
+    clouds: Sequence[Path],
+    frame: MapFrame,
+    n_per_class: Mapping[int, int],
+    rows: Mapping[int, int],
+    box: Rectangle | None,
+    most: int,
+) -> ShownPoints:
+    """
+    Read the points of classified clouds, in a box or all, thinned by their number per class to the most.
+
+    `rows` leads from a building's id to its row.
+    """
+    opened = [one for one in map(open_cloud, clouds) if one.point_count]
+    opened = [one for one in opened if box is None or box.touches(limits_of(one, frame))]
+    n_points = sum(one.point_count for one in opened)
+    every = every_stretch(n_points)
+    share = n_points / max(sum(n_per_class.values()), 1)
+    n_roof = round(n_per_class.get(PointClass.BUILDING, 0) * share) // every
+    roof_step = max(1, -(-n_roof // round(most * _OF_BUILDINGS)))
+    other_step = max(1, -(-(n_points // every - n_roof) // max(most - n_roof // roof_step, 1)))
+    chunks = _chunks(opened, every, is_all=box is None)
+    parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in chunks]
+    xyz, labels = _joined(parts, box)
+    labels[:, 1] = _rows_of(labels[:, 1], rows)
+    order = np.argsort(labels[:, 1], kind="stable")[:most]
+    low, high = (xyz.min(axis=0), xyz.max(axis=0)) if len(xyz) else (np.zeros(3), np.zeros(3))
+    step = np.maximum((high - low) / _STEPS, 0.001)
+    classes, building, plane, edge, intensity, height = labels[order].T
+    return ShownPoints(
+        np.rint((xyz[order] - low) / step).astype(np.uint16),
+        low,
+        step,
+        classes.astype(np.uint8),
+        building.astype(np.uint16),
+        np.where(plane > 0, (plane - 1) % 255 + 1, 0).astype(np.uint8),
+        edge > 0,
+        intensity.astype(np.uint16),
+        (height * frame.vertical_unit).astype(np.float32),
+    )
+
+
+def limits_of(cloud: Cloud, frame: MapFrame) -> Rectangle:
+    """Return where a cloud's points lie in the map frame [m]."""
+    return Rectangle(*frame.to_map(np.stack([cloud.mins, cloud.maxs]))[:, :2].ravel().tolist())
+
+
+def _chunks(clouds: Sequence[Cloud], every: int, *, is_all: bool) -> Iterator[Any]:
+    """Yield the clouds' points; of every so many stretches one."""
+    for cloud in clouds:
+        kept = kept_points(cloud) if is_all else None
+        yield from stretches(cloud, every) if kept is None else [kept]
+
+
+def _thinned(
+    chunk: Any, frame: MapFrame, steps: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return coordinates [m] and class and `_DIMENSIONS`: of roofs and of the rest every so many-th."""
+    classes = np.asarray(chunk["classification"])
+    is_roof = classes == PointClass.BUILDING
+    is_rest = ~is_roof & ~is_of_groups(classes, ["noise"])
+    chosen = [np.flatnonzero(which)[::step] for which, step in zip((is_roof, is_rest), steps, strict=True)]
+    kept = np.sort(np.concatenate(chosen))
+    few = chunk[kept]
+    known = set(few.point_format.dimension_names)
+    labels = np.zeros((len(few), 1 + len(_DIMENSIONS)))
+    labels[:, 0] = np.minimum(classes[kept], FACADE - 1)
+    if "Facade" in known:
+        labels[:, 0] += FACADE * (np.asarray(few["Facade"]) > 0)
+    for column, name in enumerate(_DIMENSIONS, start=1):
+        if name in known:
+            labels[:, column] = np.nan_to_num(np.asarray(few[name]))
+    return frame.to_map(xyz_of(few)), labels
+
+
+def _joined(
+    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Rectangle | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Put chunks together, of the points within the box."""
+    xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
+    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
+    if box is None:
+        return xyz, labels
+    within = box.holds(xyz[:, 0], xyz[:, 1])
+    return xyz[within], labels[within]
+
+
+def _rows_of(ids: NDArray[np.float64], rows: Mapping[int, int]) -> NDArray[np.int64]:
+    """Return one more than the row of each building id, 0 where it has none."""
+    if not rows:
+        return np.zeros(len(ids), dtype=np.int64)
+    known = np.array(sorted(rows), dtype=np.int64)
+    place = np.minimum(np.searchsorted(known, ids), len(known) - 1)
+    row = np.array([rows[one] for one in known.tolist()], dtype=np.int64)
+    return np.where(known[place] == ids, row[place] + 1, 0)
+
 
 #: What fits into 20 MB: a triangle takes some 10 bytes of the page, a point 9, a building's attributes 200.
 MOST_BUILDINGS, MOST_TRIANGLES, MOST_POINTS = 4_000, 900_000, 400_000

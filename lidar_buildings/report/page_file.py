@@ -16,12 +16,10 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
-from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.files.compact_json import compact_json
+from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
 from lidar_buildings.io.results.run_folder import Share
-from lidar_buildings.report.contents import Contents, contents_of
-from lidar_buildings.report.relief import UNKNOWN, Relief
+from lidar_buildings.report.contents import UNKNOWN, Contents, Relief, contents_of
 from lidar_buildings.report.result_folder import ReportedBuilding, read_result
 from lidar_buildings.report.summary_words import (
     changed_parameters,

@@ -21,7 +21,7 @@ from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.building_layers import READABLE_ID
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.run_folder import RUN
-from lidar_buildings.io.vectors.polygon_file import read_layer
+from lidar_buildings.io.vectors.layers import read_layer
 
 (GPKG,), (CITY_MODEL,) = FORMAT_FILES["gpkg"], FORMAT_FILES["cityjson"]
 _FEATURE = '{"type":"CityJSONFeature","id":"'

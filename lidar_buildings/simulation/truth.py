@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.io.files.compact_json import compact_json
-from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
+from lidar_buildings.io.files.atomic_files import compact_json
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 from lidar_buildings.simulation.building import Building, shell_of
 from lidar_buildings.simulation.flight import SURVEY_DATE
 from lidar_buildings.simulation.scene import VirtualScene

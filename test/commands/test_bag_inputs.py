@@ -10,7 +10,7 @@ import pytest
 from support.bags import MOUNTING, ORIGIN_TYPE, SCAN_TYPE, SECOND, T0, BagWriter, write_drive
 from support.ros_domain import use_own_domain
 
-from lidar_buildings.io.bags import bags_beside_clouds, bags_of, is_bag, split_files
+from lidar_buildings.io.bags.bag_inputs import bags_beside_clouds, bags_of, is_bag, split_files
 
 ROWS = [(name, "<f4") for name in ("x", "y", "z", "intensity", "scan_angle")] + [("gps_time", "<f8")]
 ROWS += [(name, "u1") for name in ("return_number", "number_of_returns", "scan_direction_flag")]

@@ -19,7 +19,7 @@ from support.results import assert_complete, contents
 from lidar_buildings import cli
 from lidar_buildings.commands import tile_work
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
+from lidar_buildings.io.models.survey_building import BUILDING_FIELDS
 from lidar_buildings.nodes.reference import parameter_yaml
 from lidar_buildings.simulation import simulate_survey
 

@@ -11,7 +11,7 @@ from support.results import building_features
 from support.vector_files import write_vectors
 
 from lidar_buildings.cli import main
-from lidar_buildings.io.vectors.polygon_file import read_polygons
+from lidar_buildings.io.vectors.layers import read_polygons
 from lidar_buildings.simulation import simulate_survey
 
 

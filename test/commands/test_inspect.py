@@ -8,8 +8,8 @@ import pytest
 from support import cloud_files
 from support.bags import SCAN_TYPE, STORAGES, T0, BagWriter, write_drive
 
+from lidar_buildings.io.bags.bag import open_bag
 from lidar_buildings.io.bags.bag_summary import summarise_bag
-from lidar_buildings.io.bags.cut_mcap import open_bag
 from lidar_buildings.io.tiling.cloud_summary import summarise_cloud
 
 

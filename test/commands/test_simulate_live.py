@@ -14,7 +14,7 @@ from support.ros_domain import use_own_domain
 
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.simulation.live.airborne import MOUNTING
 

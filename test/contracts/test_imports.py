@@ -131,7 +131,7 @@ def test_imports_go_one_way():
         ("lidar_buildings.io.clouds.las", "lidar_buildings.commands.run_local"),
         ("lidar_buildings.io.clouds.las", "lidar_buildings.io.tiling.tile_grid"),
         ("lidar_buildings.io.models.obj", "lidar_buildings.io.results.survey_buildings"),
-        ("lidar_buildings.io.models.obj", "lidar_buildings.io.vectors.geopackage"),
+        ("lidar_buildings.io.models.obj", "lidar_buildings.io.vectors.layers"),
         ("lidar_buildings.evaluation.scores.edges", "lidar_buildings.evaluation.command.score"),
         ("lidar_buildings.io.results.output_folder", "lidar_buildings.report.page_file"),
         ("lidar_buildings.report.page_file", "lidar_buildings.commands.run"),

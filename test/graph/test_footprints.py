@@ -8,8 +8,7 @@ from support.cli_runs import Command
 from support.results import contents
 from support.vector_files import write_geopackage
 
-from lidar_buildings.io.vectors.geopackage import VectorLayer
-from lidar_buildings.io.vectors.polygon_file import read_polygons
+from lidar_buildings.io.vectors.layers import VectorLayer, read_polygons
 from lidar_buildings.simulation import simulate_survey
 
 pytestmark = pytest.mark.graph

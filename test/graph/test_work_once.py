@@ -10,7 +10,7 @@ from support.node_bench import running
 from support.results import assert_complete
 
 from lidar_buildings.io.clouds import cloud
-from lidar_buildings.io.clouds.las_reader import open_reader
+from lidar_buildings.io.clouds.cloud import open_reader
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.stamps import tile_of

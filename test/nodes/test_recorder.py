@@ -16,8 +16,7 @@ from support.node_bench import made, running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.bags.bag_writer import offered
-from lidar_buildings.io.bags.recording import Recording, bag_folder
+from lidar_buildings.io.bags.bag_writer import Recording, bag_folder, offered
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED

@@ -13,8 +13,8 @@ from support.pages import Page
 from support.result_folders import with_points, written_models
 
 from lidar_buildings.cli import main
+from lidar_buildings.report.explain.building_findings import outline_findings, walls_of
 from lidar_buildings.report.explain.finding import Limits
-from lidar_buildings.report.explain.outline_findings import outline_findings, walls_of
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, read_result
 
 SPACING = 0.5

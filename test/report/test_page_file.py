@@ -14,7 +14,7 @@ from support.result_folders import written_models
 
 from lidar_buildings.cli import main
 from lidar_buildings.core.neighbours import parallel
-from lidar_buildings.io.results import cloud_sample
+from lidar_buildings.io.results import classified_files
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report.page_file import page_of, write_report
 from lidar_buildings.report.result_folder import read_result
@@ -157,15 +157,15 @@ def test_budgets_hold_and_what_is_left_out_is_said(result, tmp_path, monkeypatch
 
 def test_of_large_clouds_stretches_are_read(result, monkeypatch):
     whole = len(contents_module.contents_of(read_result(result)).points.steps)
-    monkeypatch.setattr(cloud_sample, "MOST_READ", whole // 3)
-    monkeypatch.setattr(cloud_sample, "_STRETCH", 100)
+    monkeypatch.setattr(classified_files, "MOST_READ", whole // 3)
+    monkeypatch.setattr(classified_files, "_STRETCH", 100)
     few = contents_module.contents_of(read_result(result)).points
     assert 0.2 * whole < len(few.steps) < 0.5 * whole
 
 
 def test_a_run_shows_the_points_that_are_read_from_its_files_later(result, monkeypatch, tmp_path):
-    monkeypatch.setattr(cloud_sample, "MOST_READ", 1000)
-    monkeypatch.setattr(cloud_sample, "_STRETCH", 100)
+    monkeypatch.setattr(classified_files, "MOST_READ", 1000)
+    monkeypatch.setattr(classified_files, "_STRETCH", 100)
     monkeypatch.setattr(parallel, "n_cores", lambda: 1)
     arguments = ["run", str(result.parent / "survey"), "--output", str(tmp_path / "out"), "--no-ros"]
     assert main(arguments) == 0

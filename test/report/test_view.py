@@ -9,10 +9,9 @@ from support.model_survey import DUTCH, EAVE, FEET, GROUND, RIDGE
 from support.result_folders import DENSITY, with_points, written_models
 
 from lidar_buildings.cli import main
-from lidar_buildings.report.contents import contents_of
-from lidar_buildings.report.relief import UNKNOWN, Relief
+from lidar_buildings.report.contents import UNKNOWN, Relief, contents_of
 from lidar_buildings.report.result_folder import read_result
-from lidar_buildings.report.view import ABOVE, NOTHING, OF_POINTS, SIDES, colours, drawing, parts
+from lidar_buildings.report.view import ABOVE, NOTHING, OF_POINTS, SIDES, drawing, parts
 from lidar_buildings.report.view.drawing import camera_of
 
 
@@ -57,7 +56,7 @@ def test_roofs_are_coloured_by_their_slope_and_brighter_towards_the_light(conten
     assert south.sum() > north.sum()
     np.testing.assert_allclose(south / south.sum(), north / north.sum())
     level = shown.colours[within(shown.places, 0, 20, 20, 40) & (normals[:, 2] > 0.9)][0]
-    np.testing.assert_allclose(level / level.max(), colours.SLOPES[0] / colours.SLOPES[0].max())
+    np.testing.assert_allclose(level / level.max(), parts.SLOPES[0] / parts.SLOPES[0].max())
     assert np.abs(south / south.max() - level / level.max()).max() > 0.1
 
 
@@ -70,10 +69,10 @@ def test_points_lie_where_they_are_in_a_colour_each(contents, by):
     assert ((shown.colours >= 0) & (shown.colours <= 1)).all()
     is_lawn = z < GROUND + 0.01
     of_lawn = np.unique(shown.colours[is_lawn], axis=0)
-    expected = {"class": colours.CLASSES[2], "height": colours.HEIGHTS[0], "intensity": colours.GREYS[0]}
-    np.testing.assert_allclose(of_lawn, [expected.get(by, colours.NONE)], atol=0.01)
+    expected = {"class": parts.CLASSES[2], "height": parts.HEIGHTS[0], "intensity": parts.GREYS[0]}
+    np.testing.assert_allclose(of_lawn, [expected.get(by, parts.NONE)], atol=0.01)
     n_house = round(10 * 8 * DENSITY) + round(DENSITY)
-    is_house = (shown.colours != colours.NONE).any(axis=1)
+    is_house = (shown.colours != parts.NONE).any(axis=1)
     if by == "building":
         assert len(np.unique(shown.colours[is_house], axis=0)) == 1
         assert is_house.sum() == n_house

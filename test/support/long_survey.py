@@ -6,7 +6,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.clouds.las_records import RawHeader
 from lidar_buildings.io.tiling import tiling

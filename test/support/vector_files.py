@@ -6,7 +6,7 @@ import numpy as np
 import pyogrio
 import shapely
 
-from lidar_buildings.io.vectors.geopackage import geopackage_file
+from lidar_buildings.io.vectors.layers import geopackage_file
 
 
 def write_geopackage(path, layers, crs):

@@ -30,7 +30,7 @@ from lidar_buildings.evaluation.changes.cells import (
 )
 from lidar_buildings.evaluation.readers.labelled_points import read_class_chunks
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
-from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 
 #: Share of a building's cells that decides of the whole of it.
 WHOLE = 0.7

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.find_inputs import find_inputs
-from lidar_buildings.io.clouds.las import open_cloud, xyz_of
+from lidar_buildings.io.clouds.las import open_cloud
+from lidar_buildings.io.clouds.point_columns import xyz_of
 
 #: Extra dimension of a simulated survey: the class that each point has in truth.
 TRUE_CLASS = "TrueClass"

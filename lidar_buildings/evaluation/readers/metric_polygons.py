@@ -14,7 +14,7 @@ from pyproj.exceptions import CRSError
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.reference_systems import horizontal_part, name_of
 from lidar_buildings.io.results.run_folder import BLOCKS
-from lidar_buildings.io.vectors.polygon_file import read_polygons
+from lidar_buildings.io.vectors.layers import read_polygons
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey; else blocks of a run.
 IN_FOLDER = ("buildings.gpkg", "outlines.fgb", "outlines.parquet", "truth.gpkg")

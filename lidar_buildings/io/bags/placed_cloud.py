@@ -12,11 +12,9 @@ from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage
-from lidar_buildings.io.bags.bag_config import BagConfig
-from lidar_buildings.io.bags.bag_summary import with_frames
-from lidar_buildings.io.bags.cut_mcap import open_bag
-from lidar_buildings.io.bags.selection import choose_topics, chosen_messages, told_frame
+from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage, open_bag
+from lidar_buildings.io.bags.bag_inputs import BagConfig
+from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame, with_frames
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import check_metres
 from lidar_buildings.io.tiling.live_feed import LiveFeed

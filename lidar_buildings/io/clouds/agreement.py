@@ -14,11 +14,11 @@ from pyproj.exceptions import CRSError
 from lidar_buildings.core.model.errors import InputError, LidarBuildingsError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las_crs import described, vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
+from lidar_buildings.io.files.failures import warn_once
 from lidar_buildings.io.files.reference_systems import is_same_unit, name_of, with_heights
-from lidar_buildings.io.files.warn_once import warn_once
 
 #: Most files of a survey: a point's `source` is a uint16.
 MOST_FILES = 65_535

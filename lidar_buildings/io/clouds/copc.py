@@ -8,11 +8,11 @@ and laspy reads such files but writes none.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import laspy
 import lazrs
@@ -23,13 +23,205 @@ from numpy.typing import NDArray
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.las import xyz_of
+from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
 from lidar_buildings.io.clouds.las_crs import vertical_crs
-from lidar_buildings.io.clouds.octree import SAMPLE_BITS, Cube, Node, cells_of, nodes_of
-from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP, xyz_of
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.failures import reported
+from lidar_buildings.io.files.locations import open_binary
 from lidar_buildings.io.files.reference_systems import with_heights
+
+_INFO_BEGIN = struct.Struct("<5d2Q")
+_NODE = np.dtype(
+    [("level", "<i4"), ("place", "<i4", 3), ("offset", "<u8"), ("size", "<i4"), ("count", "<i4")]
+)
+#: Count of an entry that stands for a page of further entries.
+_PAGE = -1
+#: The smallest squares by which points are counted [m]: tiles and their buffers are several times as wide.
+_SQUARE = 100.0
+
+
+class CopcNodes(NamedTuple):
+    """The nodes of an octree that hold points."""
+
+    level: NDArray[np.int32]  #: 0 for the root, shape (n,)
+    place: NDArray[np.int32]  #: number of each along x, y and z among those of its level, shape (n, 3)
+    #: Where its chunk begins in the file [bytes], and its points, shape (n,).
+    offset: NDArray[np.uint64]
+    count: NDArray[np.int32]
+    corner: NDArray[np.float64]  #: of the root's cube, in source coordinates, shape (3,)
+    side: float  #: of the root's cube
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Least and greatest x and y of each node, shape (n, 2, 2)."""
+        side = self.side / 2.0**self.level
+        low = self.corner[:2] + self.place[:, :2] * side[:, None]
+        return np.stack([low, low + side[:, None]], axis=1)
+
+    def touching(self, bounds: Sequence[float]) -> NDArray[np.bool_]:
+        """Tell which nodes share a place with bounds (west, south, east, north)."""
+        low, high = np.array(bounds, dtype=np.float64).reshape(2, 2)
+        return np.asarray(((self.bounds[:, 0] <= high) & (self.bounds[:, 1] >= low)).all(axis=1))
+
+    def squares(self, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """
+        Return bounds in plan, shape (n, 2, 2), and points of nodes; those below the smallest squares as one.
+        """
+        deepest = max(0, int(np.log2(max(self.side * unit / _SQUARE, 1.0))))
+        below = np.maximum(self.level - deepest, 0)
+        keys = np.column_stack([self.level - below, self.place[:, :2] >> below[:, None]])
+        found, own = np.unique(keys, axis=0, return_inverse=True)
+        whole = self._replace(level=found[:, 0], place=found[:, [1, 2, 2]])
+        return whole.bounds, np.bincount(own.ravel(), self.count, len(found))
+
+
+def read_nodes(cloud: CloudExtent) -> CopcNodes | None:
+    """
+    Read the hierarchy of a file, None if it is none of COPC, or its hierarchy not that of all its points.
+
+    InputError if the file cannot be read.
+    """
+    if not cloud.raw.vlrs or not cloud.raw.vlrs[0].is_a(b"copc", 1):
+        return None
+    *middle, half, _, start, size = _INFO_BEGIN.unpack_from(cloud.raw.vlrs[0].data)
+    pages, seen, found = [(start, size)], set(), [np.empty(0, _NODE)]
+    with reported(cloud.path), open_binary(cloud.path) as file:
+        while pages:
+            start, size = pages.pop()
+            if start in seen or size % _NODE.itemsize or not 0 < size <= cloud.state[0] - start:
+                return None
+            seen.add(start)
+            file.seek(start)
+            entries = np.frombuffer(file.read(size), _NODE)
+            is_page = entries["count"] == _PAGE
+            pages += [(int(one["offset"]), int(one["size"])) for one in entries[is_page]]
+            found.append(entries[entries["count"] > 0])
+    nodes = np.concatenate(found)
+    if nodes["count"].sum() != cloud.point_count:
+        return None
+    columns = (nodes[name] for name in ("level", "place", "offset", "count"))
+    return CopcNodes(*columns, np.array(middle) - half, 2.0 * half)
+
+
+def runs_touching(cloud: CloudExtent, bounds: Sequence[float]) -> list[tuple[int, int]]:
+    """
+    Return which points of a file have to be read for those in bounds, as first ones and ends of runs.
+
+    Of COPC these are the nodes that touch west, south, east and north, of others all. InputError if the file
+    cannot be read.
+    """
+    if not cloud.point_count or (cloud.maxs[:2] < bounds[:2]).any() or (cloud.mins[:2] > bounds[2:]).any():
+        return []
+    nodes = read_nodes(cloud)
+    if nodes is None:
+        return [(0, cloud.point_count)]
+    order = np.argsort(nodes.offset)
+    ends = np.cumsum(nodes.count[order], dtype=np.int64)
+    is_near = np.concatenate([[False], nodes.touching(bounds)[order], [False]])
+    begins, stops = (np.flatnonzero(is_near[1:] & ~is_near[:-1]), np.flatnonzero(~is_near[1:] & is_near[:-1]))
+    return [
+        (int(ends[a] - nodes.count[order[a]]), int(ends[b - 1])) for a, b in zip(begins, stops, strict=True)
+    ]
+
+
+#: Bits of a coordinate within the tree's cube: three of them fit 63.
+BITS = 21
+#: A node's points lie in cells of its side divided by two to this power, one in each.
+SAMPLE_BITS = 7
+#: Level of the deepest nodes: their cells have all bits.
+DEEPEST = BITS - SAMPLE_BITS
+#: A node with fewer points than this has no children: about what one request of a reader fetches.
+_LEAF = 20_000
+
+
+class Cube(NamedTuple):
+    """The cube of the root: its lower corner and its side."""
+
+    corner: NDArray[np.float64]
+    side: float
+
+    @classmethod
+    def around(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> Cube:
+        """Return the smallest cube around a box that has its lower corner, which is where copclib puts it."""
+        return cls(low, float((high - low).max()) or 1.0)
+
+    def codes(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the Morton codes of places, shape (n, 3): the bits of x, y and z in turns, x lowest."""
+        steps = np.floor((places - self.corner) * (2.0**BITS / self.side)).astype(np.int64)
+        x, y, z = (_spread(column) for column in np.clip(steps, 0, 2**BITS - 1).T)
+        return x | y << 1 | z << 2
+
+
+def cells_of(codes: NDArray[np.int64], level: int) -> NDArray[np.int64]:
+    """Return the codes of the nodes of a level in which places lie that have these codes."""
+    return codes >> 3 * (BITS - level)
+
+
+class Node(NamedTuple):
+    """A node: its level, 0 for the root, and its Morton code among those of the level."""
+
+    level: int
+    code: int
+
+    @property
+    def place(self) -> tuple[int, int, int]:
+        """Number of the node along x, y and z."""
+        x, y, z = (_gathered(self.code >> axis) for axis in range(3))
+        return x, y, z
+
+
+def nodes_of(codes: NDArray[np.int64], depth: int) -> Iterator[tuple[Node, NDArray[np.intp]]]:
+    """
+    Yield the nodes of points of one cell of the tree, or of some of it, and the rows of each.
+
+    From the root down each node takes a point of each of its cells, the one with the lowest Morton code at
+    the level `depth`; where few are left, all of them. Nodes above may have further points elsewhere, and are
+    no leaves.
+    """
+    order = np.argsort(codes, kind="stable")
+    left, levels = codes[order], np.full(len(codes), DEEPEST)
+    rows = np.arange(len(codes))
+    for level in range(DEEPEST):
+        if level >= depth:
+            starts, sizes = _runs(cells_of(left, level))
+            is_taken = np.repeat(sizes < _LEAF, sizes)
+        else:
+            is_taken = np.zeros(len(left), dtype=bool)
+        starts, _ = _runs(cells_of(left, level + SAMPLE_BITS))
+        is_taken[starts] = True
+        levels[rows[is_taken]] = level
+        left, rows = left[~is_taken], rows[~is_taken]
+    own = codes[order] >> 3 * (BITS - levels)
+    by_node = np.lexsort((own, levels))
+    starts, sizes = _runs(own[by_node] << 4 | levels[by_node])
+    for start, size in zip(starts.tolist(), sizes.tolist(), strict=True):
+        members = by_node[start : start + size]
+        yield Node(int(levels[members[0]]), int(own[members[0]])), order[members]
+
+
+def _runs(values: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where runs of equal values begin, and their lengths."""
+    if not len(values):
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    starts = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
+    return starts, np.diff(starts, append=len(values))
+
+
+def _spread(bits: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Put two zeros between any two bits."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF), (16, 0x1F0000FF0000FF), (8, 0x100F00F00F00F00F), (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):  # fmt: skip
+        bits = (bits | bits << shift) & mask
+    return bits
+
+
+def _gathered(code: int) -> int:
+    """Return the number of every third bit."""
+    return sum((code >> 3 * bit & 1) << bit for bit in range(BITS))
+
 
 #: Point format of the input → the one that COPC allows and that has its dimensions.
 _FORMATS = {0: 6, 1: 6, 2: 7, 3: 7, 6: 6, 7: 7, 8: 8}

@@ -17,12 +17,10 @@ from zlib import crc32
 import laspy
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.classified_header import is_kept, written_version
-from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.find_inputs import find_inputs
-from lidar_buildings.io.clouds.input_file import changed
+from lidar_buildings.io.clouds.classified_las import is_kept, written_version
+from lidar_buildings.io.clouds.cloud import Cloud, laz_backend
+from lidar_buildings.io.clouds.find_inputs import changed, find_inputs
 from lidar_buildings.io.clouds.las import chunks_within, open_cloud
-from lidar_buildings.io.clouds.las_reader import laz_backend
 from lidar_buildings.io.files.atomic_files import atomic_file, checked_file
 from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import is_url, open_binary, state_of

@@ -6,6 +6,7 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -27,15 +28,14 @@ from lidar_buildings.io.clouds.agreement import (
     shared_origin,
     without_copies,
 )
-from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.copc_nodes import runs_touching
+from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
+from lidar_buildings.io.clouds.copc import runs_touching
 from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
-from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns
-from lidar_buildings.io.files.failures import captured_panics, reported
+from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns, xyz_of
+from lidar_buildings.io.files.failures import captured_panics, reported, warn_once
 from lidar_buildings.io.files.locations import located, open_binary, state_of
-from lidar_buildings.io.files.warn_once import warn_once
 
 #: Points that may lie this far outside their header's bounds before these are measured anew [m];
 #: wide margin: headers round to millimetres, wrong ones are kilometres off.
@@ -142,12 +142,6 @@ def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
     return MapFrame(name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
 
 
-def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
-    """Return a chunk's coordinates, shape (n, 3), in the source's own system."""
-    counts = np.stack([chunk.array[name] for name in "XYZ"]).T  # column by column: numpy is slow in threes
-    return counts * chunk.scales + chunk.offsets
-
-
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
     """Refuse scales and offsets that give no coordinates."""
     scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
@@ -189,3 +183,25 @@ def _extremes(
         if not far.all():
             found.append((xyz[~far].min(axis=0), xyz[~far].max(axis=0)))
     return np.min([low for low, _ in found], axis=0), np.max([high for _, high in found], axis=0)
+
+
+#: Where the header has greatest and least x, y and z, in turns (LAS 1.4, table 3).
+_BOUNDS, _BOUNDS_AT = struct.Struct("<6d"), 179
+
+
+def read_extent(path: Path) -> CloudExtent:
+    """Read a file's header; InputError if it is no LAS file, or its header cannot be true."""
+    with reported(path):
+        raw = read_raw_header(path)
+        prefers_wkt = raw.minor_version >= 4 and bool(raw.global_encoding & 0x10)
+        crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path))
+        bounds = np.array(_BOUNDS.unpack_from(raw.block, _BOUNDS_AT)).reshape(3, 2)
+        maxs, mins = bounds.T if raw.point_count else np.full((2, 3), np.nan)
+        if raw.point_count:
+            crs = metric_crs(path, crs, raw.point_count, mins, maxs)
+        width = (maxs - mins)[:2] * crs.horizontal_unit
+        if raw.point_count and not ((width >= 0.0) & (width <= MAX_EXTENT)).all():
+            raise InputError(
+                f"{path}: the bounds in its header cannot be: export it again (a run measures them anew)"
+            )
+        return CloudExtent(path, raw, crs, mins, maxs, state_of(path))

@@ -16,6 +16,7 @@ from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds.las_records import RawRecord
+from lidar_buildings.io.files.failures import warn_once
 from lidar_buildings.io.files.reference_systems import (
     FOOT,
     US_SURVEY_FOOT,
@@ -25,7 +26,6 @@ from lidar_buildings.io.files.reference_systems import (
     name_of,
     unbound,
 )
-from lidar_buildings.io.files.warn_once import warn_once
 
 #: Records whose meaning is kept: files of a survey say the same, and to understand it takes most of the time
 #: in which a file is opened.

@@ -70,3 +70,9 @@ def last_returns(
         return points
     is_last = return_number >= number_of_returns
     return points.compress(is_last, axis=0) if is_last.any() else points
+
+
+def xyz_of(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.float64]:
+    """Return a chunk's coordinates, shape (n, 3), in the source's own system."""
+    counts = np.stack([chunk.array[name] for name in "XYZ"]).T  # column by column: numpy is slow in threes
+    return counts * chunk.scales + chunk.offsets

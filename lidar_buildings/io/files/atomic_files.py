@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
+import pickle
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Generic, TypeVar
 
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
 from lidar_buildings.io.files.failures import one_line
@@ -112,3 +114,31 @@ class _CheckedFile:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._file, name)
+
+
+def compact_json(content: Any) -> str:
+    """Return content as JSON; only finite numbers are let through."""
+    return json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+Key = TypeVar("Key", bound=Hashable)
+Item = TypeVar("Item")
+
+
+class Waiting(Generic[Key, Item]):
+    """Keeps things in a binary file, open for writing and reading, and in memory the place of each."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.places: dict[Key, list[int]] = {}
+
+    def add(self, key: Key, item: Item) -> None:
+        """Keep something."""
+        self.places.setdefault(key, []).append(self._file.tell())
+        pickle.dump(item, self._file, protocol=pickle.HIGHEST_PROTOCOL)
+
+    def of(self, key: Key) -> Iterator[Item]:
+        """Yield what was kept under a key, in the order in which it came."""
+        for place in self.places.get(key, ()):
+            self._file.seek(place)
+            yield pickle.load(self._file)

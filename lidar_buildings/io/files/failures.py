@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 import threading
@@ -86,3 +87,24 @@ def _print_captured(captured: int) -> None:
     os.lseek(captured, 0, os.SEEK_SET)
     while block := os.read(captured, 65536):
         os.write(_STANDARD_ERROR, block)
+
+
+_log = logging.getLogger("lidar_buildings.io")
+#: What was said.
+SAID: set[str] = set()
+
+
+def warn_once(text: str) -> None:
+    """Log a warning unless the same one was logged before."""
+    _log.warning("%s", text)
+
+
+def _is_new(record: logging.LogRecord) -> bool:
+    """Let a record through once, whether it is of this process or came from another one."""
+    text = record.getMessage()
+    is_new = text not in SAID
+    SAID.add(text)
+    return is_new
+
+
+_log.addFilter(_is_new)

@@ -19,10 +19,9 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.core.stages.building_model.result import BuildingModel
-from lidar_buildings.io.files.compact_json import compact_json
+from lidar_buildings.io.files.atomic_files import compact_json
 from lidar_buildings.io.files.reference_systems import epsg_code
-from lidar_buildings.io.models.building_attributes import face_attributes, in_source_units
-from lidar_buildings.io.models.survey_building import TerrainMesh
+from lidar_buildings.io.models.survey_building import TerrainMesh, face_attributes, in_source_units
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +17,237 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.roof_lines import KINDS
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.models.arcs import ring_arcs
-from lidar_buildings.io.models.dxf_entities import (
-    CornerText,
-    DxfEntities,
-    coordinate_text,
-    corner_texts,
-    dxf_frame,
-)
+from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
+
+#: Chords that turn by more are walls of a polygon: an octagon turns by 45° [deg].
+_WIDEST_TURN = 44.0
+#: How many times its coordinates' rounding a chord's length, or a vertex's distance from the arc, may differ:
+#: both ends of a chord are rounded in x and y, and neighbours are compared.
+_TOLERANCE = 4.0
+#: A half circle whose rounded chords turn by this share more is still one;
+#: wide margin: chords are metres, rounding millimetres.
+_OVER = 1e-2
+#: An arc that leaves its chord by fewer roundings than this is a straight line; wide margin above
+#: `_TOLERANCE`.
+_LEAST_BULGE = 20.0
+
+
+class ArcRing(NamedTuple):
+    """A ring of straight and curved segments."""
+
+    #: The ring's vertices at which a segment begins, ascending; it ends where the next one begins. Shape
+    #: (n_segments,).
+    rows: NDArray[np.int64]
+    #: Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
+    #: positive where the arc turns left, at most about 1 (half a circle), shape (n_segments,).
+    bulges: NDArray[np.float64]
+
+
+def ring_arcs(ring: NDArray[np.float64]) -> ArcRing:
+    """
+    Find the arcs in an open ring [m].
+
+    Consecutive edges of one length that turn by one angle are the chords of an arc: regularised outlines draw
+    theirs so. What differs by more than rounding to float32, which messages carry, is left as it is, and so
+    are polygons with few sides.
+    """
+    n = len(ring)
+    precision = float(np.spacing(np.float32(np.abs(ring).max(initial=1.0))))
+    bulges = np.zeros(n)
+    kept = np.ones(n, dtype=bool)
+    for first, n_chords, turn in _runs(ring, _TOLERANCE * precision):
+        for start, chords in _halves(first, n_chords, turn):
+            rows = np.arange(start, start + chords + 1) % n
+            bulge = math.tan(chords * turn / 4.0)
+            if _is_arc(ring[rows], bulge, precision):
+                bulges[rows[0]] = bulge
+                kept[rows[1:-1]] = False
+    rows = np.flatnonzero(kept)
+    return ArcRing(rows, bulges[rows])
+
+
+def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, float]]:
+    """Return (first vertex, chords, turn [rad]) of every run of two or more equal chords and turns."""
+    n = len(ring)
+    if n < 4:
+        return []
+    step = np.roll(ring, -1, axis=0) - ring
+    length = np.hypot(*step.T)
+    turn = _turns(step)
+    equal = np.abs(length - np.roll(length, 1)) <= tolerance
+    widest = math.radians(_WIDEST_TURN)
+    bend = equal & (np.abs(turn) * length > tolerance) & (np.abs(turn) < widest)
+    if not bend.any():
+        return []
+    # joint k goes on to joint k + 1: the edge between them turns by the same angle at both of its ends
+    goes_on = bend & np.roll(bend, -1) & (np.abs(turn - np.roll(turn, -1)) * length <= 2.0 * tolerance)
+    if goes_on.all():
+        return [(0, n, float(turn.mean()))]
+    starts = np.flatnonzero(bend & ~np.roll(goes_on, 1))
+    return [_run(turn, goes_on, int(joint)) for joint in starts]
+
+
+def _turns(step: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angle by which a ring turns at each vertex, −π to π, positive to the left [rad]."""
+    before = np.roll(step, 1, axis=0)
+    cross = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
+    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, step)))
+
+
+def _run(turn: NDArray[np.float64], goes_on: NDArray[np.bool_], joint: int) -> tuple[int, int, float]:
+    n = len(turn)
+    joints = [joint]
+    while goes_on[joints[-1]]:
+        joints.append((joints[-1] + 1) % n)
+    return (joint - 1) % n, len(joints) + 1, float(turn[joints].mean())
+
+
+def _halves(first: int, n_chords: int, turn: float) -> list[tuple[int, int]]:
+    """Divide a run into (first vertex, chords) of at most half a circle each."""
+    n_parts = max(math.ceil(n_chords * abs(turn) / math.pi - _OVER), 1)
+    ends = [first + n_chords * k // n_parts for k in range(n_parts + 1)]
+    return [(start, end - start) for start, end in pairwise(ends)]
+
+
+def _is_arc(vertices: NDArray[np.float64], bulge: float, precision: float) -> bool:
+    """Whether vertices lie on the arc between the first and the last of them."""
+    chord = vertices[-1] - vertices[0]
+    width = float(np.hypot(*chord))
+    if 0.5 * abs(bulge) * width < _LEAST_BULGE * precision:
+        return False
+    # from the chord's middle to the centre, as a multiple of the chord turned left
+    centre = 0.5 * (vertices[0] + vertices[-1])
+    centre = centre + np.array([-chord[1], chord[0]]) * (1.0 / bulge - bulge) / 4.0
+    radius = 0.25 * width * (abs(bulge) + 1.0 / abs(bulge))
+    off = np.abs(np.hypot(*(vertices - centre).T) - radius)
+    return bool(off.max() <= _TOLERANCE * precision)
+
+
+#: Decimals of coordinates: a tenth of a millimetre, and finer in feet; and of bulges.
+_DECIMALS, _DECIMALS_OF_BULGES = 4, 9
+#: Most characters of one text of an entity's data.
+_LONGEST_TEXT = 255
+
+#: A corner's coordinates as text: one corner belongs to many faces.
+CornerText = tuple[str, str, str]
+#: A drawing without entities; written by ``python -m bench.common.empty_drawing`` with ezdxf, whose import
+#: alone takes longer than most drawings.
+EMPTY = Path(__file__).with_name("empty_drawing.dxf")
+#: Name under which entities carry their building's id, and outlines its attributes.
+APPLICATION = "LIDAR_BUILDINGS"
+#: Handle of the model space in it, to which all entities belong.
+_OWNER = "17"
+#: Handle of the first entity; the frame's own are lower, and all that follow have eight digits, too.
+_FIRST_HANDLE = 0x10000000
+#: Metres per unit → number of $INSUNITS (and whether the unit is metric).
+_UNITS = {1.0: (6, 1), FOOT: (2, 0), US_SURVEY_FOOT: (21, 0)}
+_ENTITIES = "  0\nSECTION\n  2\nENTITIES\n"
+
+
+class DxfEntities:
+    """Writes entities one after the other, each with a handle of its own."""
+
+    def __init__(self) -> None:
+        self.next_handle = _FIRST_HANDLE
+
+    def face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
+        """Return a face of three or four corners in one plane; edges to the next corner may be `hidden`."""
+        # three corners are written as four, of which the last two are one
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[:3]
+        dx, dy, dz = corners[-1]
+        mark = ""
+        if any(hidden):
+            # with three corners the last edge is the fourth, and the third has no length
+            flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one) | 8 * hidden[-1]
+            mark = f" 70\n{flags}\n"
+        return (
+            f"{self._begun('3DFACE', layer)}100\nAcDbFace\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n"
+            f" 11\n{bx}\n 21\n{by}\n 31\n{bz}\n 12\n{cx}\n 22\n{cy}\n 32\n{cz}\n"
+            f" 13\n{dx}\n 23\n{dy}\n 33\n{dz}\n{mark}{data}"
+        )
+
+    def closed_polyline(
+        self, layer: str, corners: Sequence[CornerText], bulges: Sequence[float], elevation: float, data: str
+    ) -> str:
+        """
+        Return a closed polyline of lines and arcs in a horizontal plane, its corners open.
+
+        A bulge is the tangent of a quarter of a segment's angle, 0 for a line; `data` is what `extended_data`
+        returns.
+        """
+        places = "".join(
+            f" 10\n{x}\n 20\n{y}\n" + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
+            for (x, y, _), bulge in zip(corners, bulges, strict=True)
+        )
+        begun = self._begun("LWPOLYLINE", layer)
+        height = f" 38\n{coordinate_text(elevation)}\n"
+        return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
+
+    def line(self, layer: str, start: CornerText, end: CornerText, data: str) -> str:
+        """Return a straight line."""
+        (ax, ay, az), (bx, by, bz) = start, end
+        begun = self._begun("LINE", layer)
+        return (
+            f"{begun}100\nAcDbLine\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n 11\n{bx}\n 21\n{by}\n 31\n{bz}\n{data}"
+        )
+
+    def point(self, layer: str, place: CornerText, data: str) -> str:
+        """Return a point."""
+        x, y, z = place
+        begun = self._begun("POINT", layer)
+        return f"{begun}100\nAcDbPoint\n 10\n{x}\n 20\n{y}\n 30\n{z}\n{data}"
+
+    def extended_data(self, texts: Sequence[str]) -> str:
+        """Return texts as the data of an entity."""
+        lines = chain.from_iterable(("1000\n", _plain(text), "\n") for text in texts)
+        return f"1001\n{APPLICATION}\n" + "".join(lines)
+
+    def _begun(self, kind: str, layer: str) -> str:
+        handle = self.next_handle
+        self.next_handle += 1
+        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{_OWNER}\n100\nAcDbEntity\n  8\n{layer}\n"
+
+
+def corner_texts(corners: NDArray[np.float64]) -> list[CornerText]:
+    """Return corners, shape (n, 3), as text."""
+    rounded = np.round(corners, _DECIMALS) + 0.0  # no minus zero
+    x, y, z = (map(repr, column) for column in rounded.T.tolist())
+    return list(zip(x, y, z, strict=True))
+
+
+def coordinate_text(coordinate: float) -> str:
+    """Return a coordinate as text, the same for the same value everywhere."""
+    return repr(round(coordinate, _DECIMALS) + 0.0)  # no minus zero
+
+
+def _plain(text: str) -> str:
+    """Return a text on one line in ASCII; other characters are written by their number, as DXF has it."""
+    line = " ".join(text.split())
+    plain = "".join(c if c.isascii() else f"\\U+{ord(c):04X}" if ord(c) < 0x10000 else "?" for c in line)
+    return plain[:_LONGEST_TEXT]
+
+
+class DxfFrame(NamedTuple):
+    """The text around the entities."""
+
+    #: What to write before the first and behind the last entity.
+    before: str
+    after: str
+    #: Where in `before` the next free handle stands, of eight digits: known when all entities are written.
+    seed_at: int
+
+
+def dxf_frame(metres_per_unit: float) -> DxfFrame:
+    """Return the frame of a drawing, the same at any time; units that have no number stay unnamed."""
+    unit, metric = next(
+        (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
+    )
+    before, entities, after = EMPTY.read_text(encoding="ascii").partition(_ENTITIES)
+    for name, value in (("MEASUREMENT", metric), ("INSUNITS", unit), ("HANDSEED", f"{_FIRST_HANDLE:X}")):
+        before = re.sub(rf"(\${name}\n.*\n).*", rf"\g<1>{value}", before)
+    return DxfFrame(before + entities, after, before.index(f"{_FIRST_HANDLE:X}"))
+
 
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
 _SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}

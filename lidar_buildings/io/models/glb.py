@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings import __version__
-from lidar_buildings.io.files.compact_json import compact_json
+from lidar_buildings.io.files.atomic_files import compact_json
 
 #: A corner of a triangle; corners are not shared, as each face has its own normal and colour.
 CORNER = np.dtype([("position", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 4), ("feature", "<f4")])

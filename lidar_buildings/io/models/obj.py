@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.models.surface_colours import MATERIALS, TERRAIN
-from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
+from lidar_buildings.io.models.survey_building import MATERIALS, TERRAIN, SurveyBuilding, TerrainMesh
 
 Triangle = Sequence[int]
 #: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.

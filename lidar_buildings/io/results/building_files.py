@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
 from lidar_buildings.io.models.cityjson import header_line, terrain_line
 from lidar_buildings.io.models.dxf import dxf_file
-from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.models.obj import obj_file
 from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.models.tiles3d import tiles3d_folder
+from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError, tiles3d_folder
 from lidar_buildings.io.results.building_layers import (
     building_layers_file,
     flatgeobuf_files,

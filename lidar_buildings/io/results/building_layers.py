@@ -16,10 +16,14 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
-from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS, FACE_FIELDS, READABLE_ID
-from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
-from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file, write_flatgeobuf
-from lidar_buildings.io.vectors.geoparquet import geoparquet_file
+from lidar_buildings.io.models.survey_building import (
+    BUILDING_FIELDS,
+    FACE_FIELDS,
+    READABLE_ID,
+    SurveyBuilding,
+    TerrainMesh,
+)
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file, geoparquet_file, write_flatgeobuf
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
 #: Layer → its columns.

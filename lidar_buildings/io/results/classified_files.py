@@ -2,24 +2,83 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import laspy
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
+from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.copc import write_copc
-from lidar_buildings.io.clouds.input_file import InputFile, changed, check_unchanged
+from lidar_buildings.io.clouds.find_inputs import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
-from lidar_buildings.io.results.cloud_sample import cloud_sample, every_stretch
 from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
+
+#: About so many points at most are read for a page, as that takes longest.
+MOST_READ = 3_000_000
+_STRETCH = 50_000
+
+
+def every_stretch(n_points: int) -> int:
+    """Return of how many stretches of clouds with so many points one is read."""
+    return max(1, -(-n_points // MOST_READ))
+
+
+def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]:
+    """Read a cloud's points; of every so many stretches one."""
+    if every == 1:
+        yield from cloud.chunks()
+        return
+    firsts = range(0, cloud.point_count, every * _STRETCH)
+    runs = [(first, min(first + _STRETCH, cloud.point_count)) for first in firsts]
+    yield from (points for _, points in cloud.runs(runs))
+
+
+@contextmanager
+def cloud_sample(cloud: Path, every: int) -> Iterator[Callable[[int, NDArray[Any]], None]]:
+    """
+    Give a function that is told a cloud's points as they are written, and keeps one of so `every` stretches.
+
+    They are where `kept_points` finds them as long as the run is not finished. OutputError if they cannot be
+    written.
+    """
+    with atomic_file(_place(cloud)) as temporary, open(temporary, "wb") as file:
+
+        def add(first: int, points: NDArray[Any]) -> None:
+            row = np.arange(first, first + len(points))
+            points[row // _STRETCH % every == 0].tofile(file)
+
+        yield add
+
+
+def kept_points(cloud: Cloud) -> laspy.ScaleAwarePointRecord | None:
+    """Return the points of a cloud's stretches if they were kept while it was written."""
+    path = _place(cloud.path)
+    if not path.is_file():
+        return None
+    header = cloud.header
+    records = np.fromfile(path, header.point_format.dtype())
+    return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
+
+
+def forget_points(folder: Path) -> None:
+    """Delete what was kept of a result's clouds."""
+    for path in (folder / PARTIAL).glob("*.shown"):
+        path.unlink()
+
+
+def _place(cloud: Path) -> Path:
+    return cloud.parents[1] / PARTIAL / f"{cloud.name}.shown"
+
 
 _COLUMNS = ("classification", "height_above_ground", "facade", "building_id", "plane_id", "edge")
 #: What is known of a point; `known` is 0 for points that no finished tile holds.

@@ -19,11 +19,10 @@ from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.agreement import crs_with_heights
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
-from lidar_buildings.io.results.classified_files import write_clouds
-from lidar_buildings.io.results.cloud_sample import forget_points
+from lidar_buildings.io.results.classified_files import forget_points, write_clouds
 from lidar_buildings.io.results.output_config import REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,

@@ -20,12 +20,9 @@ from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.io.files.atomic_files import writing
-from lidar_buildings.io.files.compact_json import compact_json
-from lidar_buildings.io.files.waiting import Waiting
-from lidar_buildings.io.models.building_attributes import in_source_units
+from lidar_buildings.io.files.atomic_files import Waiting, compact_json, writing
 from lidar_buildings.io.models.cityjson import CityFeature, load_feature, parse_feature
-from lidar_buildings.io.models.survey_building import SurveyBuilding
+from lidar_buildings.io.models.survey_building import SurveyBuilding, in_source_units
 from lidar_buildings.io.results.tile_products import Shapes
 
 #: Attribute and column that carries a footprint's name.

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.las import open_cloud, xyz_of
-from lidar_buildings.io.clouds.point_columns import last_returns, point_columns
+from lidar_buildings.io.clouds.las import open_cloud
+from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, xyz_of
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tile_stamps import WEEK, stamp_of_time

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.clouds.las_reader import laz_backend
+from lidar_buildings.io.clouds.cloud import laz_backend
 from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.cloud import CloudExtent
-from lidar_buildings.io.clouds.copc_nodes import read_nodes
-from lidar_buildings.io.clouds.octree import Cube
+from lidar_buildings.io.clouds.copc import Cube, read_nodes
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, MOST_TILES, Rectangle
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 

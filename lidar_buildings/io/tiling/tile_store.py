@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.las import xyz_of
-from lidar_buildings.io.clouds.point_columns import point_columns
+from lidar_buildings.io.clouds.point_columns import point_columns, xyz_of
 from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.spool import RECORD, Head, Pieces, Spool
 from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness, square_of_modes

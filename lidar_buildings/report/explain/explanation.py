@@ -13,11 +13,9 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.io.tiling.tile_grid import Rectangle
-from lidar_buildings.report.explain.finding import Finding, Limits
-from lidar_buildings.report.explain.outline_findings import outline_findings
+from lidar_buildings.report.explain.building_findings import line_findings, outline_findings, roof_findings
+from lidar_buildings.report.explain.finding import Finding, Limits, read_site
 from lidar_buildings.report.explain.rejections import rejected_at, rejected_beside
-from lidar_buildings.report.explain.roof_findings import line_findings, roof_findings
-from lidar_buildings.report.explain.site import read_site
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 from lidar_buildings.report.summary_words import early_end
 

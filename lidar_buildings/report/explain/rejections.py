@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.report.explain.finding import Finding, Limits
-from lidar_buildings.report.explain.outline_findings import shape_of
-from lidar_buildings.report.explain.site import Site
+from lidar_buildings.report.explain.building_findings import shape_of
+from lidar_buildings.report.explain.finding import Finding, Limits, Site
 
 _SELECTION = ("roof_selection.max_roughness", "roof_selection.max_part_area")
 #: How far beside an outline rejected points are looked for [m].

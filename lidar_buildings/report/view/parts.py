@@ -12,11 +12,40 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE
-from lidar_buildings.report.contents import Contents
-from lidar_buildings.report.models import KINDS, ModelArrays
-from lidar_buildings.report.relief import UNKNOWN, Relief
-from lidar_buildings.report.shown_points import FACADE, ShownPoints
-from lidar_buildings.report.view import NOTHING, colours
+from lidar_buildings.report.contents import FACADE, KINDS, UNKNOWN, Contents, ModelArrays, Relief, ShownPoints
+from lidar_buildings.report.view import NOTHING
+
+
+def _rgb(text: str) -> NDArray[np.float64]:
+    return np.array([[int(one[k : k + 2], 16) for k in (0, 2, 4)] for one in text.split()]) / 255
+
+
+WALL, FOOT, EDGE, NONE, TERRAIN, OUTLINE, EDGE_POINT = _rgb(
+    "e8e3d8 a7a79c 30363e c3c8cd cfd2bd 1b1f6a d3261e"
+)
+SLOPES = _rgb("f6e6b4 f0b873 df7d50 b3453b 6e2440")
+#: Slope that has the last of these.
+STEEP_DEG = 60.0
+HEIGHTS = _rgb("30408f 2f8fb3 5fc08a e0d65c d8653a")
+GREYS = _rgb("202020 f4f4f4")
+#: By ASPRS class.
+CLASSES = np.tile(_rgb("b9b9b9"), (256, 1))
+CLASSES[[2, 3, 4, 5, 6, 9, 10, 11, 17]] = _rgb(
+    "a98a64 a8cf7a 74b35a 3f8a43 d1503f 3d85c6 7a6a8a 8d8f94 c79a3e"
+)
+_PALETTE = _rgb("4e79a7 f28e2b 59a14f b07aa1 76b7b2 edc948 e15759 9c755f ff9da7 86bcb6 d4a6c8 8cd17d")
+
+
+def ramp(stops: NDArray[np.float64], shares: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the colours at places from 0 to 1 along a row of colours."""
+    places = np.clip(shares, 0, 1) * (len(stops) - 1)
+    return np.stack([np.interp(places, np.arange(len(stops)), one) for one in stops.T], axis=-1)
+
+
+def numbered(numbers: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Return a colour for each number."""
+    return _PALETTE[numbers % len(_PALETTE)]
+
 
 _Array = NDArray[Any]
 #: Where the light comes from, and how bright a face is that looks away from it.
@@ -56,14 +85,14 @@ def models_of(arrays: ModelArrays, types: Sequence[str], by: str) -> list[Colour
     kinds, normals = arrays.kinds[triangles], _normals(corners)
     if by == "slope":
         slopes = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
-        roofs = colours.ramp(colours.SLOPES, slopes / colours.STEEP_DEG)
+        roofs = ramp(SLOPES, slopes / STEEP_DEG)
     else:
         numbers = np.unique(types, return_inverse=True)[1] if types else np.empty(0, dtype=np.int64)
-        roofs = colours.numbered(numbers[rows])
-    roofs[kinds != KINDS[ROOF_SURFACE]] = colours.WALL
-    roofs[kinds == KINDS[GROUND_SURFACE]] = colours.FOOT
+        roofs = numbered(numbers[rows])
+    roofs[kinds != KINDS[ROOF_SURFACE]] = WALL
+    roofs[kinds == KINDS[GROUND_SURFACE]] = FOOT
     edges = _borders(arrays, triangles, normals)
-    return [_shaded(corners, roofs, normals), _plain(edges, colours.EDGE)]
+    return [_shaded(corners, roofs, normals), _plain(edges, EDGE)]
 
 
 def _terrain(relief: Relief) -> Coloured:
@@ -76,7 +105,7 @@ def _terrain(relief: Relief) -> Coloured:
     a, b, c, d = places[:-1, :-1], places[:-1, 1:], places[1:, :-1], places[1:, 1:]
     corners = np.stack([a, c, b, b, c, d], axis=2).reshape(-1, 3, 3)
     corners = corners[~np.isnan(corners).any(axis=(1, 2))]
-    return _shaded(corners, np.tile(colours.TERRAIN, (len(corners), 1)), _normals(corners))
+    return _shaded(corners, np.tile(TERRAIN, (len(corners), 1)), _normals(corners))
 
 
 def _outlines(contents: Contents, attribute: str) -> Coloured:
@@ -90,7 +119,7 @@ def _outlines(contents: Contents, attribute: str) -> Coloured:
         for ring in shapely.get_rings(building.shape) if building.shape is not None else ():
             places = np.insert(shapely.get_coordinates(ring), 2, z + _LIFT, axis=1)
             ends.append(np.stack([places[:-1], places[1:]], axis=1))
-    return _plain(np.concatenate(ends), colours.OUTLINE)
+    return _plain(np.concatenate(ends), OUTLINE)
 
 
 def _points(shown: ShownPoints, by: str) -> Coloured:
@@ -101,16 +130,16 @@ def _points(shown: ShownPoints, by: str) -> Coloured:
 
 def _point_colours(shown: ShownPoints, by: str) -> _Array:
     if by == "class":
-        return colours.CLASSES[shown.classes & ~np.uint8(FACADE)]
+        return CLASSES[shown.classes & ~np.uint8(FACADE)]
     if by == "height":
-        return colours.ramp(colours.HEIGHTS, shown.height / max(_most(shown.height), 1.0))
+        return ramp(HEIGHTS, shown.height / max(_most(shown.height), 1.0))
     if by == "intensity":
-        return colours.ramp(colours.GREYS, shown.intensity / max(_most(shown.intensity), 1.0))
+        return ramp(GREYS, shown.intensity / max(_most(shown.intensity), 1.0))
     if by == "edge":
-        return np.where(shown.edge[:, None], colours.EDGE_POINT, colours.NONE)
+        return np.where(shown.edge[:, None], EDGE_POINT, NONE)
     found = {"building": shown.building, "plane": shown.plane}[by]
     # neighbouring numbers get colours that lie apart
-    return np.where(found[:, None] > 0, colours.numbered(found.astype(np.int64) * 7), colours.NONE)
+    return np.where(found[:, None] > 0, numbered(found.astype(np.int64) * 7), NONE)
 
 
 def _most(values: _Array) -> float:

@@ -12,7 +12,7 @@ from lidar_buildings.cli import main
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.changes import ChangeConfig, cells, compare_runs
-from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 
 #: Point spacing and noise of both surveys [m].
 SPACING, NOISE = 0.3, 0.03

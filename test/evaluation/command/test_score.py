@@ -13,8 +13,7 @@ from lidar_buildings.cli import main
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.command.score import KINDS, add_score_arguments, run_score
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.io.vectors.geopackage import VectorLayer
-from lidar_buildings.io.vectors.geoparquet import geoparquet_file
+from lidar_buildings.io.vectors.layers import VectorLayer, geoparquet_file
 
 
 @pytest.fixture

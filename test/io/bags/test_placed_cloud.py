@@ -24,8 +24,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, NO_WAY, TWICE, UNREADABLE
 from lidar_buildings.core.scans.scan import COARSE, COARSE_TIMES, NO_RETURN, NOT_FINITE
 from lidar_buildings.core.scans.trajectory import Trajectory
-from lidar_buildings.io.bags.bag_config import BagConfig
-from lidar_buildings.io.bags.bag_inputs import place_bags
+from lidar_buildings.io.bags.bag_inputs import BagConfig, place_bags
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.tiling.placed_laz import FAR
 

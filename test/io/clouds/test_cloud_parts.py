@@ -8,7 +8,8 @@ import pytest
 from support import cloud_files, counted_store
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds import copc_nodes, las_reader
+from lidar_buildings.io.clouds import cloud as clouds_of
+from lidar_buildings.io.clouds import copc
 from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.fetch import write_part
 from lidar_buildings.io.clouds.las import open_cloud, read_tile
@@ -28,8 +29,8 @@ def paths(tmp_path_factory):
         for ending in (".las", ".laz")
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lidar_buildings.io.clouds.octree._LEAF", 200)
-        patch.setattr("lidar_buildings.io.clouds.octree.SAMPLE_BITS", 3)
+        patch.setattr("lidar_buildings.io.clouds.copc._LEAF", 200)
+        patch.setattr("lidar_buildings.io.clouds.copc.SAMPLE_BITS", 3)
         write_copc(open_cloud(found[1]), folder / "a.copc.laz")
     return [*found, folder / "a.copc.laz"]
 
@@ -51,7 +52,7 @@ def assert_rows(part, whole, rows):
 @pytest.mark.parametrize("number", range(3))
 @pytest.mark.parametrize("backend", [laspy.LazBackend.Lazrs, laspy.LazBackend.LazrsParallel])
 def test_points_read_from_any_place_on_are_those_that_stand_there(paths, number, runs, backend, monkeypatch):
-    monkeypatch.setattr(las_reader, "laz_backend", lambda: backend)
+    monkeypatch.setattr(clouds_of, "laz_backend", lambda: backend)
     whole = laspy.read(paths[number]).points.array
     found = list(open_cloud(paths[number]).runs(runs, 1500))
     assert sum(len(points) for _, points in found) == sum(end - first for first, end in runs)
@@ -98,7 +99,7 @@ def test_a_part_keeps_dimensions_order_and_reference_system(paths, tmp_path, num
 
 def test_a_part_has_the_same_bytes_without_the_hierarchy(paths, tmp_path, monkeypatch):
     write_part(open_cloud(paths[2]), CORNER, tmp_path / "by_nodes.laz")
-    monkeypatch.setattr(copc_nodes, "read_nodes", lambda cloud: None)
+    monkeypatch.setattr(copc, "read_nodes", lambda cloud: None)
     write_part(open_cloud(paths[2]), CORNER, tmp_path / "by_all.laz")
     assert (tmp_path / "by_nodes.laz").read_bytes() == (tmp_path / "by_all.laz").read_bytes()
 
@@ -110,9 +111,9 @@ def test_waveforms_cannot_be_cut(tmp_path):
 
 
 def test_squares_of_the_hierarchy_have_all_points_where_they_are(paths, monkeypatch):
-    monkeypatch.setattr(copc_nodes, "_SQUARE", 10.0)
+    monkeypatch.setattr(copc, "_SQUARE", 10.0)
     cloud = open_cloud(paths[2])
-    bounds, counts = copc_nodes.read_nodes(cloud).squares(1.0)
+    bounds, counts = copc.read_nodes(cloud).squares(1.0)
     assert counts.sum() == N_POINTS
     east = counts[bounds[:, 0, 0] > 85049.9].sum() / counts[bounds[:, 1, 0] < 85050.1].sum()
     assert east == pytest.approx(1.0, abs=0.1), "points lie evenly; the cube ends at the eastern edge"
@@ -128,5 +129,5 @@ def test_a_hierarchy_that_cannot_be_true_is_not_used(paths, tmp_path, page):
     struct.pack_into("<4iQ2i", content, start, 0, 0, 0, 0, start, 32, -1)
     (tmp_path / "a.copc.laz").write_bytes(content)
     cloud = open_cloud(tmp_path / "a.copc.laz")
-    assert copc_nodes.read_nodes(cloud) is None
-    assert copc_nodes.runs_touching(cloud, CORNER) == [(0, N_POINTS)]
+    assert copc.read_nodes(cloud) is None
+    assert copc.runs_touching(cloud, CORNER) == [(0, N_POINTS)]

@@ -7,9 +7,8 @@ from laspy.copc import Bounds, CopcReader
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.clouds.copc import write_copc
+from lidar_buildings.io.clouds.copc import BITS, SAMPLE_BITS, Cube, Node, nodes_of, write_copc
 from lidar_buildings.io.clouds.las import open_cloud
-from lidar_buildings.io.clouds.octree import BITS, SAMPLE_BITS, Cube, Node, nodes_of
 
 #: Dimensions that older formats do not have, or have in other steps.
 OTHER = {"scan_angle", "scan_angle_rank", "overlap", "scanner_channel"}
@@ -36,7 +35,7 @@ def within(points, low, high):
 @pytest.fixture(params=[None, 600], ids=["one cell", "many cells"])
 def held(request, monkeypatch):
     """The tree, whether memory holds all points or a few."""
-    monkeypatch.setattr("lidar_buildings.io.clouds.octree._LEAF", 200)
+    monkeypatch.setattr("lidar_buildings.io.clouds.copc._LEAF", 200)
     if request.param:
         monkeypatch.setattr("lidar_buildings.io.clouds.copc._LARGEST", request.param)
 

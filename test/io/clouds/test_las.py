@@ -10,8 +10,8 @@ from support import cloud_files
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.io.clouds import las
 from lidar_buildings.io.clouds.find_inputs import find_inputs
-from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs, read_tile, xyz_of
-from lidar_buildings.io.clouds.las_extent import read_extent
+from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs, read_extent, read_tile
+from lidar_buildings.io.clouds.point_columns import xyz_of
 
 VERSIONS_OF_FORMATS = [
     (version, point_format)

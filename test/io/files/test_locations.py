@@ -7,9 +7,8 @@ import pytest
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.io.bags import is_bag
-from lidar_buildings.io.clouds.find_inputs import find_inputs
-from lidar_buildings.io.clouds.input_file import check_unchanged
+from lidar_buildings.io.bags.bag_inputs import is_bag
+from lidar_buildings.io.clouds.find_inputs import check_unchanged, find_inputs
 from lidar_buildings.io.clouds.las import open_cloud, open_inputs
 from lidar_buildings.io.files.locations import located
 

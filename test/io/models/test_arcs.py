@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.io.models.arcs import ring_arcs
+from lidar_buildings.io.models.dxf import ring_arcs
 
 
 def carried(ring):

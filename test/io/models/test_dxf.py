@@ -8,8 +8,7 @@ import pytest
 from ezdxf.math import bulge_radius
 from support import model_survey
 
-from lidar_buildings.io.models.dxf import COURTYARD, OUTLINE, dxf_file
-from lidar_buildings.io.models.dxf_entities import APPLICATION
+from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_file
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):

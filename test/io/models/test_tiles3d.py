@@ -17,9 +17,8 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models import tiles3d
-from lidar_buildings.io.models.earth_frame import EarthFrame, NoPlaceError
 from lidar_buildings.io.models.survey_building import TerrainMesh
-from lidar_buildings.io.models.tiles3d import tiles3d_folder
+from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError, tiles3d_folder
 
 TERRAIN = TerrainMesh(
     "terrain", np.array([[0.0, 0, 1], [10, 0, 1], [10, 10, 2], [0, 10, 1]]), np.array([[0, 1, 2], [0, 2, 3]])

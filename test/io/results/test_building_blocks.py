@@ -16,8 +16,8 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model.result import BuildingModel
-from lidar_buildings.io.models.earth_frame import EarthFrame
 from lidar_buildings.io.models.survey_building import TerrainMesh
+from lidar_buildings.io.models.tiles3d import EarthFrame
 from lidar_buildings.io.results.building_blocks import squares_of, write_in_blocks
 from lidar_buildings.io.results.building_files import ModelHeading
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.cloud_sample import cloud_sample
+from lidar_buildings.io.results.classified_files import cloud_sample
 
 
 def test_points_that_cannot_be_kept_end_in_one_line(tmp_path):

@@ -10,7 +10,7 @@ import rasterio
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.geotiff import BLOCK, NODATA, GeotiffWriter, RasterLayout
+from lidar_buildings.io.results.terrain_files import BLOCK, NODATA, GeotiffWriter, RasterLayout
 
 DUTCH = "EPSG:28992"
 
@@ -144,7 +144,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.geotiff import BLOCK, GeotiffWriter, RasterLayout
+from lidar_buildings.io.results.terrain_files import BLOCK, GeotiffWriter, RasterLayout
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 values = np.random.default_rng(0).random((BLOCK, BLOCK)).astype("f4")

@@ -8,7 +8,7 @@ from support.made_results import bytes_of, products_of, run
 from support.saved_tiles import load_products
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.tiling.tiling import TileSource
 

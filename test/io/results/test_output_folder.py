@@ -15,14 +15,14 @@ from support.made_results import bytes_of, products_of, run
 from support.results import MODELS
 
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.clouds.input_file import InputFile
-from lidar_buildings.io.files.compact_json import compact_json
+from lidar_buildings.io.clouds.find_inputs import InputFile
+from lidar_buildings.io.files.atomic_files import compact_json
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import output_names
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.tiling import TileSource
-from lidar_buildings.io.vectors.polygon_file import read_polygons
+from lidar_buildings.io.vectors.layers import read_polygons
 
 FILES = ["buildings.gpkg", *MODELS, "classified", "run.json", "tiles3d"]
 

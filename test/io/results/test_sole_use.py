@@ -7,13 +7,12 @@ import pytest
 
 from lidar_buildings.cli import main
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.results.run_folder import LOCK, PARTIAL
-from lidar_buildings.io.results.sole_use import sole_use
+from lidar_buildings.io.results.run_folder import LOCK, PARTIAL, sole_use
 
 HOLD = """
 import sys
 from pathlib import Path
-from lidar_buildings.io.results.sole_use import sole_use
+from lidar_buildings.io.results.run_folder import sole_use
 with sole_use(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.readline()

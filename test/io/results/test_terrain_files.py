@@ -18,7 +18,7 @@ from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.io.clouds.agreement import crs_with_heights
-from lidar_buildings.io.clouds.input_file import InputFile
+from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.terrain_files import (

@@ -112,7 +112,7 @@ def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp
 
 
 def test_parts_of_copc_have_the_points_that_stand_there(village, submit, monkeypatch, tmp_path):
-    monkeypatch.setattr("lidar_buildings.io.clouds.octree._LEAF", 1000)
+    monkeypatch.setattr("lidar_buildings.io.clouds.copc._LEAF", 1000)
     path = tmp_path / "a.copc.laz"
     write_copc(open_cloud(next(village.glob("*.laz"))), path)
     expected, _ = tiles_of(path)

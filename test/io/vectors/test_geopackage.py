@@ -14,10 +14,9 @@ import shapely
 from support.vector_files import write_geopackage, write_vectors
 
 from lidar_buildings.core.model.errors import InputError, OutputError
-from lidar_buildings.io.models.building_attributes import BUILDING_FIELDS
-from lidar_buildings.io.vectors import geopackage
-from lidar_buildings.io.vectors.geopackage import VectorLayer
-from lidar_buildings.io.vectors.polygon_file import read_polygons
+from lidar_buildings.io.models.survey_building import BUILDING_FIELDS
+from lidar_buildings.io.vectors import layers
+from lidar_buildings.io.vectors.layers import VectorLayer, read_polygons
 
 HOUSE = shapely.Polygon(
     [(0, 0), (10, 0), (10, 10), (0, 10)], [[(4, 4), (4, 6), (6, 6), (6, 4)], [(1, 1), (1, 2), (2, 2), (2, 1)]]
@@ -132,7 +131,7 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path, monkeypatch):
     def no_space(*_arguments):
         raise full
 
-    monkeypatch.setattr(geopackage, "check_complete", no_space)
+    monkeypatch.setattr(layers, "check_complete", no_space)
     with pytest.raises(OutputError, match="No space left"):
         write_geopackage(path, [layer(), layer("traced")], "EPSG:28992")
     assert path.read_bytes() == before
@@ -140,12 +139,12 @@ def test_a_failure_leaves_the_old_file_and_no_scraps(tmp_path, monkeypatch):
 
 
 def test_a_file_with_too_few_polygons_is_not_handed_out(tmp_path, monkeypatch):
-    write = geopackage.write_layer
+    write = layers.write_layer
 
     def lossy(path, content, crs, **options):
         write(path, layer(content.name, content.geometries[:1], content.rows[:1]), crs, **options)
 
-    monkeypatch.setattr(geopackage, "write_layer", lossy)
+    monkeypatch.setattr(layers, "write_layer", lossy)
     with pytest.raises(OutputError, match="1 of 2"):
         write_geopackage(tmp_path / "buildings.gpkg", [layer()], "")
     assert not list(tmp_path.iterdir())
@@ -210,7 +209,7 @@ import os, sys
 from pathlib import Path
 os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: int(sys.argv[1])])
 import shapely
-from lidar_buildings.io.vectors.geopackage import VectorLayer, geopackage_file
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 with geopackage_file(Path(sys.argv[2]), "EPSG:28992") as add:
     for numbers in ([], range(9)):
         polygons = [shapely.box(i, 0, i + 1, 1) for i in numbers]

@@ -8,8 +8,7 @@ import pyogrio
 import pyproj
 import shapely
 
-from lidar_buildings.io.vectors.geopackage import VectorLayer, write_flatgeobuf
-from lidar_buildings.io.vectors.geoparquet import geoparquet_file
+from lidar_buildings.io.vectors.layers import VectorLayer, geoparquet_file, write_flatgeobuf
 
 FIELDS = {"number": int, "name": str, "height": float}
 

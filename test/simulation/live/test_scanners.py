@@ -16,7 +16,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
-from lidar_buildings.io.bags.bag_config import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
 from lidar_buildings.io.tiling.level_frame import Geodetic
 from lidar_buildings.simulation import SimulationConfig, make_scene

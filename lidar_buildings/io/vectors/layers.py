@@ -1,0 +1,342 @@
+"""Layers of polygons or lines with attributes, written and read: GeoPackage, FlatGeobuf, GeoParquet."""
+
+from __future__ import annotations
+
+import json
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyogrio
+import pyproj
+import shapely
+from numpy.typing import NDArray
+from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
+
+from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.files.atomic_files import atomic_file, writing
+
+#: How each type of attribute is held in arrays.
+_DTYPES: dict[type, Any] = {int: np.int64, str: object}
+#: What stands in an array where a value is missing; a mask says so beside it.
+_VOID: dict[type, Any] = {int: 0, str: None}
+FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
+#: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
+#: index, which needs other transactions, counted in the file, and is there only where there are two cores.
+#: And no waiting for the disk at each of its transactions: the file has its name when all are written.
+_FIXED = {
+    "OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z",
+    "OGR_GPKG_ALLOW_THREADED_RTREE": "NO",
+    "OGR_SQLITE_SYNCHRONOUS": "OFF",
+    "OGR_SQLITE_JOURNAL": "MEMORY",
+}
+#: GDAL's options belong to the whole process: one writer at a time.
+_one_writer = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class VectorLayer:
+    """One layer of polygons or lines."""
+
+    name: str
+    geometries: Sequence[Any]  #: polygons with holes, or lines; none is legal
+    fields: dict[str, type]  #: attribute → int, float or str, in the order of the columns
+    #: One per geometry; what a row lacks, None and numbers that are not finite become null.
+    rows: Sequence[dict[str, Any]]
+    kind: str = "Polygon"  #: or ``Polygon Z``, ``LineString Z``, whose vertices carry z
+
+
+@contextmanager
+def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
+    """
+    Give a function that adds a layer to a file, or geometries to a layer that is there.
+
+    The file appears when the block ends well; OutputError if it cannot be written.
+    """
+    counts: dict[str, int] = {}
+    with atomic_file(path, has_rivals=True) as temporary:
+
+        def add(layer: VectorLayer) -> None:
+            with writing(path, FAILURES), _fixed_options():
+                write_layer(temporary, layer, crs, append=bool(counts))
+            counts[layer.name] = counts.get(layer.name, 0) + len(layer.geometries)
+
+        yield add
+        with writing(path, FAILURES):
+            check_complete(temporary, counts)
+
+
+def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:
+    """
+    Write a layer with a spatial index; the format has its features in the order of that, and takes no more.
+
+    OutputError if the file cannot be written.
+    """
+    with atomic_file(path, FAILURES) as temporary:
+        write_layer(temporary, layer, crs, driver="FlatGeobuf")
+        check_complete(temporary, {layer.name: len(layer.geometries)})
+
+
+def write_layer(
+    path: Path, layer: VectorLayer, crs: str, *, append: bool = False, driver: str = "GPKG"
+) -> None:
+    """Write one layer with GDAL."""
+    columns = columns_of(layer)
+    with warnings.catch_warnings():
+        # A cloud without reference system is legal, and said so in the run's record.
+        warnings.filterwarnings("ignore", message="'crs' was not provided")
+        pyogrio.raw.write(
+            path,
+            geometry=wkb_of(layer),
+            field_data=[values for values, _ in columns],
+            fields=list(layer.fields),
+            field_mask=[is_missing for _, is_missing in columns],
+            layer=layer.name,
+            driver=driver,
+            geometry_type=layer.kind,
+            crs=crs or None,
+            append=append,
+            layer_options={"GEOMETRY_NAME": "geometry"} if driver == "GPKG" else None,
+        )
+
+
+def columns_of(layer: VectorLayer) -> list[tuple[NDArray[Any], NDArray[np.bool_]]]:
+    """Return each field's values and which are missing."""
+    return [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
+
+
+def wkb_of(layer: VectorLayer) -> NDArray[np.object_]:
+    """Return a layer's geometries as WKB."""
+    geometry = np.empty(len(layer.geometries), dtype=object)
+    if len(layer.geometries):
+        dimension = 3 if layer.kind.endswith("Z") else 2
+        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=dimension)
+    return geometry
+
+
+def _column(values: list[Any], kind: type) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return a field's values and which are missing: None, and numbers that are not finite."""
+    if kind is float:
+        numbers = np.array(values, dtype=np.float64)  # None becomes NaN
+        return numbers, ~np.isfinite(numbers)
+    is_missing = np.array([value is None or value != value for value in values], dtype=bool)
+    known = [_VOID[kind] if gone else kind(value) for value, gone in zip(values, is_missing, strict=True)]
+    return np.array(known, dtype=_DTYPES[kind]), is_missing
+
+
+def check_complete(path: Path, counts: Mapping[str, int]) -> None:
+    """Read back how many geometries each layer has: a full disk may show no sooner."""
+    for name, count in counts.items():
+        found = pyogrio.read_info(path, layer=name, force_feature_count=True)["features"]
+        if found != count:
+            raise OSError(f"layer {name} holds {found} of {count} geometries")
+
+
+@contextmanager
+def _fixed_options() -> Iterator[None]:
+    """Let GDAL write the same bytes for the same content."""
+    with _one_writer:
+        pyogrio.set_gdal_config_options(_FIXED)
+        try:
+            yield
+        finally:
+            pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))
+
+
+ENDING = ".parquet"
+_GEOMETRY = "geometry"
+
+
+@contextmanager
+def geoparquet_file(path: Path, first: VectorLayer, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
+    """
+    Give a function that adds a portion of a layer to a file.
+
+    `first` tells the fields and the kind of geometries; its rows are not written. The file appears when the
+    block ends well; OutputError if it cannot be written.
+    """
+    import pyarrow.parquet  # an extra
+
+    schema = pyarrow.schema([*_fields(first, pyarrow), (_GEOMETRY, pyarrow.binary())])
+    bounds: list[Any] = []
+    # a schema of Arrow's own in the file would hide the metadata that are added at the end
+    writer = partial(pyarrow.parquet.ParquetWriter, schema=schema, store_schema=False)
+    with atomic_file(path) as temporary, writer(temporary) as file:
+
+        def add(layer: VectorLayer) -> None:
+            columns = [
+                pyarrow.array(values, type=of.type, mask=is_missing)
+                for of, (values, is_missing) in zip(schema, columns_of(layer), strict=False)
+            ]
+            columns.append(pyarrow.array(wkb_of(layer), type=pyarrow.binary()))
+            file.write_table(pyarrow.table(columns, schema=schema))
+            bounds.extend(shapely.bounds(list(layer.geometries)).tolist())
+
+        yield add
+        file.add_key_value_metadata({"geo": json.dumps(_metadata(first, crs, bounds))})
+
+
+def _fields(layer: VectorLayer, pyarrow: Any) -> list[tuple[str, Any]]:
+    types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
+    return [(name, types[kind]) for name, kind in layer.fields.items()]
+
+
+def _metadata(layer: VectorLayer, crs: str, bounds: list[Any]) -> dict[str, Any]:
+    """Return what the specification wants to be said of the column of geometries."""
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": [layer.kind],
+        # null: unknown; what is left out would be longitude and latitude
+        "crs": pyproj.CRS.from_user_input(crs).to_json_dict() if crs else None,
+    }
+    if bounds:
+        edges = np.array(bounds)
+        column["bbox"] = [*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist()]
+    return {"version": "1.1.0", "primary_column": _GEOMETRY, "columns": {_GEOMETRY: column}}
+
+
+def read_geoparquet(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]], str]:
+    """
+    Read a file's geometries, columns and reference system (WKT, empty if unknown).
+
+    InputError if pyarrow is not installed, or it is no GeoParquet file with geometries as WKB.
+    """
+    try:
+        import pyarrow.parquet  # an extra
+    except ImportError as error:
+        raise InputError(f"{path}: GeoParquet needs pyarrow: install lidar_buildings[parquet]") from error
+    try:
+        table = pyarrow.parquet.read_table(path)
+        told = json.loads((table.schema.metadata or {})[b"geo"])
+        name = told["primary_column"]
+        own = told["columns"][name]
+        geometries = shapely.from_wkb(table[name].to_numpy(), on_invalid="ignore")
+        columns = {one: table[one].to_numpy() for one in table.column_names if one != name}
+        # what the specification takes a column for that names no system
+        crs = pyproj.CRS.from_json_dict(own["crs"]) if own.get("crs") else None
+        system = "" if crs is None and "crs" in own else (crs or pyproj.CRS("OGC:CRS84")).to_wkt()
+    except (OSError, ValueError, KeyError, pyarrow.ArrowException, shapely.errors.ShapelyError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: cannot be read as GeoParquet ({reason}): export it again") from error
+    return geometries, columns, system
+
+
+#: Kinds of layer that can hold polygons; a layer without a kind may hold any.
+_POLYGON_KINDS = ("Polygon", "Surface", "Unknown", "GeometryCollection", "PolyhedralSurface", "TIN")
+#: Layers of earlier results that hold no footprints where another one does.
+_OUTLINES = "outlines"
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonLayer:
+    """What a layer holds."""
+
+    path: Path
+    name: str
+    #: Shapely geometries of any type; None where a feature has none or one that cannot be understood.
+    geometries: NDArray[Any]
+    columns: Mapping[str, NDArray[Any]]  #: name → values, one per feature
+    fids: NDArray[np.int64]  #: the features' numbers in the file
+    crs: str  #: as GDAL names it, empty if unknown
+
+    @property
+    def label(self) -> str:
+        """The file for messages, with the layer where it is not named like the file."""
+        return str(self.path) if self.name == self.path.stem else f"{self.path} ({self.name})"
+
+
+def read_layer(path: Path, layer: str = "") -> PolygonLayer:
+    """
+    Read a layer: the one that is named, or the only one that can hold polygons.
+
+    Of several layers `outlines`, as in this program's own results, or the one named like the file is taken.
+    InputError if the file is no vector file, has no such layer, or it is not clear which one is meant.
+    """
+    return _read(path, _chosen(path, layer))
+
+
+def read_polygons(path: Path, layer: str = "") -> tuple[NDArray[np.object_], dict[str, NDArray[Any]], str]:
+    """
+    Read the polygons of a layer one by one: the one that is named, else `outlines`, else the first with any.
+
+    The parts of a multi-polygon stand one by one, each with its attributes; features without polygon are left
+    out. The reference system is as GDAL names it, empty if unknown. InputError if the file or the layer is
+    not there or cannot be read.
+    """
+    if not layer:
+        names = _with_polygons(path, _layers(path))
+        layer = _OUTLINES if _OUTLINES in names else names[0]
+    found = _read(path, _chosen(path, layer))
+    kinds = shapely.get_type_id(found.geometries)
+    rows = np.flatnonzero(np.isin(kinds, [shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON]))
+    parts, owner = shapely.get_parts(found.geometries[rows], return_index=True)
+    kept = ~shapely.is_empty(parts)
+    attributes = {name: column[rows[owner[kept]]] for name, column in found.columns.items()}
+    return parts[kept], attributes, found.crs
+
+
+def _layers(path: Path) -> dict[str, str]:
+    """Return the name of each layer of a file with its kind of geometry, empty for none."""
+    if path.suffix == ENDING and path.exists():
+        return {path.stem: "Unknown"}
+    with _reported(path):
+        return {str(name): str(kind or "") for name, kind in pyogrio.list_layers(path)}
+
+
+def _read(path: Path, name: str) -> PolygonLayer:
+    if path.suffix == ENDING:  # for which GDAL's driver is in no wheel of pyogrio
+        geometries, fields, crs = read_geoparquet(path)
+        return PolygonLayer(path, name, geometries, fields, np.arange(len(geometries)), crs)
+    with _reported(path):
+        meta, fids, wkb, columns = pyogrio.raw.read(path, layer=name, return_fids=True)
+    names = [str(one) for one in meta["fields"]]
+    geometries = np.full(len(fids), None) if wkb is None else shapely.from_wkb(wkb, on_invalid="ignore")
+    return PolygonLayer(
+        path, name, geometries, dict(zip(names, columns, strict=True)), fids, str(meta["crs"] or "")
+    )
+
+
+def _with_polygons(path: Path, layers: Mapping[str, str]) -> list[str]:
+    """Return the layers that can hold polygons, of which there must be one."""
+    names = [name for name, kind in layers.items() if any(word in kind for word in _POLYGON_KINDS)]
+    if not names:
+        kinds = ", ".join(sorted({kind or "no geometry" for kind in layers.values()})) or "no layer"
+        raise InputError(f"{path}: has no layer of polygons ({kinds}): give a file that has")
+    return names
+
+
+def _chosen(path: Path, layer: str) -> str:
+    layers = _layers(path)
+    if layer:
+        if layer in layers:
+            return layer
+        raise InputError(f"{path}: has no layer {layer!r}: there are {', '.join(layers) or 'none'}")
+    names = _with_polygons(path, layers)
+    preferred = [name for name in names if name in (_OUTLINES, path.stem)]
+    if len(names) > 1 and len(preferred) != 1:
+        raise InputError(
+            f"{path}: has several layers of polygons ({', '.join(names)}): say which one with "
+            "--footprints-layer"
+        )
+    return (preferred or names)[0]
+
+
+@contextmanager
+def _reported(path: Path) -> Iterator[None]:
+    """Turn what fails within into one InputError."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file: check the path")
+    try:
+        yield
+    except FAILURES as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(
+            f"{path}: cannot be read as a file of polygons ({reason}): give a GeoPackage, Shapefile, GeoJSON "
+            "or the like"
+        ) from error
