@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.distance import cdist
 
-from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
@@ -23,7 +24,6 @@ from lidar_buildings.core.stages.edge_labelling.clusters import (
     measures_of,
     overall,
     roofs_in_plan,
-    set_apart,
 )
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
@@ -56,9 +56,6 @@ class EdgeLabels:
     #: Each roof's status and centres by rising number, or those of all points; empty for discriminant
     #: analysis.
     clusters: tuple[Clusters, ...] = ()
-    #: The roof whose clusters labelled each point: as given, or numbered from 0; None where all points share
-    #: theirs, shape (n_points,).
-    roof_id: NDArray[np.int64] | None = None
 
     @property
     def n_roofs(self) -> dict[str, int]:
@@ -71,7 +68,6 @@ def label_edges(
     config: EdgeLabellingConfig | None = None,
     *,
     point_spacing: float | None = None,
-    roof_id: ArrayLike | None = None,
 ) -> EdgeLabels:
     """
     Tell roof points on edges from those on surfaces.
@@ -90,10 +86,6 @@ def label_edges(
         without what was added to it.
     point_spacing : float, optional
         Spacing of the pulses [m]; measured if not given.
-    roof_id : array_like of int, shape (n_points,), optional
-        Which roof each point is of, any numbers. Roofs do not see one another then, so that the edge between
-        two that touch is one of both. If not given, roofs are what is connected in plan, and a roof's
-        points are seen from the next.
 
     Returns
     -------
@@ -103,7 +95,7 @@ def label_edges(
     Raises
     ------
     ValueError
-        If `points` or `roof_id` has another shape or is not finite, or `point_spacing` is not positive.
+        If `points` has another shape or is not finite, or `point_spacing` is not positive.
 
     Notes
     -----
@@ -113,74 +105,32 @@ def label_edges(
     """
     config = config or EdgeLabellingConfig()
     points = checked_points(points)
-    roofs = None if roof_id is None else checked_column("roof_id", roof_id, len(points), np.int64)
     spacing = given_or_measured(points, point_spacing)
-    found = _features(points, roofs, spacing, config)
-    cells = _cells(points, spacing, config)
-    groups = _groups(cells, roofs, config)
-    band, clusters, status = _band(found, groups, config)
-    edge = _thinned(cells, roofs, spacing, band, config).astype(np.uint8)
+    radii = np.unique(np.geomspace(MIN_RADIUS, max(config.max_radius, MIN_RADIUS), config.n_radii)) * spacing
+    found = eigen_features(points, list(radii), min_neighbours=MIN_NEIGHBOURS)
+    cells = build_grid(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+    edge, clusters, status = _band(found, cells, config)
+    if config.thinning != "none":
+        max_step = MAX_STEP * spacing if config.thinning == "surface" else np.inf
+        radius, reach = config.rim_radius * spacing, config.band_reach * spacing
+        edge = on_rims(cells, edge, None, radius=radius, reach=reach, max_step=max_step)
     return EdgeLabels(
-        edge, found.linearity, found.planarity, found.normals, found.radius, status, clusters, groups
+        edge.astype(np.uint8), found.linearity, found.planarity, found.normals, found.radius, status, clusters
     )
 
 
-def _features(
-    points: NDArray[np.float64], roofs: NDArray[np.int64] | None, spacing: float, config: EdgeLabellingConfig
-) -> EigenFeatures:
-    """Describe each point's sphere; given roofs do not see one another."""
-    largest = max(config.max_radius, MIN_RADIUS)
-    radii = np.unique(np.geomspace(MIN_RADIUS, largest, config.n_radii)) * spacing
-    apart = set_apart(points, roofs, float(radii[-1]))
-    return eigen_features(apart, list(radii), min_neighbours=MIN_NEIGHBOURS)
-
-
-def _cells(points: NDArray[np.float64], spacing: float, config: EdgeLabellingConfig) -> CellGrid | None:
-    """Sort the points into cells where roofs or rims have to be found."""
-    if config.thinning == "none" and config.scope != "roof":
-        return None
-    return build_grid(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
-
-
-def _groups(
-    cells: CellGrid | None, roofs: NDArray[np.int64] | None, config: EdgeLabellingConfig
-) -> NDArray[np.int64] | None:
-    """Number the points that share their clusters; None if all do, or there are no clusters."""
-    if config.scope != "roof" or config.method != "k_means":
-        return None
-    return roofs if roofs is not None or cells is None else roofs_in_plan(cells)
-
-
 def _band(
-    found: EigenFeatures, groups: NDArray[np.int64] | None, config: EdgeLabellingConfig
+    found: EigenFeatures, cells: CellGrid, config: EdgeLabellingConfig
 ) -> tuple[NDArray[np.bool_], tuple[Clusters, ...], str]:
     """Label the band along edges; return the clusters and the status, too."""
     has_shape = found.eigenvalues[:, 0] > 0.0
     if config.method == "discriminant_analysis":
         return discriminant_edges(eigenvalues_by_area(found)), (), OK if has_shape.any() else TOO_FEW_POINTS
-    measures = measures_of(found, config.features)
-    band, clusters = cluster_edges(measures, found.linearity, has_shape, groups, config)
-    return band, clusters, overall(clusters)
-
-
-def _thinned(
-    cells: CellGrid | None,
-    roofs: NDArray[np.int64] | None,
-    spacing: float,
-    band: NDArray[np.bool_],
-    config: EdgeLabellingConfig,
-) -> NDArray[np.bool_]:
-    """Return the rims in and near the band, or the band itself."""
-    if config.thinning == "none" or cells is None:
-        return band
-    return on_rims(
-        cells,
-        band,
-        roofs,
-        radius=config.rim_radius * spacing,
-        reach=config.band_reach * spacing,
-        max_step=MAX_STEP * spacing if config.thinning == "surface" else np.inf,
+    roof = roofs_in_plan(cells) if config.scope == "roof" else None
+    band, clusters = cluster_edges(
+        measures_of(found, config.features), found.linearity, has_shape, roof, config
     )
+    return band, clusters, overall(clusters)
 
 
 class Shape(NamedTuple):
@@ -217,14 +167,7 @@ SHAPES = (
 
 def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the row in `SHAPES` nearest to each λ1 ≥ λ2 ≥ λ3, in units of R²; of two as near the first."""
-    from sklearn.metrics import pairwise_distances_argmin  # here, because it takes 0.7 s
-
-    if len(eigenvalues) == 0:
-        return np.zeros(0, dtype=np.int64)
-    shapes = np.array([shape.eigenvalues for shape in SHAPES])
-    # Minkowski's is Euclid's at its default p = 2, but not by products of matrices, whose rounding could
-    # depend on the order of the points.
-    return pairwise_distances_argmin(eigenvalues, shapes, metric="minkowski")
+    return cdist(eigenvalues, np.array([shape.eigenvalues for shape in SHAPES])).argmin(axis=1)
 
 
 def discriminant_edges(eigenvalues: NDArray[np.float64]) -> NDArray[np.bool_]:

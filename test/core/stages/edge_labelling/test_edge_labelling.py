@@ -88,21 +88,6 @@ def test_a_step_between_roofs_is_an_edge_of_surfaces_and_not_of_the_outline():
     assert surface[outline == 1].mean() > 0.97
 
 
-def test_roofs_that_are_told_apart_do_not_see_one_another():
-    # Side by side at the same height: without numbers there is nothing to see between them.
-    points = level_roof((0, 30), (0, 12), 10.0)
-    roof_id = np.where(points[:, 0] < 15, 7, -3)
-    at_wall = (np.abs(points[:, 0] - 15) < 0.15) & (np.abs(points[:, 1] - 6) < 4)
-    together, apart = label_edges(points), label_edges(points, roof_id=roof_id)
-    assert together.edge[at_wall].mean() < 0.05
-    assert apart.edge[at_wall].mean() > 0.9
-    assert {one.roof_id for one in apart.clusters} == {7, -3}
-    west = points[:, 0] < 15
-    spacing = 1 / np.sqrt(8)
-    alone = label_edges(points[west], point_spacing=spacing)
-    assert np.array_equal(label_edges(points, roof_id=roof_id, point_spacing=spacing).edge[west], alone.edge)
-
-
 def test_a_surface_without_edges_is_not_split_at_random():
     found = label_edges(sphere())
     assert found.status == "one_cluster"
@@ -140,10 +125,6 @@ def test_points_on_a_line_are_all_edges():
 def test_what_is_no_number_is_refused_by_name():
     with pytest.raises(ValueError, match="points"):
         label_edges([[0, 0, np.nan]])
-    with pytest.raises(ValueError, match="roof_id"):
-        label_edges(np.zeros((3, 3)), roof_id=[1, 2])
-    with pytest.raises(ValueError, match="roof_id"):
-        label_edges(np.zeros((2, 3)), roof_id=[1, np.nan])
     with pytest.raises(ValueError, match="point_spacing"):
         label_edges(np.zeros((2, 3)), point_spacing=0.0)
 

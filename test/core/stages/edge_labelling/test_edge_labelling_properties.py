@@ -1,8 +1,5 @@
 """What holds for every way to tell edges: order, threads, tiles, scale, and points that are no roof."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -43,14 +40,10 @@ def assert_same(found, expected, rows=slice(None)):
 
 
 @every_config
-@pytest.mark.parametrize("has_roofs", [False, True])
-def test_the_order_of_points_does_not_change_a_label(config, has_roofs):
+def test_the_order_of_points_does_not_change_a_label(config):
     points, _ = roof_and_truth("l_shape", density=8.0)
-    roof_id = np.where(points[:, 0] < np.median(points[:, 0]), 1, 5) if has_roofs else None
     shuffle = np.random.default_rng(0).permutation(len(points))
-    straight = label_edges(points, config, roof_id=roof_id)
-    shuffled = label_edges(points[shuffle], config, roof_id=roof_id[shuffle] if has_roofs else None)
-    assert_same(shuffled, straight, shuffle)
+    assert_same(label_edges(points[shuffle], config), label_edges(points, config), shuffle)
 
 
 @every_config
@@ -95,10 +88,9 @@ def test_moved_roofs_have_the_same_edges(config):
 
 @every_config
 @pytest.mark.parametrize("name", DEGENERATE)
-@pytest.mark.parametrize("has_roofs", [False, True])
-def test_degenerate_roofs_get_valid_labels(name, config, has_roofs):
+def test_degenerate_roofs_get_valid_labels(name, config):
     points = DEGENERATE[name]
-    found = label_edges(points, config, roof_id=np.arange(len(points)) % 2 if has_roofs else None)
+    found = label_edges(points, config)
     assert found.edge.dtype == np.uint8
     assert len(found.edge) == len(found.normals) == len(points)
     assert set(found.edge) <= {0, 1}
@@ -130,8 +122,3 @@ def test_the_edge_of_a_lattice_without_noise_is_its_outer_points():
     is_outer = np.isin(points[:, 0], (0.0, 19.0)) | np.isin(points[:, 1], (0.0, 14.0))
     assert found.status == "ok"
     assert np.array_equal(found.edge == 1, is_outer)
-
-
-def test_scikit_learn_is_imported_only_where_it_is_used():
-    code = "import sys, lidar_buildings; lidar_buildings.label_edges; assert 'sklearn' not in sys.modules"
-    subprocess.run([sys.executable, "-c", code], check=True)

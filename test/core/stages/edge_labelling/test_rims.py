@@ -4,13 +4,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid
 from lidar_buildings.core.stages.edge_labelling.clusters import roofs_in_plan
-from lidar_buildings.core.stages.edge_labelling.rims import (
-    N_SECTORS,
-    N_SQUARES,
-    on_rims,
-    sector_table,
-    square_at,
-)
+from lidar_buildings.core.stages.edge_labelling.rims import on_rims
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
 
 
@@ -92,23 +86,6 @@ def test_roofs_numbered_beyond_what_a_float_can_tell_apart_are_not_seen():
     points = cloud()
     roof_id = 2**60 + (points[:, 1] > 0).astype(np.int64)
     assert np.array_equal(rims(points, roof_id=roof_id), rims(points, roof_id=roof_id - 2**60))
-
-
-def test_sectors_looked_up_are_those_that_a_neighbour_blocks():
-    table = sector_table()
-    east, north = np.random.default_rng(0).uniform(-2.5, 2.5, (2, 2000))
-    scale = N_SQUARES / 4.0
-    square = np.array([int(square_at(x * scale, y * scale)) for x, y in zip(east, north, strict=True)])
-    surely, perhaps = (
-        (table[square, k][:, None] >> np.arange(N_SECTORS, dtype=np.uint64)) & 1 > 0 for k in range(2)
-    )
-    turn = 2 * np.pi * np.arange(N_SECTORS * 16) / (N_SECTORS * 16)
-    blocked = (east[:, None] - np.cos(turn)) ** 2 + (north[:, None] - np.sin(turn)) ** 2 < 1
-    blocked = blocked.reshape(len(square), N_SECTORS, 16)
-    assert not (surely & ~blocked.all(axis=2)).any()
-    assert not (~perhaps & blocked.any(axis=2)).any()
-    # They are worth having: few sectors are in doubt.
-    assert (perhaps & ~surely).mean() < 0.1
 
 
 @pytest.mark.parametrize("size", [0.3, 1.0, 7.0])
