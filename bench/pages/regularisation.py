@@ -8,10 +8,13 @@ import numpy as np
 from bench.pages.drawing import plt, save
 from bench.scenes.outlines import outline_scene
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
-from lidar_buildings.core.stages.regularisation.concavities import bearing_points, concavity_limits
 from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED, RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
-from lidar_buildings.core.stages.regularisation.samples import working_spacing
+from lidar_buildings.core.stages.regularisation.samples import (
+    bearing_points,
+    concavity_limits,
+    working_spacing,
+)
 
 POINTS, TRACED, WALLS, TRUTH = "#b4bac4", "#8d95a3", "#c8472f", "#3f9b58"
 #: One per pair of directions; walls in none of them are black.

@@ -17,7 +17,7 @@ from lidar_buildings.core.scans.motion import place_points
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
-from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap
+from lidar_buildings.core.stages.boundary_tracing.walk import bridge_gap
 from lidar_buildings.core.stages.roof_selection.roof_patches import plane_votes
 from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig

@@ -14,8 +14,11 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.regularising import outline_quality, regularise_outline
-from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
+from lidar_buildings.core.stages.regularisation.regularising import (
+    RegularisedOutline,
+    outline_quality,
+    regularise_outline,
+)
 from lidar_buildings.core.stages.regularisation.samples import ring_spacing, working_spacing
 from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 from lidar_buildings.pipeline.sharing import Sharing, map_buildings

@@ -5,7 +5,7 @@ import shapely
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
+from lidar_buildings.core.stages.regularisation.regularising import RegularisedOutline
 from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines, touching_groups
 

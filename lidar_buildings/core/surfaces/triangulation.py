@@ -2,7 +2,7 @@
 A TIN of many vertices, fast: inserted one by one in an order that keeps each near the one before.
 
 Fifteen times as fast as Qhull on the 300,000 vertices of a tile (0.28 s against 4.1 s), without the
-interpreter's lock. Qhull remains where a ring needs the hull without a frame: `boundary_tracing.triangles`.
+interpreter's lock. Qhull remains where a ring needs the hull without a frame: `boundary_tracing.rings`.
 """
 
 from __future__ import annotations

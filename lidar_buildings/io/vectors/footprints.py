@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.stages.footprints.footprints import Footprints, footprints_of
-from lidar_buildings.core.stages.footprints.repair import repaired_polygons
+from lidar_buildings.core.stages.footprints.footprints import Footprints, footprints_of, repaired_polygons
 from lidar_buildings.io.files.failures import warn_once
 from lidar_buildings.io.files.reference_systems import is_in_degrees, reprojected
 from lidar_buildings.io.vectors.layers import PolygonLayer, read_layer

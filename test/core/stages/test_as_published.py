@@ -14,15 +14,17 @@ from lidar_buildings.core.stages.ground_filter.progressive_tin import (
     histogram_limits,
 )
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
-from lidar_buildings.core.stages.regularisation.building_walls import min_long_length
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
+from lidar_buildings.core.stages.regularisation.directions import (
+    adjusted_directions,
+    divide_at_turns,
+    min_long_length,
+)
 from lidar_buildings.core.stages.regularisation.regularising import _problem
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
-from lidar_buildings.core.stages.regularisation.turns import divide_at_turns
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roads import of_road_grey
-from lidar_buildings.core.surfaces.ring_division.division import Division
+from lidar_buildings.core.surfaces.ring_division import Division
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 

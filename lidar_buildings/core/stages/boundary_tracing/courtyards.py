@@ -1,18 +1,25 @@
-"""Courtyards: which gaps inside an outer ring count as one, and the width of the roof round them."""
+"""Courtyards: empty discs inside an outer ring, and the criteria that make one of them a courtyard."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.outline import signed_area
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, filled
 
 #: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
 _MAX_NARROW_SHARE = 0.5
+#: A disc counts as fitting if its centre is found to this accuracy [sides of a cell].
+_ACCURACY = 0.01
+#: Cells looked at: at most this many or so many per point; a vast gap is looked at coarsely.
+_MAX_CELLS, _MAX_CELLS_PER_POINT = 1_000_000, 4
 
 
 @dataclass(frozen=True)
@@ -51,3 +58,150 @@ def narrow_share(
     edge = np.hypot(grid.x[hole] - np.roll(grid.x[hole], 1), grid.y[hole] - np.roll(grid.y[hole], 1))
     length = edge + np.roll(edge, -1)
     return float(length[distance <= width].sum() / length.sum())
+
+
+class EmptyDiscs:
+    """
+    Looks for discs without points inside a ring, one by one.
+
+    Every disc holds the whole of the cell that its centre is in, if a cell's side is radius / √2: only
+    centres in empty cells are sought, and in most roofs there is no such cell.
+
+    Parameters
+    ----------
+    grid : PointGrid
+        The points.
+    ring : ndarray of int64
+        Rows of the outer ring's vertices.
+    radius : float
+        The discs' radius [m].
+    """
+
+    def __init__(self, grid: PointGrid, ring: NDArray[np.int64], radius: float) -> None:
+        self._grid, self._radius = grid, radius
+        size = np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy)
+        # Axes of the grid's frame, in metres.
+        self._axes = (grid.ux / size[0], grid.uy / size[0], grid.vx / size[1], grid.vy / size[1])
+        self._span = radius * max(size)
+        self._side = radius / np.sqrt(2.0)
+        width = grid.n_columns * grid.cell / size[0]
+        height = grid.n_rows * grid.cell / size[1]
+        limit = max(_MAX_CELLS, _MAX_CELLS_PER_POINT * len(grid.x))
+        while (width / self._side + 1) * (height / self._side + 1) > limit:
+            self._side *= 2.0
+        self._n_columns, self._n_rows = int(width / self._side) + 1, int(height / self._side) + 1
+        self._west, self._south = grid.west / size[0], grid.south / size[1]
+        self._is_open = self._inside(ring)
+        u, v = self._placed(grid.x, grid.y)
+        rows = np.clip(v, 0.0, self._n_rows - 1.0).astype(np.int64)
+        self._is_open[rows * self._n_columns + np.clip(u, 0.0, self._n_columns - 1.0).astype(np.int64)] = (
+            False
+        )
+        self._is_empty = self._is_open.copy()
+        self._cells = np.flatnonzero(self._is_open)
+        self._last = 0
+
+    def next_centre(self) -> tuple[float, float] | None:
+        """Return the centre of a disc that fits into a gap not seen so far, None if there is none."""
+        for k, cell in enumerate(self._cells.tolist()):
+            if not self._is_open[cell]:
+                continue
+            row, column = divmod(cell, self._n_columns)
+            u, v = self._west + (column + 0.5) * self._side, self._south + (row + 0.5) * self._side
+            ux, uy, vx, vy = self._axes
+            x, y = u * ux + v * vx, u * uy + v * vy
+            fits, x, y = _disc_in_cell(
+                self._grid, x, y, ux * self._side, uy * self._side, self._radius, self._span
+            )
+            self._is_open[cell] = False
+            if fits:
+                self._cells, self._last = self._cells[k + 1 :], cell
+                return x, y
+        return None
+
+    def close(self, ring: NDArray[np.int64]) -> None:
+        """Look no more inside a ring."""
+        self._is_open &= ~self._inside(ring)
+
+    def give_up(self) -> None:
+        """Look no more in the place that the last centre was in: its cells and all connected with them."""
+        labels, _ = ndimage.label(self._is_empty.reshape(self._n_rows, self._n_columns))
+        is_connected = labels.reshape(-1) == labels.reshape(-1)[self._last]
+        self._is_open &= ~is_connected
+        self._is_empty &= ~is_connected
+
+    def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return the cells whose centres a ring holds."""
+        u, v = self._placed(self._grid.x[ring], self._grid.y[ring])
+        return filled(u, v, self._n_columns, self._n_rows)
+
+    def _placed(
+        self, x: NDArray[np.float64], y: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return positions in units of cells."""
+        ux, uy, vx, vy = self._axes
+        return (ux * x + uy * y - self._west) / self._side, (vx * x + vy * y - self._south) / self._side
+
+
+@kernel
+def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
+    """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
+    size_u, size_v = math.hypot(grid.ux, grid.uy), math.hypot(grid.vx, grid.vy)
+    shortest = 1.0 / max(size_u, size_v)
+    farthest = grid.cell * (grid.n_columns + grid.n_rows) * max(size_u, size_v) / min(size_u, size_v)
+    span, n_found = 1.0, 0
+    found, distance = np.empty(n, dtype=np.int64), np.empty(n)
+    while True:
+        low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
+        n_found, distance[:] = 0, np.inf
+        for row in range(low_row, high_row + 1):
+            cell = row * grid.n_columns
+            for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
+                away = math.hypot(grid.x[i] - x, grid.y[i] - y)
+                if follower[i] < 0 and away <= span * shortest and away < distance[n - 1]:
+                    k = min(n_found, n - 1)
+                    while k > 0 and distance[k - 1] > away:
+                        found[k], distance[k] = found[k - 1], distance[k - 1]
+                        k -= 1
+                    found[k], distance[k] = i, away
+                    n_found = min(n_found + 1, n)
+        if n_found > 0 or span > farthest:
+            return found[:n_found].copy()
+        span *= 2.0
+
+
+@kernel
+def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
+    """
+    Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
+
+    The centre is sought uphill, towards more distance from the nearest point, from the cell's middle.
+    """
+    side = math.hypot(dx, dy)
+    best = _clearance(grid, x, y, radius, span)
+    if best + 0.75 * side < radius:
+        return False, x, y
+    u, v, step = 0.0, 0.0, 1.0 / 6.0
+    while best < radius and step >= _ACCURACY:
+        is_better, best_u, best_v = False, u, v
+        for k in range(9):
+            p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
+            if abs(p) <= 0.5 and abs(q) <= 0.5:
+                found = _clearance(grid, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
+                if found > best + 1e-3 * step * side:
+                    best, best_u, best_v, is_better = found, p, q, True
+        u, v, step = best_u, best_v, step if is_better else 0.5 * step
+    return best >= radius, x + u * dx - v * dy, y + u * dy + v * dx
+
+
+@kernel
+def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
+    """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
+    low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
+    nearest = radius * radius
+    for row in range(low_row, high_row + 1):
+        cell = row * grid.n_columns
+        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
+            dx, dy = grid.x[i] - x, grid.y[i] - y
+            nearest = min(nearest, dx * dx + dy * dy)
+    return math.sqrt(nearest)

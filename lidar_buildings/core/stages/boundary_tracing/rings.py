@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules, narrow_share
-from lidar_buildings.core.stages.boundary_tracing.edge_cells import (
+from lidar_buildings.core.stages.boundary_tracing.courtyards import (
+    CourtyardRules,
+    EmptyDiscs,
+    narrow_share,
+    nearest_free,
+)
+from lidar_buildings.core.stages.boundary_tracing.open_ground import OpenGround
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, holds, misplaced
+from lidar_buildings.core.stages.boundary_tracing.walk import (
+    ASTRAY,
+    NO_ROOM,
+    STUCK,
     add_edge,
+    bridge_gap,
     empty_edge_cells,
     remove_edges,
+    walk_round,
+    widen_about,
     with_more_room,
 )
-from lidar_buildings.core.stages.boundary_tracing.empty_discs import EmptyDiscs, nearest_free
-from lidar_buildings.core.stages.boundary_tracing.open_ground import OpenGround
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid
-from lidar_buildings.core.stages.boundary_tracing.point_in_ring import holds, misplaced
-from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
-from lidar_buildings.core.stages.boundary_tracing.walk import ASTRAY, NO_ROOM, STUCK, walk_round
-from lidar_buildings.core.stages.boundary_tracing.walk_recovery import bridge_gap, widen_about
 
 #: Walks tried for the outer ring before another method takes over, and for a courtyard's before it is none.
 _MAX_WALKS, _MAX_RIM_WALKS = 40, 8
@@ -39,6 +46,54 @@ _MAX_CROWD = 2000
 #: Among the reasons of a ring that was not walked.
 NO_WALK = "no walk round all points was found: the ring comes from a triangulation"
 _SHARED_RIM = "an empty place shares its rim with the outer ring: it is taken for roof"
+
+
+def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.int64]:
+    """
+    Return the rows of a simple, counter-clockwise ring round all points, distinct and not all on a line.
+
+    The boundary of the Delaunay triangulation is worn away from outside, the longest boundary edge first,
+    until none is longer than `max_edge` but where wearing on would break the ring in two: the characteristic
+    shape of Duckham et al. (2008). Where no triangulation exists, the convex hull.
+    """
+    try:
+        triangles = Delaunay(xy)
+    except QhullError:
+        return ConvexHull(xy, qhull_options="QJ").vertices.astype(np.int64)
+    corners, neighbours = triangles.simplices, triangles.neighbors
+    follower: dict[int, int] = {}
+    edges: list[tuple[float, int, int, int]] = []
+
+    def add(start: int, end: int, triangle: int) -> None:
+        follower[start] = end
+        heapq.heappush(edges, (-float(np.hypot(*(xy[start] - xy[end]))), start, end, triangle))
+
+    for triangle, side in np.argwhere(neighbours < 0).tolist():
+        add(int(corners[triangle, (side + 1) % 3]), int(corners[triangle, (side + 2) % 3]), triangle)
+    while edges and -edges[0][0] > max_edge:
+        _, start, end, triangle = heapq.heappop(edges)
+        side = next(k for k in range(3) if corners[triangle, k] not in (start, end))
+        tip = int(corners[triangle, side])
+        if tip in follower:
+            continue
+        beyond_start, beyond_end = (
+            int(neighbours[triangle, next(k for k in range(3) if corners[triangle, k] == far)])
+            for far in (end, start)
+        )
+        if min(beyond_start, beyond_end) < 0:
+            continue
+        add(start, tip, beyond_start)
+        add(tip, end, beyond_end)
+    return _followed(follower)
+
+
+def _followed(follower: dict[int, int]) -> NDArray[np.int64]:
+    """Return the ring that the followers make up, from its first row on."""
+    start = min(follower)
+    ring = [start]
+    while follower[ring[-1]] != start:
+        ring.append(follower[ring[-1]])
+    return np.array(ring, dtype=np.int64)
 
 
 class RingTracer:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_points
@@ -15,7 +16,6 @@ from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, given_or_m
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
-from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
 from lidar_buildings.core.stages.boundary_tracing.open_ground import (
     GROUND_REACH,
     clear_ground,
@@ -26,6 +26,13 @@ from lidar_buildings.core.stages.boundary_tracing.open_ground import (
 from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.rings import NO_WALK, RingTracer
 
+#: Places on the roof that are asked how far their nearest point is, and the share that are nearer than gaps
+#: are wide: a tenth may be wet patches and shafts.
+_PLACES, _SHARE = 500, 0.9
+#: That distance in even patterns is at most 0.7, where points lie anywhere in their cells [spacings].
+_EVEN = 0.75
+#: Wider gaps are no pattern of points [spacings].
+_WIDEST = 2.0
 #: Fewest distinct positions that a walk makes sense for.
 _MIN_POSITIONS = 4
 #: A cloud narrower than this counts as a line [spacings].
@@ -40,6 +47,32 @@ _MAX_WINDOW = 20.0
 _MIN_COURTYARD_WIDTH = 8.0
 #: Width of the roof round most of a courtyard: wet roofs return one to three rows along rims [spacings].
 _MIN_COURTYARD_BAND = 3.0
+
+
+def gap_spacing(positions: NDArray[np.float64], outline: shapely.Polygon, spacing: float) -> float:
+    """
+    Return the spacing that an even pattern with gaps as wide as a roof's has: up to twice the given one [m].
+
+    How far it is from any place of the roof to the nearest point is the empty-space function of spatial
+    statistics (Diggle, 1983, Statistical Analysis of Spatial Point Patterns). Turned and mirrored points have
+    the same.
+    """
+    if outline.area == 0.0:
+        return spacing
+    middle = positions.mean(axis=0)
+    corners = shapely.get_coordinates(outline) - middle
+    dx, dy = (positions - middle).T
+    # no scalar products: the threads that BLAS starts for long ones take more time than all else
+    angle = 0.5 * np.arctan2(2.0 * (dx * dy).sum(), (dx * dx - dy * dy).sum())
+    turned = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    width, height = np.abs(corners @ turned.T).max(axis=0)
+    step = np.sqrt(outline.area / _PLACES)
+    u, v = (step * np.arange(-(reach // step), reach // step + 1.0) for reach in (width, height))
+    places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2) @ turned + middle
+    shapely.prepare(outline)
+    places = places[shapely.contains_xy(outline, *places.T)]
+    nearest = cKDTree(positions, balanced_tree=False, compact_nodes=False).query(places)[0]
+    return float(np.clip(np.quantile(nearest, _SHARE) / _EVEN, spacing, _WIDEST * spacing))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,18 +1,38 @@
-"""The directions that a building's long walls share, and how many there are: hierarchical least squares."""
+"""The directions that a building's walls share, and the division of its rings: hierarchical least squares."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.surfaces.ring_division.division import ARC, Division
-from lidar_buildings.core.surfaces.ring_division.moments import least_scatter, normal_angle, scatter_of
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.samples import RingSamples
+from lidar_buildings.core.surfaces.ring_division import (
+    ARC,
+    FREE,
+    Costs,
+    Division,
+    divide_ring,
+    least_scatter,
+    normal_angle,
+    running_sums,
+    scatter_of,
+)
 
 _RIGHT_ANGLE = np.pi / 2
 #: Rounds in which walls may leave a group because they do not fit it.
 _MAX_ROUNDS = 5
+#: What a further pair of directions must save in squared offsets over noise²: a term of the information
+#: criterion (Schwarz, 1978).
+_DIRECTION_COST = 10.0
+#: What a direction of its own and an arc must save in squared offsets over noise² beside the wall's cost.
+_OWN_DIRECTION_COST, _ARC_COST = 15.0, 60.0
+#: Length from which a wall helps to find the directions [spacings]; Sampath & Shan (2007) take 10 m.
+_LONG_WALL = 8.0
 
 
 class WallScatter(NamedTuple):
@@ -123,3 +143,239 @@ def turn_between(one: float, other: float) -> float:
     """Return the angle between two directions when a right angle counts as none [rad]."""
     difference = (one - other) % _RIGHT_ANGLE
     return float(min(difference, _RIGHT_ANGLE - difference))
+
+
+def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Division]:
+    """
+    Divide a ring into segments of consecutive edges with similar slopes (Sampath & Shan, 2007).
+
+    An edge that deviates from the edge before by more than the given angle [rad] begins the next segment. The
+    point between two segments is of both, and twice among the samples returned. All walls are free, and the
+    cost is 0: nothing was weighed.
+    """
+    n = len(ring.points)
+    begins = _turns(ring.points, max_turn)
+    times = np.ones(n, dtype=np.int64)
+    times[begins % n] = 2
+    every = np.repeat(np.arange(n), times)
+    samples = replace(
+        ring,
+        points=ring.points[every],
+        weights=ring.weights[every],
+        bears=ring.bears[every],
+        rows=ring.rows[every],
+    )
+    first = (np.cumsum(times) - 1)[begins % n] + begins // n * len(every)
+    last = np.append(first[1:], first[0] + len(every))
+    return samples, Division(first, last, np.full(len(first), FREE), 0.0)
+
+
+def along_nearest(ring: RingSamples, division: Division, angles: NDArray[np.float64]) -> Division:
+    """
+    Let each segment go along the nearest to its own of some directions, given by normals; its own without.
+    """
+    sums = running_sums(ring.points, ring.weights)
+    return replace(division, kind=_nearest(sums, division.first, division.last, angles))
+
+
+@kernel
+def _turns(points, max_turn):  # type: ignore[no-untyped-def]
+    """Return the first point of each segment, from the sharpest turn of the ring on."""
+    n = len(points)
+    sharpest, start = -1.0, 0
+    for i in range(n):
+        turn = _between(points, (i - 1) % n, i, i, (i + 1) % n)
+        if turn > sharpest:
+            sharpest, start = turn, i
+    first = [start]
+    for i in range(start + 1, start + n):
+        if _between(points, (i - 1) % n, i % n, i % n, (i + 1) % n) > max_turn:
+            first.append(i)
+    return np.array(first)
+
+
+@kernel
+def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
+    """Return the angle between the ways from a to b and from c to d, 0 to π [rad]."""
+    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
+    vx, vy = points[d, 0] - points[c, 0], points[d, 1] - points[c, 1]
+    return abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
+
+
+@kernel
+def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
+    """Return the direction that is nearest to each segment's own, `FREE` if there are none."""
+    kind = np.full(len(first), FREE)
+    for i in range(len(first)):
+        _, _, _, xx, xy, yy = scatter_of(sums, first[i], last[i])
+        own, smallest = normal_angle(xx, xy, yy), np.inf
+        for k in range(len(angles)):
+            difference = abs((own - angles[k] + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+            if difference < smallest:
+                kind[i], smallest = k, difference
+    return kind
+
+
+def divide_building(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[list[RingSamples], tuple[float, ...], list[Division]]:
+    """
+    Find a building's directions and divide its rings into walls.
+
+    Returned are the samples that the divisions are of, the directions, the most frequent first, each standing
+    for itself and its perpendicular [rad], and the divisions, whose kinds number them as `both_ways` does.
+    """
+    if config.division == "optimal":
+        return samples, *_divided(samples, spacing, config)
+    return _divided_at_turns(samples, spacing, config)
+
+
+def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
+    """Return the normals' angles of all walls that go along or across one of the directions [rad]."""
+    return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
+
+
+def _costs(spacing: float, config: RegularisationConfig) -> Costs:
+    """Return what walls cost at a point spacing [m]; a step between nearly parallel ones costs another."""
+    return Costs(
+        noise=config.noise * spacing,
+        wall=config.wall_cost,
+        own_direction=_OWN_DIRECTION_COST,
+        step=config.wall_cost,
+        arc=_ARC_COST if config.curved_walls else np.inf,
+        parallel=float(np.sin(np.deg2rad(config.angle_tolerance_deg))),
+    )
+
+
+def _divided(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find the building's directions and the walls that follow them.
+
+    The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
+    the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
+    """
+    costs = _costs(spacing, config)
+
+    def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
+        starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
+        return [
+            divide_ring(ring.points, both_ways(directions), costs, weights=ring.weights, start=start)
+            for ring, start in zip(samples, starts, strict=True)
+        ]
+
+    free = divided((), None)
+    candidates = _long_directions(samples, free, spacing, config, config.max_directions)
+    directions: tuple[float, ...] = ()
+    best, least = free, _total(free)
+    for count in range(1, len(candidates) + 1):
+        found = divided(candidates[:count], free)
+        total = _total(found) + count * _DIRECTION_COST
+        if total < least:
+            best, directions, least = found, candidates[:count], total
+        elif count > len(directions) + 1:
+            break
+    if directions:
+        directions = _long_directions(samples, best, spacing, config, len(directions)) or directions
+        best = divided(directions, best)
+    return directions, best
+
+
+def _divided_at_turns(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[list[RingSamples], tuple[float, ...], list[Division]]:
+    """Find the directions of the long walls, and all walls, as published."""
+    max_turn = np.deg2rad(config.max_turn_deg)
+    samples, divisions = map(list, zip(*(divide_at_turns(ring, max_turn) for ring in samples), strict=True))
+    directions = _long_directions(samples, divisions, spacing, config, config.max_directions)
+    angles = both_ways(directions)
+    return samples, directions, [along_nearest(*one, angles) for one in zip(samples, divisions, strict=True)]
+
+
+def _a_corner(division: Division) -> int:
+    """Return a sample at which a wall begins, as far as possible from where the division did."""
+    return int(division.first[len(division.first) // 2])
+
+
+def _total(divisions: list[Division]) -> float:
+    """Return the cost of all rings."""
+    return sum(division.cost for division in divisions)
+
+
+def _long_directions(
+    samples: list[RingSamples],
+    divisions: list[Division],
+    spacing: float,
+    config: RegularisationConfig,
+    max_directions: int,
+) -> tuple[float, ...]:
+    """Return the directions of the walls that are long enough."""
+    least = 3 if config.division == "optimal" else 2
+    walls = [
+        wall
+        for ring, division in zip(samples, divisions, strict=True)
+        for wall in wall_scatters(ring.points, running_sums(ring.points, ring.weights), division, least)
+    ]
+    min_length = min_long_length([wall.length for wall in walls], spacing, config)
+    return shared_directions(
+        [wall for wall in walls if wall.length >= min_length],
+        np.deg2rad(config.angle_tolerance_deg),
+        config.noise * spacing,
+        _OWN_DIRECTION_COST if config.adjustment == "robust" else np.inf,
+        max_directions,
+    )
+
+
+def min_long_length(lengths: list[float], spacing: float, config: RegularisationConfig) -> float:
+    """Return the length from which walls count as long: as set, or half of the longest if none is [m]."""
+    longest = max(lengths, default=0.0)
+    wanted = config.min_long_wall or _LONG_WALL * spacing
+    return wanted if config.min_long_wall and longest >= wanted else min(wanted, 0.5 * longest)
+
+
+def adjusted_directions(
+    samples: list[RingSamples],
+    divisions: list[Division],
+    angles: NDArray[np.float64],
+    spacing: float,
+    config: RegularisationConfig,
+) -> NDArray[np.float64]:
+    """
+    Return the directions M_u and M_v as all walls estimate them (Sampath & Shan 2007, last step).
+
+    Long and short walls enter with their points and with their direction as an observation, the long walls'
+    directions with a high weight; nothing holds the two perpendicular any more. The lines are eliminated, so
+    that each direction is a weighted mean, and `fit_wall` gives the lines of the same joint solution.
+    `angles` are approximate directions of the normals, which the kinds of the divisions number.
+    """
+    walls = [
+        (int(kind), *_length_and_turn(ring.points, sums, first, last, angles[kind]))
+        for ring, division in zip(samples, divisions, strict=True)
+        for sums in [running_sums(ring.points, ring.weights)]
+        for first, last, kind in zip(division.first, division.last, division.kind, strict=True)
+        if kind >= 0 and last - first > 1
+    ]
+    min_length = min_long_length([length for _, length, _, _ in walls], spacing, config)
+    weight = config.direction_weight
+    # What the long walls told of both directions together, when these were held perpendicular.
+    of_long = weight * sum(along for _, length, _, along in walls if length >= min_length)
+    adjusted = angles.copy()
+    for k in range(len(angles)):
+        observed = [(turn, along * weight / (1.0 + weight)) for kind, _, turn, along in walls if kind == k]
+        total = of_long + sum(each for _, each in observed)
+        if total > 0.0:
+            adjusted[k] += sum(turn * each for turn, each in observed) / total
+    return adjusted
+
+
+def _length_and_turn(
+    points: NDArray[np.float64], sums: NDArray[np.float64], first: int, last: int, angle: float
+) -> tuple[float, float, float]:
+    """Return a wall's length [m], the turn from a direction to its own [rad], and the turn's weight [m²]."""
+    _, _, _, xx, xy, yy = scatter_of(sums, first, last)
+    c, s = np.cos(angle), np.sin(angle)
+    along = s * s * xx - 2.0 * c * s * xy + c * c * yy
+    across = c * s * (yy - xx) + (c * c - s * s) * xy
+    ends = points[(last - 1) % len(points)] - points[first % len(points)]
+    return float(np.hypot(*ends)), float(-across / along) if along > 0.0 else 0.0, float(along)

@@ -1,22 +1,172 @@
-"""A walled ring drawn as a polygon: corners, the chords of its arcs, and what to do where walls cross."""
+"""Walls laid on common lines and moved to where they are drawn, and the polygon that they make up."""
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing
-from lidar_buildings.core.stages.regularisation.joints import swept
-from lidar_buildings.core.stages.regularisation.walls import CENTRE_X, CENTRE_Y, RADIUS, foot_on
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.stages.regularisation.samples import RingSamples
+from lidar_buildings.core.stages.regularisation.walls import (
+    ANGLE,
+    CENTRE_X,
+    CENTRE_Y,
+    OFFSET,
+    RADIUS,
+    Fit,
+    WalledRing,
+    find_joint,
+    foot_on,
+    move_out,
+    offset_of,
+    swept,
+)
+from lidar_buildings.core.surfaces.ring_division import running_sums, scatter_of
 
 #: How a wall is drawn: its line or arc, the chord from its first to its last sample, or all its samples.
 _FITTED, _CHORD, _ALL_SAMPLES = 0, 1, 2
 #: No wall: the step between two walls.
 STEP = -1
+
+
+class _Line(NamedTuple):
+    """Where walls of one direction lie: in the mean across it [m], with what weight, and which these are."""
+
+    position: float
+    weight: float
+    walls: list[int]
+
+    def cost_with(self, other: _Line) -> float:
+        """By how much the squared offsets of all samples rise on one line [m²]."""
+        shared = self.weight * other.weight / (self.weight + other.weight)
+        return shared * (self.position - other.position) ** 2
+
+    def with_walls_of(self, other: _Line) -> _Line:
+        """Return the line in the middle of all samples."""
+        weight = self.weight + other.weight
+        position = (self.position * self.weight + other.position * other.weight) / weight
+        return _Line(position, weight, self.walls + other.walls)
+
+
+def on_own_lines(samples: RingSamples, walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
+    """
+    Return the shapes of walls, those on one line if that costs less than lines of their own.
+
+    Walls of one direction with the building on the same side of them are joined, the nearest first, as long
+    as the squared offsets rise by less than what a line of its own has to save. Beyond Sampath & Shan (2007),
+    whose hierarchy ends with the walls.
+    """
+    shape = walled.shape.copy()
+    for angle, lines in _lines_by_direction(samples, walled, fit):
+        for line in _joined(lines, fit.line_cost):
+            if len(line.walls) > 1:
+                shape[line.walls, ANGLE], shape[line.walls, OFFSET] = angle, line.position
+    return shape
+
+
+def _lines_by_direction(
+    samples: RingSamples, walled: WalledRing, fit: Fit
+) -> list[tuple[float, list[_Line]]]:
+    """Return the lines of walls that share a direction and a side, with its angle [rad], in order."""
+    found: dict[tuple[int, bool], list[_Line]] = defaultdict(list)
+    points, sums = samples.points, running_sums(samples.points, samples.weights)
+    for wall, (first, last, kind) in enumerate(zip(*(one.tolist() for one in walled[:3]), strict=True)):
+        if kind < 0:
+            continue
+        c, s = np.cos(fit.angles[kind]), np.sin(fit.angles[kind])
+        dx, dy = points[last % len(points)] - points[(first - 1) % len(points)]
+        weight, x, y, *_ = scatter_of(sums, first, last)
+        x, y = foot_on(walled.shape[wall], x, y)
+        found[kind, bool(dx * s > dy * c)].append(_Line(float(x * c + y * s), weight, [wall]))
+    return [(fit.angles[kind], sorted(lines)) for (kind, _), lines in found.items() if len(lines) > 1]
+
+
+def _joined(lines: list[_Line], least: float) -> list[_Line]:
+    """Join neighbours as long as that costs less, the cheapest first."""
+    while len(lines) > 1:
+        costs = [one.cost_with(other) for one, other in pairwise(lines)]
+        k = int(np.argmin(costs))
+        if costs[k] >= least:
+            break
+        lines = [*lines[:k], lines[k].with_walls_of(lines[k + 1]), *lines[k + 2 :]]
+    return lines
+
+
+def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> WalledRing:
+    """
+    Move walls from the bearing points to the middle of all points on them.
+
+    Walls are found by the points that bear the ring, the outermost ones; the line of least squares through
+    all points of a wall, as Sampath & Shan (2007) adjust it, lies inside.
+    """
+    offsets = _mean_offsets(
+        samples.ring, samples.is_on_wall, samples.rows, len(samples.points), *walled[:2], walled.shape
+    )
+    return _drawn_anew(samples, walled, fit, offsets)
+
+
+def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
+    """Move all walls away from the building."""
+    distances = np.full(len(walled.first), distance)
+    return _drawn_anew(samples, walled, fit, distances)
+
+
+def _drawn_anew(
+    samples: RingSamples, walled: WalledRing, fit: Fit, distances: NDArray[np.float64]
+) -> WalledRing:
+    """Move each wall out by its distance [m], lay those in line on one line, and join them again."""
+    moved = walled._replace(shape=_moved(samples.points, walled.first, walled.last, walled.shape, distances))
+    shape = on_own_lines(samples, moved, fit)
+    joints = _joints(samples.points, *walled[:2], shape, fit.min_step, fit.shortest)
+    return walled._replace(shape=shape, joints=joints)
+
+
+@kernel
+def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # type: ignore[no-untyped-def]
+    """Return how far outside each wall its points lie in the mean, negative inside [m]."""
+    n = len(ring)
+    offsets = np.zeros(len(first))
+    for i in range(len(first)):
+        row, end = rows[first[i]], rows[(last[i] - 1) % n_samples]
+        before, behind = ring[(row - 1) % n], ring[(end + 1) % n]
+        dx, dy = behind[0] - before[0], behind[1] - before[1]
+        n_rows = (end - row) % n + 1
+        if n_rows == 1 and 2 * (last[i] - first[i]) > n_samples:  # all round, and begun within an edge
+            n_rows = n
+        total, count = 0.0, 0
+        for k in range(row, row + n_rows):
+            if is_on_wall[k % n]:
+                total += offset_of(shape[i], dx, dy, ring[k % n, 0], ring[k % n, 1])
+                count += 1
+        if count:
+            offsets[i] = total / count
+    return offsets
+
+
+@kernel
+def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-def]
+    """Return the shapes of walls that were moved out, each by its distance."""
+    n, shape = len(points), shape.copy()
+    for i in range(len(first)):
+        a, b = (first[i] - 1) % n, last[i] % n
+        move_out(shape[i], points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], distances[i])
+    return shape
+
+
+@kernel
+def _joints(points, first, last, shape, min_step, shortest):  # type: ignore[no-untyped-def]
+    """Return the joints of walls that have moved."""
+    m = len(first)
+    joints = np.zeros((m, 2, 2))
+    for i in range(m if m > 1 else 0):
+        find_joint(points, first, last, shape, i, (i + 1) % m, min_step, shortest, joints[i])
+    return joints
 
 
 class DrawnRing(NamedTuple):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,28 +12,110 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline, OutlineQuality, signed_area
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.stages.regularisation.assembly import Fit, WalledRing, assemble
-from lidar_buildings.core.stages.regularisation.building_walls import both_ways, divide_building
-from lidar_buildings.core.stages.regularisation.concavities import concavity_limits
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.core.stages.regularisation.drawing import DrawnRing, draw_ring
-from lidar_buildings.core.stages.regularisation.joint_directions import adjusted_directions
-from lidar_buildings.core.stages.regularisation.precision import fit_quality, outline_walls, unknowns_of
-from lidar_buildings.core.stages.regularisation.result import RegularisedOutline
+from lidar_buildings.core.stages.regularisation.directions import (
+    adjusted_directions,
+    both_ways,
+    divide_building,
+)
+from lidar_buildings.core.stages.regularisation.drawing import (
+    DrawnRing,
+    draw_ring,
+    offset_outwards,
+    through_all_points,
+)
 from lidar_buildings.core.stages.regularisation.samples import (
     RingSamples,
+    concavity_limits,
     estimated_bias,
     ring_spacing,
     sample_ring,
     working_spacing,
 )
-from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
-from lidar_buildings.core.surfaces.ring_division.division import Division
+from lidar_buildings.core.stages.regularisation.walls import (
+    CENTRE_X,
+    CENTRE_Y,
+    RADIUS,
+    Fit,
+    WalledRing,
+    assemble,
+)
+from lidar_buildings.core.surfaces.ring_division import ARC, FREE, Division
 
 #: Fewest ring points that walls are fitted to: a rectangle has as many unknowns.
 _MIN_RING_POINTS = 5
 #: Shortest wall and chord [finest spacings].
 _SHORTEST_WALL = 4.0
+
+
+@dataclass(frozen=True)
+class OutlineWall:
+    """One wall of an outline."""
+
+    ring: int  #: 0 for the outer ring, then the courtyards
+    kind: str  #: ``"line"``, ``"arc"``, or ``"step"`` between two parallel walls
+    #: Its ends, in the ring's order [m].
+    start: tuple[float, float]
+    end: tuple[float, float]
+    centre: tuple[float, float] | None  #: of an arc [m]
+    #: Of an arc, positive where the ring goes round its centre counter-clockwise; 0 for the others [m].
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class RegularisedOutline:
+    """An outline of straight walls and arcs, and how well it fits."""
+
+    outline: Outline  #: simple and valid; the traced outline where it could not be regularised
+    sigma: float  #: standard deviation of the points on walls about the lines and arcs through them [m]
+    max_offset: float  #: largest distance of a point on a wall from the outline [m]
+    #: Directions of the long walls within 0 to π/2, each standing for itself and its perpendicular, the most
+    #: frequent first [rad].
+    directions: tuple[float, ...]
+    status: BuildingStatus  #: OK or TRACED_OUTLINE
+    reason: str  #: why it is the traced outline, or what else was out of the ordinary; else empty
+    walls: tuple[OutlineWall, ...] = ()  #: ring by ring, in order, without those of courtyards left as traced
+
+
+def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:
+    """
+    Return the standard deviation and the largest of the points' distances from an outline [m].
+
+    The points lie on walls; `n_unknowns` were adjusted to them, see `unknowns_of`.
+    """
+    offsets = shapely.distance(outline.polygon.boundary, shapely.points(points))
+    redundancy = max(len(points) - n_unknowns, 1)
+    return float(np.sqrt(np.sum(offsets**2) / redundancy)), float(offsets.max())
+
+
+def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
+    """
+    Count what the adjustment had to find: a direction each, and each line's offset, own angle, or circle.
+    """
+    kinds = np.concatenate([ring.kind for ring in rings])
+    own = int(np.select([kinds == FREE, kinds == ARC], [2, 3], 0).sum())
+    return n_directions + own + sum(len(np.unique(ring.shape[ring.kind >= 0], axis=0)) for ring in rings)
+
+
+def outline_walls(ring: int, walled: WalledRing, centre: NDArray[np.float64]) -> list[OutlineWall]:
+    """Return a ring's walls and the steps between them, in order, in the map frame."""
+    walls: list[OutlineWall] = []
+    m = len(walled.first)
+    joints = (walled.joints + centre).tolist()
+    for i, shape in enumerate(walled.shape):
+        start, end = joints[i - 1][1], joints[i][0]
+        radius = float(shape[RADIUS])
+        middle = (float(shape[CENTRE_X] + centre[0]), float(shape[CENTRE_Y] + centre[1])) if radius else None
+        kind = "arc" if radius else "line"
+        walls.append(OutlineWall(ring, kind, _pair(start), _pair(end), middle, radius))
+        if m > 1 and joints[i][0] != joints[i][1]:
+            walls.append(OutlineWall(ring, "step", _pair(end), _pair(joints[i][1]), None, 0.0))
+    return walls
+
+
+def _pair(place: list[float]) -> tuple[float, float]:
+    """Return x and y as a tuple."""
+    return place[0], place[1]
 
 
 class _Fitted(NamedTuple):

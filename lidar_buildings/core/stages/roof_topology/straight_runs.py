@@ -8,8 +8,7 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.surfaces.ring_division.division import divide_chain
-from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
+from lidar_buildings.core.surfaces.ring_division import divide_chain, normal_angle, running_sums, scatter_of
 
 #: Scatter of sides across their line [spacings], what a line must save in squared offsets over noise², and
 #: one in a direction of its own beside that; of a chain whose every `_SAMPLE` spacings count once. They are

@@ -11,8 +11,7 @@ from scipy.spatial import cKDTree
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.windows import first_windows, move_windows
-from lidar_buildings.core.stages.segmentation.members import occupied_areas
-from lidar_buildings.core.stages.segmentation.windows import chain_windows
+from lidar_buildings.core.stages.segmentation.windows import chain_windows, occupied_areas
 
 #: Half the side of the square in which a point that joins two roofs all by itself has no other [spacings].
 ALONE = 1.25

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.group_spacing import group_spacings
@@ -18,15 +20,69 @@ from lidar_buildings.core.neighbours.scan_pattern import (
     scan_cells,
 )
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.core.stages.segmentation.members import anchor_rows, distinct_ids, occupied_areas, sizes
 from lidar_buildings.core.stages.segmentation.necks import cut_necks
-from lidar_buildings.core.stages.segmentation.scan_windows import Chains, chain_along_scan
 from lidar_buildings.core.stages.segmentation.steps import split_blocks
-from lidar_buildings.core.stages.segmentation.windows import turned
+from lidar_buildings.core.stages.segmentation.windows import (
+    Chains,
+    chain_along_scan,
+    occupied_areas,
+    sizes,
+    turned,
+)
 
+#: Ids are drawn from 1 to this number.
+LARGEST_ID = 2**32 - 1
 #: A building whose own points are sparser than expected by this factor has its own spacing: strips overlap
 #: elsewhere. Less than that may be the rim, where densities are measured too low.
 MIN_SPARSER = 1.25
+
+
+@kernel
+def anchor_rows(points, component, n_components):  # type: ignore[no-untyped-def]
+    """
+    Return the row of every component's anchor: its westernmost point, ties broken by y, then z; −1 if empty.
+
+    Points of component −1 are of none.
+    """
+    anchor = np.full(n_components, -1, dtype=np.int64)
+    for i in range(len(component)):
+        k = component[i]
+        if k < 0:
+            continue
+        if anchor[k] < 0 or _comes_first(points[i], points[anchor[k]]):
+            anchor[k] = i
+    return anchor
+
+
+def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
+    """
+    Return one id per anchor, all different.
+
+    Where two anchors share a cell, and so an id, the western one keeps it and the other takes the next free.
+    """
+    wanted = [building_id(anchor) for anchor in anchors]
+    order = np.lexsort((anchors[:, 2], anchors[:, 1], anchors[:, 0]))
+    ids = np.zeros(len(anchors), dtype=np.uint32)
+    taken = set(wanted)
+    given: set[int] = set()
+    for row in order:
+        number = wanted[row]
+        if number in given:
+            while number in taken:
+                number = number % LARGEST_ID + 1
+            taken.add(number)
+        given.add(number)
+        ids[row] = number
+    return ids
+
+
+@kernel
+def _comes_first(p, q):  # type: ignore[no-untyped-def]
+    """Whether a point comes before another by x, then y, then z."""
+    for axis in range(3):
+        if p[axis] != q[axis]:
+            return p[axis] < q[axis]
+    return False
 
 
 @dataclass(frozen=True, eq=False)

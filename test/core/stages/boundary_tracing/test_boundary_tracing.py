@@ -14,9 +14,8 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
-from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer
+from lidar_buildings.core.stages.boundary_tracing.rings import RingTracer, characteristic_ring
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
-from lidar_buildings.core.stages.boundary_tracing.triangles import characteristic_ring
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
 
 HOUSES = ("flat", "gable", "hip", "l_shape", "t_shape", "courtyard", "round_tower")

@@ -5,8 +5,7 @@ import pytest
 import shapely
 from support.traced_rings import assert_sound
 
-from lidar_buildings.core.stages.boundary_tracing.gaps import gap_spacing
-from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
+from lidar_buildings.core.stages.boundary_tracing.tracing import gap_spacing, trace_boundary
 
 WIDTH, HEIGHT, SPACING = 16.0, 10.0, 0.25
 ROOF = shapely.box(0.0, 0.0, WIDTH, HEIGHT)

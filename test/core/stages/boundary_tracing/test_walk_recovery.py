@@ -13,10 +13,9 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.stages.boundary_tracing import tracing
 from lidar_buildings.core.stages.boundary_tracing.config import AS_PUBLISHED, BoundaryTracingConfig
-from lidar_buildings.core.stages.boundary_tracing.edge_cells import add_edge, empty_edge_cells
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
-from lidar_buildings.core.stages.boundary_tracing.walk import STUCK, walk_round
+from lidar_buildings.core.stages.boundary_tracing.walk import STUCK, add_edge, empty_edge_cells, walk_round
 
 
 def cloud(*parts):

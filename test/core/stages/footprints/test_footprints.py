@@ -9,8 +9,11 @@ from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.assignment import assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import footprints_of, last_polygon_around
-from lidar_buildings.core.stages.footprints.repair import repaired_polygons
+from lidar_buildings.core.stages.footprints.footprints import (
+    footprints_of,
+    last_polygon_around,
+    repaired_polygons,
+)
 
 HOUSE = shapely.box(10, 10, 20, 18)
 NEIGHBOUR = shapely.box(20, 10, 28, 18)

@@ -6,19 +6,23 @@ from hypothesis import strategies as st
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.stages.regularisation.assembly import Fit, assemble
-from lidar_buildings.core.stages.regularisation.concavities import ConcavityLimits, bearing_points
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import (
     WallScatter,
+    along_nearest,
+    divide_at_turns,
     shared_directions,
     wall_scatters,
 )
-from lidar_buildings.core.stages.regularisation.joints import find_joint
+from lidar_buildings.core.stages.regularisation.drawing import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
-from lidar_buildings.core.stages.regularisation.samples import SAMPLE_LENGTH, RingSamples, sample_ring
-from lidar_buildings.core.stages.regularisation.turns import along_nearest, divide_at_turns
-from lidar_buildings.core.stages.regularisation.wall_offsets import offset_outwards, through_all_points
+from lidar_buildings.core.stages.regularisation.samples import (
+    SAMPLE_LENGTH,
+    ConcavityLimits,
+    RingSamples,
+    bearing_points,
+    sample_ring,
+)
 from lidar_buildings.core.stages.regularisation.walls import (
     ANGLE,
     CENTRE_X,
@@ -26,14 +30,24 @@ from lidar_buildings.core.stages.regularisation.walls import (
     N_SHAPE,
     OFFSET,
     RADIUS,
+    Fit,
+    assemble,
+    find_joint,
     fit_wall,
     foot_on,
     move_out,
     nearest_meeting,
     offset_of,
 )
-from lidar_buildings.core.surfaces.ring_division.division import ARC, FREE, Costs, Division, divide_ring
-from lidar_buildings.core.surfaces.ring_division.moments import algebraic_circle, running_sums
+from lidar_buildings.core.surfaces.ring_division import (
+    ARC,
+    FREE,
+    Costs,
+    Division,
+    algebraic_circle,
+    divide_ring,
+    running_sums,
+)
 
 LIMITS = ConcavityLimits(1.0, 12.0, 3.0, 3.0)
 

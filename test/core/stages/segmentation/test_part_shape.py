@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.core.stages.segmentation.part_shape import plan_sums, rectangle_width, spread_width
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
+from lidar_buildings.core.stages.segmentation.steps import plan_sums, rectangle_width, spread_width
 
 
 def rectangle(length, width, deg, seed=0, at=(1000.0, -500.0), density=10.0):

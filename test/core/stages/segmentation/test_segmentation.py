@@ -9,8 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from bench.scenes.buildings import GALLERY, touching_houses
 from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.stages.segmentation.config import AS_PUBLISHED, SegmentationConfig
-from lidar_buildings.core.stages.segmentation.members import distinct_ids
-from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
+from lidar_buildings.core.stages.segmentation.segmentation import distinct_ids, segment_buildings
 from lidar_buildings.core.stages.segmentation.windows import chain_windows
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0)

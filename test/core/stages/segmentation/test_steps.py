@@ -5,8 +5,8 @@ from bench.scenes.buildings import GALLERY, touching_houses
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.core.stages.segmentation.part_borders import measure_borders, merge_parts
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
+from lidar_buildings.core.stages.segmentation.steps import measure_borders, merge_parts
 from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)

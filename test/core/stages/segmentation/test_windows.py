@@ -5,8 +5,8 @@ import pytest
 
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, as_pulses
 from lidar_buildings.core.stages.segmentation.config import AS_PUBLISHED, SegmentationConfig
-from lidar_buildings.core.stages.segmentation.scan_windows import chain_along_scan
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
+from lidar_buildings.core.stages.segmentation.windows import chain_along_scan
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, min_neck=0.0)
 

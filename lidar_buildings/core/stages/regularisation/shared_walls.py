@@ -1,0 +1,358 @@
+"""
+Walls shared by touching buildings: one line for both, no gap between them and no overlap.
+
+Facing walls are laid on one line; what is then left between the buildings is a face of the planar
+subdivision, and belongs to one building or to none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.planar_subdivision import divide_plane, face_owners
+from lidar_buildings.core.stages.regularisation.facing_walls import on_common_lines
+
+#: Vertices of the arrangement lie on a grid of this side [m], which makes it exact; far below any noise.
+GRID = 1e-3
+#: Two buildings border on a place if they do so over this many gaps.
+MIN_BORDER_GAPS = 0.5
+#: Vertices that lie no farther than this from the line between their neighbours say nothing [grid cells].
+MAX_BEND = 1.5
+#: A building keeps its outline if it would lose more than this share of its area, or gain more than that and
+#: more than half the gap along all its walls.
+MAX_CHANGE = 0.2
+
+
+def partitioned(
+    polygons: NDArray[np.object_],
+    traced: NDArray[np.object_],
+    gaps: NDArray[np.float64],
+    kept: NDArray[np.float64],
+) -> NDArray[np.object_]:
+    """
+    Share out gaps and overlaps between buildings, and insert the vertices where one ends on another's wall.
+
+    `gaps` is how wide gaps beside each may be to be filled [m]; vertices `kept` stay even where no wall
+    bends. Touching buildings have the same vertices along their common walls; None for one that is nothing
+    any more, or of several parts.
+    """
+    slots = _slots(polygons, gaps)
+    rings = shapely.get_parts(shapely.boundary(np.concatenate([polygons, slots])))
+    faces = divide_plane(rings, GRID)
+    faces = faces[np.lexsort(shapely.bounds(faces).T)]
+    owner = _owners(faces, polygons, traced)
+    _drop_loose_parts(faces, owner, len(polygons))
+    _fill(faces, owner, gaps)
+    return merged_rings(faces, owner, polygons, kept, GRID)
+
+
+def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.object_]:
+    """
+    Return the places between two buildings that are too narrow to stay open, though they are at one end.
+    """
+    reach = gaps.max() / 2.0
+    if reach == 0.0:
+        return np.zeros(0, dtype=object)
+    filled = shapely.union_all(polygons)
+    closed = shapely.buffer(shapely.buffer(filled, reach, join_style="mitre"), -reach, join_style="mitre")
+    closed = shapely.make_valid(closed)  # GEOS lets mitred corners cross
+    places = shapely.get_parts(shapely.difference(closed, filled))
+    places = places[shapely.area(places) > GRID * reach]
+    place, building = shapely.STRtree(polygons).query(places, predicate="dwithin", distance=GRID)
+    beside = shapely.intersection(polygons[building], shapely.buffer(places[place], GRID))
+    contact = shapely.area(beside) / GRID
+    borders = contact >= MIN_BORDER_GAPS * gaps[building]
+    n_borders = np.bincount(place[borders], minlength=len(places))
+    widest = np.zeros(len(places))
+    np.maximum.at(widest, place[borders], gaps[building[borders]])
+    return places[(n_borders >= 2) & _narrow(places, widest)]
+
+
+def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which places are nowhere wider than this, but for the grid."""
+    return np.asarray(shapely.is_empty(shapely.buffer(places, -(width / 2.0 + GRID), join_style="mitre")))
+
+
+def _owners(
+    faces: NDArray[np.object_], polygons: NDArray[np.object_], traced: NDArray[np.object_]
+) -> NDArray[np.int64]:
+    """Return the building of each face: of several the one whose points it is among, else the smallest."""
+    area = shapely.area(polygons)
+    return face_owners(
+        faces,
+        polygons,
+        lambda face, building, inside: (~shapely.contains(traced[building], inside[face]), area[building]),
+    )
+
+
+def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_buildings: int) -> None:
+    """Take from buildings what no longer hangs on their largest part."""
+    for building in range(n_buildings):
+        own = np.flatnonzero(owner == building)
+        if len(own) < 2:
+            continue
+        parts = shapely.get_parts(shapely.coverage_union_all(faces[own]))
+        if len(parts) > 1:
+            largest = parts[np.argmax(shapely.area(parts))]
+            owner[own[~shapely.contains(largest, shapely.point_on_surface(faces[own]))]] = -1
+
+
+def _fill(faces: NDArray[np.object_], owner: NDArray[np.int64], gaps: NDArray[np.float64]) -> None:
+    """Give narrow faces between two buildings to the one with the longer border, until nothing changes."""
+    open_faces = np.flatnonzero(owner < 0)
+    open_faces = open_faces[_narrow(faces[open_faces], np.full(len(open_faces), gaps.max()))]
+    if len(open_faces) == 0:
+        return
+    which, other = shapely.STRtree(faces).query(faces[open_faces], predicate="intersects")
+    which, other = which[open_faces[which] != other], other[open_faces[which] != other]
+    rims = shapely.boundary(faces)
+    border = shapely.length(shapely.intersection(rims[open_faces[which]], rims[other]))
+    while True:
+        given = 0
+        for number, face in enumerate(open_faces):
+            mine = (which == number) & (owner[other] >= 0)
+            if owner[face] >= 0 or not mine.any():
+                continue
+            lengths = np.bincount(owner[other[mine]], border[mine], minlength=len(gaps))
+            touching = np.flatnonzero(lengths > 0)
+            if len(touching) > 1 and _narrow(faces[face : face + 1], gaps[touching].max(keepdims=True))[0]:
+                owner[face] = np.argmax(lengths)
+                given += 1
+        if given == 0:
+            return
+
+
+def merged_rings(
+    faces: NDArray[np.object_],
+    owner: NDArray[np.int64],
+    polygons: NDArray[np.object_],
+    kept: NDArray[np.float64],
+    grid: float,
+) -> NDArray[np.object_]:
+    """
+    Merge the faces of each building; None for one that has none, or is of several parts.
+
+    Vertices that an outline had get back the coordinates they had there, the same in all buildings. Those
+    that are not `kept` go where no wall bends or begins.
+    """
+    merged = np.array(
+        [shapely.coverage_union_all(faces[owner == building]) for building in range(len(polygons))],
+        dtype=object,
+    )
+    is_one = shapely.get_type_id(merged) == shapely.GeometryType.POLYGON
+    is_one &= ~shapely.is_empty(merged)
+    rings, ring_of = shapely.get_rings(merged[is_one], return_index=True)
+    known = _known_places(polygons, grid)
+    cells = [_cells(shapely.get_coordinates(ring)[:-1], grid) for ring in rings]
+    dropped = _straight(cells, set(_cells(kept, grid)))
+    result = np.full(len(polygons), None, dtype=object)
+    parts: list[list[list[tuple[float, float]]]] = [[] for _ in range(is_one.sum())]
+    for ring, building in zip(cells, ring_of, strict=True):
+        ring = [cell for cell in ring if cell not in dropped]
+        if len(ring) >= 3:
+            parts[building].append([known.get(cell, (cell[0] * grid, cell[1] * grid)) for cell in ring])
+    for building, own in zip(np.flatnonzero(is_one), parts, strict=True):
+        result[building] = shapely.Polygon(own[0], own[1:]) if own else None
+    return result
+
+
+def _cells(places: NDArray[np.float64], grid: float) -> list[tuple[int, int]]:
+    """Return the grid cells that places are the middle of, or nearest to."""
+    return [(x, y) for x, y in np.rint(places / grid).astype(np.int64).tolist()]
+
+
+def _known_places(polygons: NDArray[np.object_], grid: float) -> dict[tuple[int, int], tuple[float, float]]:
+    """Return the coordinates of the outlines' vertices by cell; of several in a cell the least."""
+    places = shapely.get_coordinates(polygons)
+    places = places[np.lexsort(places.T[::-1])][::-1]
+    return {cell: (x, y) for cell, (x, y) in zip(_cells(places, grid), places.tolist(), strict=True)}
+
+
+def _straight(rings: list[list[tuple[int, int]]], kept: set[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the vertices, but for those kept, that lie between the same two on a line in all rings."""
+    neighbours: dict[tuple[int, int], set[tuple[int, int]]] = {}
+    for ring in rings:
+        for before, cell, after in zip(ring[-1:] + ring[:-1], ring, ring[1:] + ring[:1], strict=True):
+            neighbours.setdefault(cell, set()).update((before, after))
+    straight: set[tuple[int, int]] = set()
+    for cell in sorted(neighbours):
+        if cell in kept or len(neighbours[cell]) != 2:
+            continue
+        first, second = sorted(neighbours[cell])
+        (x, y), (u, v) = (first[0] - cell[0], first[1] - cell[1]), (second[0] - cell[0], second[1] - cell[1])
+        bend = abs(x * v - y * u) / max(np.hypot(u - x, v - y), 1.0)
+        if bend <= MAX_BEND and x * u + y * v < 0:
+            straight.add(cell)
+            neighbours[first] = neighbours[first] - {cell} | {second}
+            neighbours[second] = neighbours[second] - {cell} | {first}
+    return straight
+
+
+@dataclass(frozen=True, eq=False)
+class SharedWalls:
+    """The outlines of a block, walls shared."""
+
+    outlines: tuple[Outline, ...]  #: in the order they were given
+    #: For each, why it stayed as it was although it touches others; empty where there is nothing to say.
+    reasons: tuple[str, ...]
+
+
+def share_walls(
+    outlines: Sequence[Outline], traced: Sequence[Outline], max_gap: Sequence[float] | float
+) -> SharedWalls:
+    """
+    Give neighbours the same wall, vertex for vertex, where they are apart or overlap by a little.
+
+    Walls of different buildings that face each other are laid on one line between them, which the longer one
+    has the greater say in; corners follow along the next walls. What is then left of gaps and overlaps
+    is a face of the arrangement of all outlines, and goes to one of its neighbours as a whole; corners that
+    end on a neighbour's wall become vertices of it.
+
+    Parameters
+    ----------
+    outlines : sequence of Outline
+        Of the buildings of a block.
+    traced : sequence of Outline
+        The rings through their points, which decide whose a place is that several outlines cover.
+    max_gap : float or sequence of float
+        How far walls may be apart, or overlap, to be one, for all buildings or for each; the mean of the two
+        counts [m].
+
+    Returns
+    -------
+    SharedWalls
+        Outlines that touch no other are the same objects as given. So is a building that sharing would make
+        invalid, part, or change by much more than its half of the gaps: then the others share without it.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many traced outlines or gaps as outlines, or a gap is negative or not finite.
+
+    Notes
+    -----
+    Neither the order of the buildings nor the first vertex of a ring matters. Vertices closer than 1 mm
+    become one. Shared vertices are equal numbers, so that they stay equal when rounded to float32.
+    """
+    gaps = _checked_gaps(outlines, traced, max_gap)
+    order = np.array(sorted(range(len(outlines)), key=lambda k: _key(outlines[k])), dtype=np.int64)
+    polygons = np.array([_polygon(outlines[k]) for k in order], dtype=object)
+    hints = np.array([_polygon(traced[k]) for k in order], dtype=object)
+    gaps = gaps[order]
+    reasons = np.full(len(order), "", dtype=object)
+    reasons[~(shapely.is_valid(polygons) & ~shapely.is_empty(polygons))] = "the outline is not valid"
+    while True:
+        members = np.flatnonzero(reasons == "")
+        members = members[_touches(polygons[members], gaps[members])]
+        shared = _shared(polygons[members], hints[members], gaps[members])
+        faults = np.array(list(map(_fault, polygons[members], shared, gaps[members])), dtype=object)
+        if (faults == "").all():
+            break
+        reasons[members] = faults
+    result = list(outlines)
+    for member, polygon in zip(members, shared, strict=True):
+        result[order[member]] = _as_given(polygon, outlines[order[member]])
+    return SharedWalls(tuple(result), tuple(reasons[np.argsort(order)]))
+
+
+def _shared(
+    polygons: NDArray[np.object_], hints: NDArray[np.object_], gaps: NDArray[np.float64]
+) -> NDArray[np.object_]:
+    """Return buildings that share their walls, None where one would be nothing or of several parts."""
+    if len(polygons) == 0:
+        return polygons
+    laid = on_common_lines(polygons, gaps)
+    is_laid = shapely.is_valid(laid)
+    is_laid &= np.abs(shapely.area(laid) - shapely.area(polygons)) <= _most_gained(polygons, gaps)
+    laid = np.where(is_laid, laid, polygons)
+    return partitioned(laid, hints, gaps, shapely.get_coordinates(polygons))
+
+
+def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which buildings have another one within the gap."""
+    touches = np.zeros(len(polygons), dtype=bool)
+    if len(polygons) > 1:
+        near = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=gaps.max())
+        first, second = near[:, near[0] < near[1]]
+        is_near = shapely.distance(polygons[first], polygons[second]) <= (gaps[first] + gaps[second]) / 2.0
+        touches[first[is_near]] = touches[second[is_near]] = True
+    return touches
+
+
+def _most_gained(
+    polygons: NDArray[np.object_] | shapely.Polygon, gaps: NDArray[np.float64] | float
+) -> NDArray[np.float64]:
+    """Return by how much buildings may grow [m²]."""
+    return np.maximum(MAX_CHANGE * shapely.area(polygons), 0.5 * gaps * shapely.length(polygons))
+
+
+def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -> str:
+    """Say what is wrong with a building's shared outline, nothing if it is sound."""
+    if after is None:
+        return "sharing walls would leave nothing of it or several parts"
+    if not after.is_valid:
+        return "sharing walls would make it invalid"
+    lost, gained = before.difference(after).area, after.difference(before).area
+    if lost > MAX_CHANGE * before.area or gained > float(_most_gained(before, gap)):
+        lost, gained = lost / before.area, gained / before.area
+        return f"sharing walls would take {lost:.0%} of its area and add {gained:.0%}"
+    return ""
+
+
+def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
+    """
+    Return a polygon as an outline, each ring from the vertex on that the one before began with, if it can.
+    """
+    after = Outline.of(polygon)
+    first = np.array([ring[0] for ring in before.rings])
+    exterior, *holes = [_begun(ring, first) for ring in after.rings]
+    holes.sort(key=lambda ring: (*_places(ring[:1], first), *ring.min(axis=0)))
+    after = Outline(exterior, tuple(holes))
+    return before if after.same_as(before) else after
+
+
+def _begun(ring: NDArray[np.float64], first: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Turn a ring so that it begins with one of these vertices, else with its westernmost."""
+    known = np.flatnonzero(_places(ring, first) < len(first))
+    return np.roll(ring, -(known[0] if len(known) else np.lexsort(ring.T[::-1])[0]), axis=0)
+
+
+def _places(vertices: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return where among others equal vertices stand, the number of these for one that has no equal."""
+    equal = (vertices[:, None] == among[None]).all(axis=2)
+    return np.where(equal.any(axis=1), equal.argmax(axis=1), len(among))
+
+
+def _polygon(outline: Outline) -> shapely.Polygon:
+    """
+    Return an outline as a polygon whose rings begin with their westernmost vertices, empty without a ring.
+    """
+    return outline.polygon.normalize()
+
+
+def _key(outline: Outline) -> tuple[float, ...]:
+    """Return by what buildings are put in order, whatever the order they come in."""
+    ring = outline.exterior
+    if len(ring) == 0:
+        return ()
+    return (*ring[np.lexsort(ring.T[::-1])[0]].tolist(), outline.area, len(ring))
+
+
+def _checked_gaps(
+    outlines: Sequence[Outline], traced: Sequence[Outline], max_gap: ArrayLike
+) -> NDArray[np.float64]:
+    """Return the gap of each building."""
+    if len(traced) != len(outlines):
+        raise ValueError(f"traced has {len(traced)} outlines: must be as many as outlines, {len(outlines)}")
+    gaps = np.asarray(max_gap, dtype=np.float64)
+    if gaps.ndim > 1 or (gaps.ndim == 1 and len(gaps) != len(outlines)):
+        raise ValueError(f"max_gap has shape {gaps.shape}: must be one length or one for each outline")
+    if not (np.isfinite(gaps) & (gaps >= 0)).all():
+        raise ValueError(f"max_gap = {max_gap!r}: must be lengths of 0 or more [m]")
+    return np.broadcast_to(gaps, len(outlines)).copy()

@@ -1,1 +1,0 @@
-"""Where rings and open chains of points turn: their division into straight walls and arcs."""
