@@ -37,6 +37,21 @@ class Facade(IntEnum):
     BARE = 2  #: of a wall over which no roof was seen
 
 
+class Rejection(IntEnum):
+    """Why roof selection took a point for no roof; of several reasons the first that it met."""
+
+    NONE = 0  #: a roof, wall or façade; ground, or of a class that stays
+    LOW = 1  #: below `min_height`
+    FOLIAGE = 2  #: on no smooth surface, or below one
+    ROUGH = 3  #: rougher than `max_roughness`, up to twice as rough
+    STEEP = 4  #: on a smooth surface steeper than a roof
+    DECK = 5  #: of a bridge or viaduct
+    NARROW_PART = 6  #: where a roof is narrower than `min_roof_width`
+    NARROW_BUILDING = 7  #: of a building or vehicle narrower than `min_building_width`
+    SMALL = 8  #: of a building smaller than `min_building_area`
+    ENDLESS = 9  #: more of the like stands around, as around a smooth spot of a crown
+
+
 #: Class → what it is called in texts.
 CLASS_NAMES = {int(one): one.name.lower().replace("_", " ") for one in PointClass}
 

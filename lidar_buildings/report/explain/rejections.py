@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.report.explain.building_findings import shape_of
@@ -24,14 +23,20 @@ _LEAST = 3.0
 _FEW = 0.03
 #: Fewer high points are too few for a roof.
 _FEWEST = 12
-#: What is said of roofs that a limit keeps out, and by what it is multiplied to let it go. Roughness by no
-#: more: roofs would run on into all that stands beside them.
-_LIMITS = (
-    ("smaller than", "min_building_area", 0.0),
-    ("narrower than", "min_building_width", 0.0),
-    ("narrower than", "min_roof_width", 0.0),
-    ("rougher than", "max_roughness", 2.0),
-)
+#: What is said of points for each reason of roof selection, and the parameter that decides.
+_WORDS = {
+    Rejection.LOW: ("lower than min_height", "min_height"),
+    Rejection.FOLIAGE: ("seen as foliage or as hidden below it", None),
+    Rejection.ROUGH: ("rougher than max_roughness", "max_roughness"),
+    Rejection.STEEP: ("steeper than a roof", None),
+    Rejection.DECK: ("seen as a bridge", None),
+    Rejection.NARROW_PART: ("narrower than min_roof_width", "min_roof_width"),
+    Rejection.NARROW_BUILDING: ("narrower than min_building_width", "min_building_width"),
+    Rejection.SMALL: ("smaller than min_building_area", "min_building_area"),
+    Rejection.ENDLESS: ("surrounded by more of its like, as spots of a crown are", None),
+}
+#: What is as narrow may be too small as well.
+_NARROW = (Rejection.NARROW_PART, Rejection.NARROW_BUILDING)
 
 
 def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
@@ -100,7 +105,7 @@ def rejected_at(
 def _rejected_surfaces(
     around: Site, is_rejected: NDArray[np.bool_], spacing: float, limits: Limits
 ) -> Iterator[Finding]:
-    """Say which limits of roof selection keep groups of high points out that are roof without any of them."""
+    """Say why roof selection keeps groups of high points out."""
     is_known = np.isfinite(around.height)  # those of tiles that failed are not
     around, is_rejected = around.select(is_known), is_rejected[is_known]
     high = around.select(is_rejected)
@@ -110,42 +115,29 @@ def _rejected_surfaces(
         yield Finding(f"{len(high.points)} points are high enough for a roof, too few for one.")
         return
     parts = [part for part in shapely.get_parts(shape_of(high.points, spacing)) if part.area >= _LEAST]
-    without_any, *with_one = [one[is_rejected] for one in _let_go(around, limits)] if parts else [is_rejected]
+    reasons = _reasons(around, limits)[is_rejected] if parts else np.zeros(len(high.points), dtype=np.uint8)
     for part in sorted(parts, key=lambda one: -one.area)[:3]:
         is_own = shapely.dwithin(part, shapely.points(high.points[:, :2]), spacing)
-        own, failed = high.select(is_own), []
-        why = "seen as foliage or as hidden below it"
-        if _is_most(without_any[is_own]):
-            failed = [
-                (f"{words} {name}", f"roof_selection.{name}")
-                for (words, name, _), roofs in zip(_LIMITS, with_one, strict=True)
-                if not _is_most(roofs[is_own])
-            ]
-            why = ", ".join(text for text, _ in failed) or "kept out by no single limit"
+        own = high.select(is_own)
+        named = [Rejection(int(np.bincount(reasons[is_own]).argmax()))]
+        if named[0] in _NARROW and part.area < limits.value("roof_selection.min_building_area"):
+            named.append(Rejection.SMALL)
+        words = [_WORDS.get(one, ("taken for roof now: the run had other points", None)) for one in named]
         yield Finding(
             f"High but no roof: {len(own.points):,} points on {part.area:.1f} m², "
-            f"{np.median(own.height):.1f} m above the ground: {own.per_class()}: {why}.",
-            tuple(name for _, name in failed),
+            f"{np.median(own.height):.1f} m above the ground: {own.per_class()}: "
+            f"{', '.join(text for text, _ in words)}.",
+            tuple(f"roof_selection.{name}" for _, name in words if name),
         )
 
 
-def _is_most(chosen: NDArray[np.bool_]) -> bool:
-    return bool(2 * np.count_nonzero(chosen) > len(chosen))
-
-
-def _let_go(around: Site, limits: Limits) -> list[NDArray[np.bool_]]:
-    """Return what would be roof if all limits of roof selection were let go, and all but one each."""
-    config = limits.config(RoofSelectionConfig)
-    let_go = {name: factor * getattr(config, name) for _, name, factor in _LIMITS}
-    found = []
-    for kept in ("", *let_go):
-        result = select_roofs(
-            around.points,
-            replace(config, **{name: value for name, value in let_go.items() if name != kept}),
-            height_above_ground=around.height,
-            classification=around.classification.astype(np.uint8),
-            return_number=around.return_number,
-            number_of_returns=around.number_of_returns,
-        )
-        found.append((result.classification == PointClass.BUILDING) & ~result.is_facade)
-    return found
+def _reasons(around: Site, limits: Limits) -> NDArray[np.uint8]:
+    """Return why roof selection takes points for no roof, as `Rejection`."""
+    return select_roofs(
+        around.points,
+        limits.config(RoofSelectionConfig),
+        height_above_ground=around.height,
+        classification=around.classification.astype(np.uint8),
+        return_number=around.return_number,
+        number_of_returns=around.number_of_returns,
+    ).rejection

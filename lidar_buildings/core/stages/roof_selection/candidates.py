@@ -33,7 +33,7 @@ class Candidates:
     """
     The points that rise above ground, and what a method may want to know of them.
 
-    A method returns which of them are roof, small buildings dropped by `of_buildings`.
+    A method returns which of them are roof; small buildings are dropped by `buildings`.
     """
 
     columns: Columns  #: points from `min_height` on; the other arrays are in their order
@@ -76,10 +76,6 @@ class Candidates:
         label, n = self.parts(rows, self.radius, in_plan=True)
         label[rows[(self.areas(label, n) < min_area)[label[rows]]]] = -1
         return label, n
-
-    def of_buildings(self, roof: NDArray[np.bool_], min_area: float) -> NDArray[np.bool_]:
-        """Tell which roof points are of buildings in plan with so much area [m²]."""
-        return np.asarray(self.buildings(roof, min_area)[0] >= 0)
 
 
 #: Points more nearly on a line than this span no plane: cables, single scan lines.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.classes import Rejection
 from lidar_buildings.core.neighbours.columns import Columns, gathered
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
@@ -54,6 +55,7 @@ class RoofSurface:
     is_other: NDArray[np.bool_]
     #: Point of such a surface that is as large as a building's wall, shape (n_points,).
     is_wall: NDArray[np.bool_]
+    rejection: NDArray[np.uint8]  #: why each other point starts no roof, see `Rejection`, shape (n_points,)
     normals: NDArray[np.float64]  #: their unit normals, shape (n_surface_points, 3)
 
 
@@ -75,6 +77,10 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     upright = upward < math.cos(math.radians(STEEP_DEG))
     is_surface, is_other, is_wall = np.zeros((3, n), dtype=bool)
     is_other[rows[smooth & ~level]] = True
+    rejection = np.full(n, Rejection.FOLIAGE, dtype=np.uint8)
+    is_rough = (roughness > config.max_roughness) & (roughness <= 2.0 * config.max_roughness)
+    rejection[rows[is_rough]] = Rejection.ROUGH
+    rejection[is_other] = Rejection.STEEP
     links = _link_lengths(features.n_neighbours, features.radius, radius)
     known = _Known(rows, features.normals, links, roughness / config.max_roughness)
     del features, upward, noise, roughness, links  # here and below: half of the memory
@@ -86,12 +92,14 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     del walls
     roofs = _patches(columns, known, smooth & level, offset)
     del known
-    accepted, hangs = _accepted(candidates, roofs), _of_walls(roofs)
+    (accepted, decks), hangs = _accepted(candidates, roofs), _of_walls(roofs)
     is_other[roofs.columns.rows[hangs]] = True
+    rejection[roofs.columns.rows[decks]] = Rejection.DECK
+    rejection[roofs.columns.rows[hangs]] = Rejection.STEEP
     accepted &= ~hangs
     is_surface[roofs.columns.rows[accepted]] = True
     own = roofs.normals.take(np.flatnonzero(accepted), axis=0)
-    return RoofSurface(is_surface, is_other, is_wall, own)
+    return RoofSurface(is_surface, is_other, is_wall, rejection, own)
 
 
 class _Known(NamedTuple):
@@ -123,8 +131,8 @@ def _patches(columns: Columns, known: _Known, chosen: NDArray[np.bool_], max_off
     return _Patches(points, label, normals, known.roughness[own])
 
 
-def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
-    """Tell which smooth points are of patches that start a roof."""
+def _accepted(candidates: Candidates, patches: _Patches) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell which smooth points are of patches that start a roof, and which are of decks."""
     points, label = patches.columns, patches.label
     patch = np.full(len(candidates.points), -1, dtype=np.int64)
     patch[points.rows] = label
@@ -135,7 +143,7 @@ def _accepted(candidates: Candidates, patches: _Patches) -> NDArray[np.bool_]:
     decks = is_deck(
         points.points.take(asked, axis=0), label[asked], len(area), candidates.ground(), candidates.cell
     )
-    return np.asarray((accepted & ~decks)[label])
+    return (accepted & ~decks)[label], decks[label]
 
 
 def _is_opaque(candidates: Candidates, patches: _Patches, area: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -212,12 +220,14 @@ def find_voted_surface(candidates: Candidates, config: RoofSelectionConfig) -> R
     rows = np.flatnonzero(mean >= least)
     label, n_parts = candidates.parts(rows, candidates.radius)
     part, (is_surface, nothing) = label[rows], np.zeros((2, n), dtype=bool)
+    rejection = np.full(n, Rejection.FOLIAGE, dtype=np.uint8)
     decks = is_deck(points[rows], part, n_parts, ground, candidates.cell)
+    rejection[rows[decks[part]]] = Rejection.DECK
     most = np.zeros(n_parts)
     np.maximum.at(most, part, mean[rows])
     is_surface[rows] = (~decks & (most >= least + MORE_VOTES))[part] & (votes[rows] > 0)
     is_among_others = _mean_around(points, np.where(is_surface, 1, -1), ground, 0) <= 0.0
-    return RoofSurface(is_surface, is_among_others & ~is_surface, nothing, normals[is_surface])
+    return RoofSurface(is_surface, is_among_others & ~is_surface, nothing, rejection, normals[is_surface])
 
 
 def plane_votes(

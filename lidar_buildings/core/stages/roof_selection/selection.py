@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.crowds import without_crowds
@@ -69,6 +69,8 @@ class RoofSelection:
     #: `lidar_buildings.core.model.classes.Facade`: which of the building's points are no roof, shape
     #: (n_points,).
     facade: NDArray[np.uint8]
+    #: `lidar_buildings.core.model.classes.Rejection`: why points decided here are no roof, shape (n_points,).
+    rejection: NDArray[np.uint8]
 
     @property
     def is_facade(self) -> NDArray[np.bool_]:
@@ -177,11 +179,13 @@ def select_roofs(
     )
     del raised
     roof, wall = np.zeros((2, len(chosen)), dtype=bool)
+    why = np.full(len(chosen), Rejection.LOW, dtype=np.uint8)
     if config.method == "smooth_patches":
-        roof[is_raised], wall[is_raised] = find_roofs(candidates, config)
+        roof[is_raised], wall[is_raised], why[is_raised] = find_roofs(candidates, config)
     else:
         found = METHODS[config.method](candidates, config)
-        roof[is_raised] = candidates.of_buildings(found, config.min_building_area)
+        roof[is_raised] = candidates.buildings(found, config.min_building_area)[0] >= 0
+        why[is_raised] = np.where(found, Rejection.SMALL, Rejection.FOLIAGE)
     del candidates, is_raised
     is_roof[rows] = roof[each]
     if config.method == "smooth_patches":
@@ -192,15 +196,18 @@ def select_roofs(
     own_height = height[chosen].astype(float, copy=False)
     of_chosen = _open_classes(columns, own_height, is_roof[chosen], wall, is_last[chosen], spacing, config)
     classes[rows], facade[rows] = (values[each] for values in of_chosen)
+    rejection = np.zeros(len(points), dtype=np.uint8)
+    rejection[rows] = why[each]
+    rejection[classes == PointClass.BUILDING] = Rejection.NONE
     if config.road_method == "grey_values":
         if intensity is not None:
             grey = checked_column("intensity", intensity, len(points), np.float32)
             classes[(classes == PointClass.GROUND) & of_road_grey(grey, config)] = PointClass.ROAD_SURFACE
-        return RoofSelection(classes, facade)
+        return RoofSelection(classes, facade, rejection)
     brightness = point_brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)
-    return RoofSelection(classes, facade)
+    return RoofSelection(classes, facade, rejection)
 
 
 def _mark_roads(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.classes import Rejection
 from lidar_buildings.core.neighbours.columns import Columns, by_column
 from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates, near_tangent_plane, surroundings
@@ -38,9 +39,9 @@ MIN_PLAN_CELL = 0.25
 
 def find_roofs(
     candidates: Candidates, config: RoofSelectionConfig
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.uint8]]:
     """
-    Tell which of the points above ground are roof, and which are walls, whether of these roofs or not.
+    Tell which points above ground are roof, which are walls of any building, and why others are no roof.
 
     Patches start roofs, which grow to their edges along tangent planes, whichever the return. Vehicles that
     touch one go before roofs take in what stands on them, last returns with roof all around and small parts:
@@ -52,13 +53,15 @@ def find_roofs(
     roof = ~surface.is_other & near_tangent_plane(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
-    is_other, is_wall = surface.is_other, surface.is_wall
+    is_other, is_wall, rejection = surface.is_other, surface.is_wall, surface.rejection
     del surface  # memory
-    roof = _levels(candidates, roof, config, is_bare=True)[0] >= 0
+    rejection[roof] = Rejection.NONE
+    roof = _levels(candidates, roof, config, rejection, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
-    roof |= stands & ~is_other
-    return _without_narrow(candidates, roof, config), is_wall
+    stands &= ~is_other
+    rejection[stands] = Rejection.NONE
+    return _without_narrow(candidates, roof | stands, config, rejection), is_wall, rejection
 
 
 def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
@@ -84,35 +87,51 @@ def _small_parts(
 
 
 def _without_narrow(
-    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig
+    candidates: Candidates,
+    roof: NDArray[np.bool_],
+    config: RoofSelectionConfig,
+    rejection: NDArray[np.uint8],
 ) -> NDArray[np.bool_]:
     """
-    Take out of the roofs what is too narrow, in plan and on its level, and what is too small.
+    Take out of the roofs what is too narrow, in plan and on its level, and what is too small; note why.
 
     Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
     """
-    label, n = _levels(candidates, roof, config)
-    ends = _ending(candidates, *candidates.buildings(label >= 0, config.min_building_area))
-    label = np.where(ends, label, -1)
+    label, n = _levels(candidates, roof, config, rejection)
+    building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
+    rejection[(label >= 0) & (building < 0)] = Rejection.SMALL
+    label = np.where(_ending(candidates, building, n_buildings), label, -1)
     is_large = np.append(candidates.areas(label, n) >= LARGE_PATCH_AREA, False)
-    return _ending(candidates, label, n) | is_large[label]
+    ends = _ending(candidates, label, n) | is_large[label]
+    rejection[(building >= 0) & ~ends] = Rejection.ENDLESS
+    return ends
 
 
 def _levels(
-    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, *, is_bare: bool = False
+    candidates: Candidates,
+    roof: NDArray[np.bool_],
+    config: RoofSelectionConfig,
+    rejection: NDArray[np.uint8],
+    *,
+    is_bare: bool = False,
 ) -> tuple[NDArray[np.int64], int]:
-    """Return the level of each roof point, −1 where it is too narrow, or the plan of whole roofs is."""
+    """
+    Return the level of each roof point, −1 where it is too narrow, or the plan of whole roofs is; note why.
+    """
     rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
     if not is_bare:
         plan = by_column(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))
         rows = rows[plan.rows]
         is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
+        rejection[rows[~is_wide]] = Rejection.NARROW_PART
         rows, plan = rows[is_wide], plan.select(is_wide)
     part = connected_columns(plan, max(LEVEL_STEP, candidates.radius))
     n = int(part.max(initial=-1)) + 1
-    is_wide = wide_levels(plan, part, plan_areas(part, n, plan.first, plan.size), config, is_bare=is_bare)
+    area = plan_areas(part, n, plan.first, plan.size)
+    too_narrow = narrow_levels(plan, part, area, config, is_bare=is_bare)
+    rejection[rows] = too_narrow
     label = np.full(len(roof), -1)
-    label[rows] = np.where(is_wide, part, -1)
+    label[rows] = np.where(too_narrow == Rejection.NONE, part, -1)
     return label, n
 
 
@@ -194,23 +213,23 @@ MAX_CONTACT = 0.2
 CONTACT_REACH = 1.0
 
 
-def wide_levels(
+def narrow_levels(
     columns: Columns,
     part: NDArray[np.int64],
     area: NDArray[np.float64],
     config: RoofSelectionConfig,
     *,
     is_bare: bool = False,
-) -> NDArray[np.bool_]:
+) -> NDArray[np.uint8]:
     """
-    Tell which roof points are of parts that are wide enough by themselves, or with what they stand on.
+    Return the `Rejection` of roof points in parts too narrow by themselves and with what they stand on.
 
     A part is what steps of less than a level connect. Of those below `max_part_area` what is narrower than
     `min_roof_width` goes; those that stand alone or only touch other roofs go if they are nowhere as wide as
     `min_building_width`. Of bare roofs, which have not taken in yet what stands on them, only parts that
     touch others are judged, by their width as buildings: all may be wider than they seem.
     """
-    kept = np.ones(len(part), dtype=bool)
+    found = np.zeros(len(part), dtype=np.uint8)
     size = columns.size
     # Of what is too coarse to be measured nothing is too narrow.
     max_opened = config.max_part_area if not is_bare and config.min_roof_width >= MIN_CELLS * size else 0.0
@@ -218,7 +237,7 @@ def wide_levels(
     chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
     if len(chosen) == 0:
-        return kept
+        return found
     begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
     half = 0.5 * config.min_roof_width / size
     reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
@@ -236,12 +255,13 @@ def wide_levels(
             continue
         depth = square_distances(closed(below), 0, reach)
         if area[part[rows[0]]] < max_opened:
-            kept[rows] = opened(depth, half)[y, x]
+            found[rows[~opened(depth, half)[y, x]]] = Rejection.NARROW_PART
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
-        if width < min_width and kept[rows].any():
+        if width < min_width and not found[rows].all():
             contact = _contact(own, others, size)
-            kept[rows] &= contact > MAX_CONTACT or (is_bare and contact == 0.0)
-    return kept
+            if contact <= MAX_CONTACT and not (is_bare and contact == 0.0):
+                found[rows] = Rejection.NARROW_BUILDING
+    return found
 
 
 def _contact(own: NDArray[np.int32], others: NDArray[np.uint8], size: float) -> float:

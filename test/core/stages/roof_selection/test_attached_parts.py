@@ -3,7 +3,7 @@ import pytest
 
 from lidar_buildings.core.neighbours.columns import by_column
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.smooth_patches import LEVEL_STEP, wide_levels
+from lidar_buildings.core.stages.roof_selection.smooth_patches import LEVEL_STEP, narrow_levels
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
 CELL = 0.4
@@ -14,7 +14,7 @@ def wide(points, config=None, **kind):
     columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
     part = connected_columns(columns, LEVEL_STEP)
     area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
-    found[columns.rows] = wide_levels(columns, part, area, config or RoofSelectionConfig(), **kind)
+    found[columns.rows] = narrow_levels(columns, part, area, config or RoofSelectionConfig(), **kind) == 0
     return found
 
 

@@ -5,6 +5,7 @@ import shapely
 from scipy.interpolate import LinearNDInterpolator
 
 from bench.scenes import buildings as scenes
+from lidar_buildings.core.model.classes import Rejection
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.evaluation.scores.cells import cells_of_points, cells_of_polygons, score_buildings
@@ -292,3 +293,28 @@ def test_roof_cells_agree_with_the_base_map(data_folder):
     assert score.iou > 0.83
     assert score.recall > 0.94
     assert score.precision > 0.85
+
+
+@pytest.mark.parametrize(
+    ("size", "rise", "noise", "reason"),
+    [
+        ((12.0, 10.0), 5.0, 0.02, Rejection.NONE),
+        ((12.0, 10.0), 1.5, 0.02, Rejection.LOW),
+        ((4.5, 4.5), 3.0, 0.02, Rejection.SMALL),
+        ((3.2, 3.2), 3.0, 0.02, Rejection.NARROW_BUILDING),
+        ((20.0, 2.0), 3.0, 0.02, Rejection.NARROW_PART),
+        ((12.0, 10.0), 5.0, 0.2, Rejection.ROUGH),
+        ((12.0, 10.0), 5.0, 1.5, Rejection.FOLIAGE),
+    ],
+)
+def test_points_that_are_no_roof_say_why(size, rise, noise, reason):
+    random = np.random.default_rng(0)
+    points = np.column_stack([random.uniform(0, 40, (16_000, 2)), random.normal(0, 0.02, 16_000)])
+    is_object = (np.abs(points[:, :2] - 20.0) < np.array(size) / 2).all(axis=1)
+    points[is_object, 2] = rise + random.normal(0, noise, is_object.sum())
+    classes = np.where(is_object, 1, 2)
+    config = RoofSelectionConfig(min_building_area=40.0)
+    found = select_roofs(points, config, height_above_ground=points[:, 2], classification=classes)
+    assert np.bincount(found.rejection[is_object]).argmax() == reason
+    assert not found.rejection[found.classification == BUILDING].any()
+    assert not found.rejection[~is_object].any()
