@@ -22,6 +22,13 @@ from pathlib import Path
 #: What a user reads meanwhile.
 TEXT = "compiling the loops, once after an installation"
 _PACKAGE = Path(__file__).parents[1]
+#: What compiles, with the modules that this process has: the current folder is no place to search.
+_COMPILE = """
+import sys
+sys.path[:] = sys.argv[1:]
+from lidar_buildings.commands.warm_up import compile_loops
+compile_loops()
+"""
 #: Folders of the package that have compiled loops.
 _WITH_LOOPS = ("core", "simulation")
 #: Folders of earlier states that are left: processes may still run with them.
@@ -72,7 +79,8 @@ def start_compiling() -> subprocess.Popen[bytes] | None:
     """Compile all loops in a process that says on stderr how far it is; None where they are compiled."""
     if is_compiled():
         return None
-    return subprocess.Popen([sys.executable, "-m", f"{_PACKAGE.name}.cli", "warm-up", "--quiet"])
+    # Not with -m, which would find another copy of the package in the current folder.
+    return subprocess.Popen([sys.executable, "-c", _COMPILE, *sys.path])
 
 
 def remove_earlier_folders() -> None:

@@ -6,7 +6,7 @@ import threading
 import time
 
 import pytest
-from numba.core.dispatcher import Dispatcher
+from numba import njit
 
 from lidar_buildings.cli import main
 from lidar_buildings.commands import stage_calls, warm_up
@@ -15,8 +15,9 @@ from lidar_buildings.simulation import simulate_survey
 
 
 def compiled():
-    """What of the package is compiled or loaded: loops with the types that they were called with."""
-    loops = [one for one in gc.get_objects() if isinstance(one, Dispatcher)]
+    """The loops of the package that are compiled or loaded, each with the types that it was called with."""
+    kind = type(njit(lambda: 0))
+    loops = [one for one in gc.get_objects() if isinstance(one, kind)]
     return {
         (one.py_func.__module__, one.py_func.__name__, types)
         for one in loops

@@ -94,3 +94,14 @@ def test_a_user_s_own_folder_is_kept(monkeypatch):
     assert os.environ["NUMBA_CACHE_DIR"] == "/somewhere"
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     assert kernel_cache.is_compiled()
+
+
+def test_another_package_in_the_current_folder_is_neither_compiled_nor_executed(tmp_path, monkeypatch):
+    decoy = tmp_path / "lidar_buildings"
+    decoy.mkdir()
+    for name in ("__init__.py", "cli.py"):
+        (decoy / name).write_text("open('executed', 'w')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(kernel_cache, "is_compiled", lambda: False)
+    assert kernel_cache.start_compiling().wait() == 0
+    assert sorted(one.name for one in tmp_path.rglob("*")) == ["__init__.py", "cli.py", "lidar_buildings"]
