@@ -25,9 +25,8 @@ from lidar_buildings.commands.run_options import (
     add_run_arguments,
     add_settings,
 )
+from lidar_buildings.core.model.exit_status import ExitStatus
 
-#: Exit statuses, with 3 for a run of which a tile failed: users' scripts rely on them.
-DONE, WRONG_USE, INTERRUPTED = 0, 2, 130
 #: What ends a command as Ctrl-C does: of schedulers and containers, and of a terminal that is closed.
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
@@ -37,7 +36,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and exit."""
-        self.exit(WRONG_USE, f"{self.prog}: {message} (--help says what there is)\n")
+        self.exit(ExitStatus.WRONG_USE, f"{self.prog}: {message} (--help says what there is)\n")
 
 
 def console() -> NoReturn:
@@ -57,7 +56,7 @@ def console() -> NoReturn:
     try:
         status = main()
     except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else WRONG_USE
+        status = end.code if isinstance(end.code, int) else ExitStatus.WRONG_USE
         raise
     sys.exit(status)
 
@@ -79,13 +78,13 @@ def main(arguments: list[str] | None = None) -> int:
             traceback.print_exc()
         for line in str(error).splitlines():
             print(f"lidar-buildings: {line}", file=sys.stderr)
-        return WRONG_USE
+        return ExitStatus.WRONG_USE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        return ExitStatus.DONE
     except KeyboardInterrupt:
         print("lidar-buildings: interrupted; the same command goes on from here", file=sys.stderr)
-        return INTERRUPTED
+        return ExitStatus.INTERRUPTED
 
 
 def command_parser() -> argparse.ArgumentParser:

@@ -1,7 +1,7 @@
 """
 Draw what the landings of doc/benchmarks.md took: whole runs of Delft, and their stages.
 
-    python -m bench.pages.landings doc/landings.svg
+    python -m bench.pages.landings landings.svg
 """
 
 import sys

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import frame_of, open_cloud
@@ -24,8 +25,6 @@ from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_clou
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.bag_summary import BagSummary
 
-#: Exit statuses: users' scripts rely on them.
-DONE, WRONG_USE = 0, 2
 #: How a density was measured, in words.
 _MEASURES = {
     "spacing": "measured in the middle",
@@ -49,7 +48,7 @@ def inspect_command(options: argparse.Namespace) -> int:
         print(json.dumps(told, indent=2))
     for problem in problems:
         print(f"lidar-buildings: {problem}", file=sys.stderr)
-    return WRONG_USE if problems else DONE
+    return ExitStatus.WRONG_USE if problems else ExitStatus.DONE
 
 
 def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, Any], list[str]]]:

@@ -15,6 +15,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.results.run_folder import discard_unfinished, sole_use
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from lidar_buildings.nodes.scan_assembler import ScanAssembler
     from lidar_buildings.ros.composition import Composition
 
-DONE, IN_PART, LEFT = 0, 2, 130
 #: Period of looking at the nodes, and of telling how far they are [s].
 _TICK, _TELL = 0.1, 5.0
 _NODE = "scan_assembler"
@@ -95,12 +95,12 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
         )
         if is_empty():
             _tell(f"{_come(source)}; nothing to write: no point was placed")
-            return IN_PART
+            return ExitStatus.WRONG_USE
         if writer.n_saved == n_saved:
             _tell("left: the same command goes on from here")
-            return LEFT
+            return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")
-    return IN_PART if replay is not None and replay.problem else DONE
+    return ExitStatus.WRONG_USE if replay is not None and replay.problem else ExitStatus.DONE
 
 
 def _watch(

@@ -13,6 +13,7 @@ from lidar_buildings.commands.cost_model import Cost, Way, expected_cost, measur
 from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
@@ -21,9 +22,6 @@ from lidar_buildings.io.clouds.las import read_extent
 from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
-
-#: Exit statuses: users' scripts rely on them.
-DONE, WRONG_USE = 0, 2
 
 
 def plan_command(options: argparse.Namespace) -> int:
@@ -44,7 +42,7 @@ def plan_command(options: argparse.Namespace) -> int:
         print("\n".join(_lines(plan, n_workers, cost)))
     for problem in problems:
         print(f"lidar-buildings: {problem}", file=sys.stderr)
-    return WRONG_USE if problems else DONE
+    return ExitStatus.WRONG_USE if problems else ExitStatus.DONE
 
 
 def way_of(options: argparse.Namespace) -> Way:

@@ -19,6 +19,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
@@ -35,9 +36,6 @@ from lidar_buildings.io.results.run_folder import (
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
     from lidar_buildings.io.vectors.footprints import FootprintFile
-
-#: Exit statuses: users' scripts rely on them.
-DONE, WRONG_USE, TILE_FAILED = 0, 2, 3
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -80,9 +78,9 @@ def _run(request: RunRequest, options: argparse.Namespace) -> int:
         add_to_run(request.output, {"bounds": request.bounds, "fetched": request.fetched})
     has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
-        return TILE_FAILED
+        return ExitStatus.TILE_FAILED
     is_short = any(bag["problem"] for bag in request.bags)
-    return WRONG_USE if outcome.summary.problems or is_short or not has_bag else DONE
+    return ExitStatus.WRONG_USE if outcome.summary.problems or is_short or not has_bag else ExitStatus.DONE
 
 
 def _check_places(request: RunRequest) -> None:

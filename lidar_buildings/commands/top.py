@@ -11,8 +11,8 @@ import time
 from contextlib import suppress
 
 from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.exit_status import ExitStatus
 
-DONE = 0
 #: Period of the blocks [s].
 _PERIOD = 1.0
 #: What nodes that were there before are given to say how they get on; they do so once a second [s].
@@ -54,7 +54,7 @@ def top_command(options: argparse.Namespace) -> int:
                 break
             _listen(executor, _PERIOD)
             _print(listener.views)
-    return DONE
+    return ExitStatus.DONE
 
 
 def _wait_for_graph(executor, listener, options: argparse.Namespace) -> None:

@@ -12,6 +12,7 @@ from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
@@ -33,8 +34,6 @@ from lidar_buildings.ros.receipts import DONE, TAKEN
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_join import Parts
 
-#: Exit status when a tile was given up and the rest was done.
-TILE_FAILED = 3
 #: After so long without diagnostics the last have come [s]; at most so many periods are waited for them.
 #: Wide margin: they are sent right after the results.
 _SILENCE, _MAX_PERIODS = 0.1, 20
@@ -244,7 +243,7 @@ class ModelWriter(PoolNode):
         else:
             self.get_logger().info(self._words(summary))
             if not self._survey.is_live:
-                self.exit_status = TILE_FAILED if self.failed_tiles else 0
+                self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else 0
                 self.outcome.set_result(summary)
         if self._survey.is_live:
             self._end_timer = None

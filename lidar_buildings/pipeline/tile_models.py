@@ -35,7 +35,7 @@ class TileModel:
     building_id: int  #: see `lidar_buildings.core.model.ids`
     anchor: tuple[float, float]  #: the anchor point's x and y in the map frame [m]
     model: BuildingModel  #: solids and roof faces
-    attributes: dict[str, Any]  #: the attributes of DESIGN.md section 3, by name
+    attributes: dict[str, Any]  #: the attributes of doc/formats.md, by name
 
 
 def build_models(

@@ -19,11 +19,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.stage_node import StageNode
 
-#: Exit statuses, as those of the command line.
-DONE, WRONG_USE = 0, 2
 #: What ends a node.
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _OPTION = "--params-file"
@@ -94,7 +93,7 @@ def run_node(node_class: Callable[[], StageNode], *, carries_scans: bool = False
     try:
         return _run(node_class, interruption, carries_scans)
     except KeyboardInterrupt:
-        return DONE
+        return ExitStatus.DONE
     finally:
         interruption.disregard_signals()
         rclpy.try_shutdown()
@@ -111,7 +110,7 @@ def _run(node_class: Callable[[], StageNode], interruption: Interruption, carrie
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         return _spin(node_class(), interruption)
     except ExternalShutdownException:
-        return DONE
+        return ExitStatus.DONE
     except LidarBuildingsError as error:
         return _print_error(error)
     except RuntimeError as error:  # rclpy's own, for instance a parameter file that is no YAML
@@ -141,7 +140,7 @@ def _spin(node: StageNode, interruption: Interruption) -> int:
 
 def _print_error(error: Exception) -> int:
     sys.stderr.write(" ".join(str(error).split()) + "\n")
-    return WRONG_USE
+    return ExitStatus.WRONG_USE
 
 
 def check_parameter_files(arguments: Sequence[str]) -> None:

@@ -35,7 +35,7 @@ CARDS = {card.name: card for card in NODE_TABLE}
 #: Nodes that do not start without being told of files.
 WITH_PATHS = ("tile_player", "model_writer", "recorder")
 
-#: DESIGN.md section 2: node → (subscribes, publishes).
+#: doc/graph.md: node → (subscribes, publishes).
 DESIGN = {
     "tile_player": ({"tile_done"}, {"points", "map_origin", "/clock"}),
     "scan_assembler": ({"scan", "odometry"}, {"points", "map_origin"}),

@@ -7,7 +7,8 @@ import numpy as np
 from support import model_survey
 from support.model_survey import EAVE, GROUND, RIDGE
 
-from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
+from lidar_buildings.io.models.survey_building import ModelHeading
+from lidar_buildings.io.results.building_files import write_buildings
 
 #: Points of the house's roof and of the ground a square metre.
 DENSITY = 16.0

@@ -8,6 +8,9 @@ them into the source's coordinates. So what was checked is what is written, in m
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,14 +22,40 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.core.stages.building_model.result import BuildingModel
-from lidar_buildings.io.files.atomic_files import compact_json
+from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.files.reference_systems import epsg_code
-from lidar_buildings.io.models.survey_building import TerrainMesh, face_attributes, in_source_units
+from lidar_buildings.io.models.survey_building import (
+    Add,
+    ModelHeading,
+    SurveyBuilding,
+    TerrainMesh,
+    face_attributes,
+    in_source_units,
+)
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
 #: Decimals of the extent's coordinates.
 _DECIMALS = 6
+
+
+@contextmanager
+def cityjson_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
+    """
+    Give a function that adds a building's line, or terrain; the file appears when the block ends well.
+
+    OutputError if it cannot be written.
+    """
+    header = header_line(heading.frame, crs=heading.crs, extent=heading.extent, title=heading.title)
+    with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        file.write(f"{header}\n")
+
+        def add(one: SurveyBuilding | TerrainMesh) -> None:
+            line = terrain_line(one) if isinstance(one, TerrainMesh) else one.line
+            if line:
+                file.write(f"{line}\n")
+
+        yield add
 
 
 def header_line(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import chain, pairwise
 from pathlib import Path
@@ -18,7 +18,7 @@ from lidar_buildings.core.solids.roof_lines import KINDS
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
-from lidar_buildings.io.models.survey_building import SurveyBuilding, TerrainMesh
+from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
 
 #: Chords that turn by more are walls of a polygon: an octagon turns by 45° [deg].
 _WIDEST_TURN = 44.0
@@ -262,18 +262,18 @@ def layer_name(level: str, surface: str) -> str:
 
 
 @contextmanager
-def dxf_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+def dxf_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
     Give a function that adds a building's outline, finest solid and roof's lines, or terrain, to a drawing.
 
     Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory. The file
     appears when the block ends well; OutputError if it cannot be written.
     """
-    around = dxf_frame(frame.horizontal_unit)
+    around = dxf_frame(heading.frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(around.before.encode("ascii"))
         entities = DxfEntities()
-        yield _Drawing(file, entities, frame).add
+        yield _Drawing(file, entities, heading.frame).add
         file.write(around.after.encode("ascii"))
         file.seek(around.seed_at)
         file.write(f"{entities.next_handle:X}".encode("ascii"))

@@ -7,7 +7,7 @@ country's grid have steps of decimetres. The header says what to add.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.face_triangles import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.models.survey_building import MATERIALS, TERRAIN, SurveyBuilding, TerrainMesh
+from lidar_buildings.io.models.survey_building import (
+    MATERIALS,
+    TERRAIN,
+    Add,
+    ModelHeading,
+    SurveyBuilding,
+    TerrainMesh,
+)
 
 Triangle = Sequence[int]
 #: Decimals of coordinates: the grid's millimetres, and as fine where a unit is no metre.
@@ -26,7 +33,7 @@ _DECIMALS, _DECIMALS_OF_OTHER_UNITS = 3, 5
 
 
 @contextmanager
-def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+def obj_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
     Give a function that adds a building's finest solid, or terrain, to an OBJ file; its materials go beside.
 
@@ -35,8 +42,8 @@ def obj_file(path: Path, frame: MapFrame) -> Iterator[Callable[[SurveyBuilding |
     """
     materials = path.with_suffix(".mtl")
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
-        file.write(_header(frame, materials.name))
-        mesh = _Mesh(file, frame)
+        file.write(_header(heading.frame, materials.name))
+        mesh = _Mesh(file, heading.frame)
         yield mesh.add
         with atomic_file(materials) as beside:
             beside.write_text("".join(_material(*one) for one in mesh.materials), encoding="utf-8")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,9 @@ from lidar_buildings.core.solids.face_shape import face_plane, face_shape
 from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.roof_lines import RoofLine, roof_lines
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+
+if TYPE_CHECKING:
+    from lidar_buildings.io.models.tiles3d import EarthFrame
 
 #: Surface → its material's name and colour (sRGB, 0 to 1).
 MATERIALS = {
@@ -29,7 +32,7 @@ TERRAIN = ("terrain", (0.47, 0.53, 0.38))
 
 #: Column with the name that stays the same in every file, made from the anchor's coordinates.
 READABLE_ID = "readable_id"
-#: Name → type of every attribute of DESIGN.md section 3, in the order of the columns.
+#: Name → type of every attribute of a building (doc/formats.md), in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
     "building_id": int,
     "footprint_id": str,
@@ -156,3 +159,17 @@ class TerrainMesh:
     vertices: NDArray[np.float64]  #: map frame, whole millimetres [m], shape (n_vertices, 3)
     #: Rows of the vertices, counter-clockwise from above, shape (n_triangles, 3).
     triangles: NDArray[np.int32]
+
+
+#: What a writer of a format gives: adds a building, or a piece of the terrain.
+Add = Callable[[SurveyBuilding | TerrainMesh], None]
+
+
+class ModelHeading(NamedTuple):
+    """What the writers of all formats are told of a survey."""
+
+    title: str = ""
+    crs: str = ""  #: the reference system together with the vertical one, where that is known
+    earth: EarthFrame | None = None  #: where the map frame lies on the earth, where that is known
+    frame: MapFrame = MapFrame()  #: of all coordinates of buildings and terrain
+    extent: NDArray[np.float64] | None = None  #: of all solids, shape (2, 3), None if there are none [m]

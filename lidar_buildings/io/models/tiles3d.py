@@ -9,7 +9,7 @@ Branches of many squares are tilesets in files of their own.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -32,6 +32,8 @@ from lidar_buildings.io.models.survey_building import (
     MATERIALS,
     READABLE_ID,
     TERRAIN,
+    Add,
+    ModelHeading,
     SurveyBuilding,
     TerrainMesh,
 )
@@ -172,13 +174,16 @@ class _Content(NamedTuple):
 
 
 @contextmanager
-def tiles3d_folder(path: Path, earth: EarthFrame) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+def tiles3d_folder(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
     Give a function that adds a building's finest solid, or terrain, to a tileset.
 
     Meshes wait in a temporary file, so that memory holds one square's at a time. The folder appears when the
-    block ends well; OutputError if a file cannot be written.
+    block ends well; OutputError if a file cannot be written. The heading must say where the map lies.
     """
+    earth = heading.earth
+    if earth is None:
+        raise ValueError("heading.earth is None: must say where the map frame lies on the earth")
     with atomic_folder(path) as folder, TemporaryFile(dir=folder) as spool:
         meshes: Waiting[_Node, _Mesh] = Waiting(spool)
 

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder
 from lidar_buildings.io.files.reference_systems import reprojected
-from lidar_buildings.io.models.survey_building import TerrainMesh
-from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
+from lidar_buildings.io.models.survey_building import ModelHeading, TerrainMesh
+from lidar_buildings.io.results.building_files import write_buildings
 from lidar_buildings.io.results.output_config import TILES
 from lidar_buildings.io.results.run_folder import BLOCKS
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings

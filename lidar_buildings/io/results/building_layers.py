@@ -20,6 +20,8 @@ from lidar_buildings.io.models.survey_building import (
     BUILDING_FIELDS,
     FACE_FIELDS,
     READABLE_ID,
+    Add,
+    ModelHeading,
     SurveyBuilding,
     TerrainMesh,
 )
@@ -55,52 +57,52 @@ _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
 _DECIMALS = 4
 
-_Add = Callable[[SurveyBuilding | TerrainMesh], None]
 _Rows = list[tuple[dict[str, Any], Any]]
 
 
 @contextmanager
-def building_layers_file(path: Path, frame: MapFrame) -> Iterator[_Add]:
+def building_layers_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
     Give a function that adds a building to the layers of a GeoPackage; it appears when the block ends well.
 
     OutputError if it cannot be written.
     """
-    with geopackage_file(path, frame.crs) as append:
-        layers = _BuildingLayers(append, frame, _PORTION)
+    with geopackage_file(path, heading.frame.crs) as append:
+        layers = _BuildingLayers(append, heading.frame, _PORTION)
         yield layers.add
         layers.write_all()
 
 
 @contextmanager
-def flatgeobuf_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
+def flatgeobuf_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
-    Give a function that adds a building to FlatGeobuf files of a folder, one a layer.
+    Give a function that adds a building to FlatGeobuf files beside `path`, one a layer.
 
     All rows are held until the end. OutputError if a file cannot be written.
     """
     layers = _BuildingLayers(
-        lambda layer: write_flatgeobuf(folder / f"{layer.name}.fgb", layer, frame.crs), frame
+        lambda layer: write_flatgeobuf(path.with_name(f"{layer.name}.fgb"), layer, heading.frame.crs),
+        heading.frame,
     )
     yield layers.add
     layers.write_all()
 
 
 @contextmanager
-def geoparquet_files(folder: Path, frame: MapFrame) -> Iterator[_Add]:
+def geoparquet_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
-    Give a function that adds a building to GeoParquet files of a folder, one a layer.
+    Give a function that adds a building to GeoParquet files beside `path`, one a layer.
 
     OutputError if a file cannot be written.
     """
     with ExitStack() as stack:
         write = {
             name: stack.enter_context(
-                geoparquet_file(folder / f"{name}.parquet", _layer(name, []), frame.crs)
+                geoparquet_file(path.with_name(f"{name}.parquet"), _layer(name, []), heading.frame.crs)
             )
             for name in LAYERS
         }
-        layers = _BuildingLayers(lambda layer: write[layer.name](layer), frame, _PORTION)
+        layers = _BuildingLayers(lambda layer: write[layer.name](layer), heading.frame, _PORTION)
         yield layers.add
         layers.write_all()
 

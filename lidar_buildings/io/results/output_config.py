@@ -4,31 +4,57 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import fixed
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 
-#: The format of what has a place on the earth.
+
+class OutputFormat(NamedTuple):
+    """A format of the files that hold buildings."""
+
+    files: tuple[str, ...]
+    #: ``module:function`` below `io`: with the path of the first file and a `ModelHeading` it opens a context
+    #: that gives a function, which adds a `SurveyBuilding` or a `TerrainMesh`.
+    writer: str
+    is_default: bool = True
+    of_outlines: bool = False  #: written without models, too, and holds no terrain
+    #: What must be installed, and the extra of this package that installs it.
+    needs: tuple[str, str] | None = None
+
+
+#: The one format whose files have a place on the earth.
 TILES = "3dtiles"
 #: Layers of buildings, in one file or in one each.
 LAYERS = ("outlines", "traced", "roof_faces", "roof_lines")
-#: Format of the files that tell of buildings → their names; `building_files` has a writer for each.
-FORMAT_FILES = {
-    "gpkg": ("buildings.gpkg",),
-    "cityjson": ("city_model.city.jsonl",),
-    "obj": ("city_model.obj", "city_model.mtl"),
-    "dxf": ("city_model.dxf",),
-    TILES: ("tiles3d",),
-    "flatgeobuf": tuple(f"{layer}.fgb" for layer in LAYERS),
-    "geoparquet": tuple(f"{layer}.parquet" for layer in LAYERS),
+_BY_LAYER = "results.building_layers"
+#: The one declaration of each format: its name in `formats`, files and writer.
+OUTPUT_FORMATS = {
+    "gpkg": OutputFormat(("buildings.gpkg",), f"{_BY_LAYER}:building_layers_file", of_outlines=True),
+    "cityjson": OutputFormat(("city_model.city.jsonl",), "models.cityjson:cityjson_file"),
+    "obj": OutputFormat(("city_model.obj", "city_model.mtl"), "models.obj:obj_file"),
+    "dxf": OutputFormat(("city_model.dxf",), "models.dxf:dxf_file"),
+    TILES: OutputFormat(("tiles3d",), "models.tiles3d:tiles3d_folder"),
+    # these hold what GeoPackage does
+    "flatgeobuf": OutputFormat(
+        tuple(f"{layer}.fgb" for layer in LAYERS),
+        f"{_BY_LAYER}:flatgeobuf_files",
+        is_default=False,
+        of_outlines=True,
+    ),
+    "geoparquet": OutputFormat(
+        tuple(f"{layer}.parquet" for layer in LAYERS),
+        f"{_BY_LAYER}:geoparquet_files",
+        is_default=False,
+        of_outlines=True,
+        needs=("pyarrow", "parquet"),
+    ),
 }
-#: The page that tells of a whole result; it is made of the other files.
+FORMAT_FILES = {name: one.files for name, one in OUTPUT_FORMATS.items()}
+#: The page about a whole result, made from the other files.
 REPORT, REPORT_FILE = "report", "report.html"
-FORMATS = (*FORMAT_FILES, REPORT)
-#: Written unless others are chosen; these hold what GeoPackage does.
-_DEFAULT_FORMATS = tuple(one for one in FORMATS if one not in ("flatgeobuf", "geoparquet"))
+_DEFAULT_FORMATS = (*(name for name, one in OUTPUT_FORMATS.items() if one.is_default), REPORT)
 
 
 @dataclass(frozen=True)
@@ -41,7 +67,7 @@ class OutputConfig(RasterConfig):
         _DEFAULT_FORMATS,
         "Formats of the files that tell of buildings, and the page to look at; fewer take less time "
         "and room.",
-        choices=FORMATS,
+        choices=(*OUTPUT_FORMATS, REPORT),
     )
     max_buildings_per_file: int = fixed(
         20_000,
@@ -77,8 +103,10 @@ class OutputConfig(RasterConfig):
     def __post_init__(self) -> None:
         """Check every value, and whether what a format needs is installed."""
         super().__post_init__()
-        if "geoparquet" in self.formats and find_spec("pyarrow") is None:
-            raise ParameterError(
-                f"{self.stage}.formats = {list(self.formats)}: geoparquet needs pyarrow: install "
-                "lidar_buildings[parquet], or take flatgeobuf"
-            )
+        for name in self.formats:
+            needed = OUTPUT_FORMATS[name].needs if name in OUTPUT_FORMATS else None
+            if needed and find_spec(needed[0]) is None:
+                raise ParameterError(
+                    f"{self.stage}.formats = {list(self.formats)}: {name} needs {needed[0]}: install "
+                    f"lidar_buildings[{needed[1]}], or leave {name} out"
+                )

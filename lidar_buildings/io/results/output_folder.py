@@ -23,7 +23,7 @@ from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
 from lidar_buildings.io.results.classified_files import forget_points, write_clouds
-from lidar_buildings.io.results.output_config import REPORT, REPORT_FILE, OutputConfig
+from lidar_buildings.io.results.output_config import OUTPUT_FORMATS, REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     RUN,
@@ -124,6 +124,10 @@ class OutputFolder:
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
         from lidar_buildings.io.results import building_blocks, terrain_files  # noqa: F401
+        from lidar_buildings.io.results.building_files import writer_of
+
+        for name in OUTPUT_FORMATS.keys() & set(self._files.formats):
+            writer_of(name)
 
     def finalise(
         self,
@@ -221,13 +225,14 @@ class OutputFolder:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.core.stages.building_model.levels import LOD22
         from lidar_buildings.io.results.building_blocks import write_in_blocks
-        from lidar_buildings.io.results.building_files import OF_OUTLINES, model_heading, write_buildings
+        from lidar_buildings.io.results.building_files import model_heading, write_buildings
         from lidar_buildings.io.results.terrain_files import terrain_meshes
 
         names = None if self._footprints is None else self._footprints.footprint_id
         formats = self._files.formats
         if self.until in _WITHOUT_MODELS:
-            formats = () if self.until in _WITHOUT_OUTLINES else tuple(set(formats) & set(OF_OUTLINES))
+            of_outlines = () if self.until in _WITHOUT_OUTLINES else OUTPUT_FORMATS
+            formats = tuple(name for name in of_outlines if name in formats and of_outlines[name].of_outlines)
         files = replace(self._files, formats=formats)
         heading, remarks = model_heading(self.inputs, self.frame, crs, files)
         with SurveyBuildings(

@@ -1,6 +1,9 @@
 """Bags of all kinds become one cloud whose points lie where they were measured."""
 
+import sqlite3
 import struct
+import sys
+from contextlib import closing
 
 import laspy
 import numpy as np
@@ -52,6 +55,16 @@ def test_transforms_place_them_as_odometry_does(tmp_path, storage):
     told = write_drive(tmp_path / "tf", storage, poses="tf")
     las, _ = placed(tmp_path, told.path, ScanConfig())
     assert np.abs(las.xyz - told.points).max() < 0.02
+
+
+def test_transforms_are_read_without_tf2_msgs_and_without_their_definition_in_the_bag(tmp_path, monkeypatch):
+    drive = write_drive(tmp_path / "drive", "sqlite3", poses="tf")
+    for storage in drive.path.glob("*.db3"):
+        with closing(sqlite3.connect(storage)) as held, held:
+            assert held.execute("DELETE FROM message_definitions").rowcount
+    monkeypatch.setitem(sys.modules, "tf2_msgs", None)
+    las, _ = placed(tmp_path, drive.path, ScanConfig())
+    assert np.abs(las.xyz - drive.points).max() < 0.02
 
 
 def test_of_a_bag_a_part_may_be_taken(tmp_path):

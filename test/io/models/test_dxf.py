@@ -9,6 +9,7 @@ from ezdxf.math import bulge_radius
 from support import model_survey
 
 from lidar_buildings.io.models.dxf import APPLICATION, COURTYARD, OUTLINE, dxf_file
+from lidar_buildings.io.models.survey_building import ModelHeading
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):
@@ -16,7 +17,7 @@ def written(folder, frame=model_survey.DUTCH, buildings=None):
     path = folder / "model.dxf"
     tile = model_survey.shapes(frame, buildings)
     with model_survey.survey(folder, tile, frame=frame) as survey:
-        with dxf_file(path, frame) as add:
+        with dxf_file(path, ModelHeading(frame=frame)) as add:
             for building in survey:
                 add(building)
         return list(survey), path

@@ -6,13 +6,14 @@ import trimesh
 from support import model_survey
 
 from lidar_buildings.io.models.obj import obj_file
+from lidar_buildings.io.models.survey_building import ModelHeading
 
 
 def written(folder, frame=model_survey.DUTCH, buildings=None):
     """Write a survey as OBJ, and return its buildings and the path."""
     path = folder / "model.obj"
     with model_survey.survey(folder, model_survey.shapes(frame, buildings), frame=frame) as survey:
-        with obj_file(path, frame) as add:
+        with obj_file(path, ModelHeading(frame=frame)) as add:
             for building in survey:
                 add(building)
         return list(survey), path

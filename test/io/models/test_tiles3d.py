@@ -17,7 +17,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models import tiles3d
-from lidar_buildings.io.models.survey_building import TerrainMesh
+from lidar_buildings.io.models.survey_building import ModelHeading, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError, tiles3d_folder
 
 TERRAIN = TerrainMesh(
@@ -34,7 +34,7 @@ def written(folder, frame=DUTCH, buildings=None, terrain=(), **options):
     """Write a survey, and return its buildings and the folder."""
     tiles = folder / "tiles3d"
     with model_survey.survey(folder, model_survey.shapes(frame, buildings), frame=frame) as survey:
-        with tiles3d_folder(tiles, EarthFrame(frame, frame.crs, **options)) as add:
+        with tiles3d_folder(tiles, ModelHeading(earth=EarthFrame(frame, frame.crs, **options))) as add:
             for one in (*survey, *terrain):
                 add(one)
         return list(survey), tiles

@@ -18,10 +18,10 @@ from support.source_tree import ROOT
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model.result import BuildingModel
-from lidar_buildings.io.models.survey_building import BUILDING_FIELDS, TerrainMesh
+from lidar_buildings.io.models.survey_building import BUILDING_FIELDS, ModelHeading, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame
 from lidar_buildings.io.results import building_files
-from lidar_buildings.io.results.building_files import ModelHeading, write_buildings
+from lidar_buildings.io.results.building_files import write_buildings
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OutputConfig
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.layers import read_polygons

@@ -1,7 +1,9 @@
 import numpy as np
 
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.io.results.survey_buildings import seam_pieces
+from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
+from lidar_buildings.io.results.tile_products import Shapes
 
 
 def building(number: int, x: float, y: float, width: float, height: float) -> BuildingOutline:
@@ -44,3 +46,12 @@ def test_a_building_that_has_gone_over_to_another_tile_is_no_piece_of_itself():
 
 def test_nothing_at_all_has_no_pieces():
     assert seam_pieces([]) == seam_pieces([[], []]) == set()
+
+
+def test_of_an_id_a_second_building_nearby_is_the_same_one_and_one_far_away_another(tmp_path):
+    tiles = [building(7, x, 0, 20, 10) for x in (20_000.0, 20_001.0, -20_000.0)]
+    with SurveyBuildings(tmp_path / "lines", MapFrame()) as survey:
+        for one in tiles:
+            survey.add(Shapes((), (one,), ()))
+        kept = sorted(one.outline.exterior[0, 0] for one in survey)
+    assert kept == [-20_000.0, 20_000.0]

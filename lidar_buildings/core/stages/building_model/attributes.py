@@ -1,4 +1,4 @@
-"""The attributes of a building's model, as of DESIGN.md section 3."""
+"""The attributes of a building's model, see doc/formats.md."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class BuildingModel:
     """What is known of one building."""
 
     solids: dict[str, Solid]  #: by level of detail ("1.2"); valid ones only
-    #: By the names of DESIGN.md section 3; elevations [m] in the map frame, None where unknown.
+    #: By the names of doc/formats.md; elevations [m] in the map frame, None where unknown.
     attributes: dict[str, Any]
     #: OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     status: BuildingStatus = BuildingStatus.OK
