@@ -70,7 +70,7 @@ def close_walls(
     Parameters
     ----------
     walls : ndarray of shape (n_cells, 2)
-        Middles of cells of `WALL_CELL` on walls that hang together, at least one [m].
+        Middles of cells of `WALL_CELL` on connected walls, at least one [m].
     bare : ndarray of shape (n_cells, 2)
         Those of them over which no roof was seen [m].
     roofs : ndarray of shape (n_cells, 2)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.outline import signed_area
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, filled
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, inside
 
 #: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
 _MAX_NARROW_SHARE = 0.5
@@ -24,7 +26,7 @@ _MAX_CELLS, _MAX_CELLS_PER_POINT = 1_000_000, 4
 
 @dataclass(frozen=True)
 class CourtyardRules:
-    """What makes a gap between roof points a courtyard."""
+    """Courtyard criteria: what makes a gap between roof points a courtyard."""
 
     radius: float  #: of the disc that has to fit in [m]
     min_area: float  #: smallest area [m²]
@@ -132,8 +134,9 @@ class EmptyDiscs:
 
     def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return the cells whose centres a ring holds."""
-        u, v = self._placed(self._grid.x[ring], self._grid.y[ring])
-        return filled(u, v, self._n_columns, self._n_rows)
+        polygon = shapely.Polygon(np.column_stack(self._placed(self._grid.x[ring], self._grid.y[ring])))
+        v, u = np.divmod(np.arange(self._n_columns * self._n_rows), self._n_columns)
+        return inside(np.column_stack((u, v)) + 0.5, polygon)
 
     def _placed(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
@@ -143,31 +146,13 @@ class EmptyDiscs:
         return (ux * x + uy * y - self._west) / self._side, (vx * x + vy * y - self._south) / self._side
 
 
-@kernel
-def nearest_free(grid, follower, x, y, n):  # type: ignore[no-untyped-def]
+def nearest_free(
+    grid: PointGrid, follower: NDArray[np.int64], place: Sequence[float], n: int
+) -> NDArray[np.int64]:
     """Return the rows of the up to n nearest points to a place that no ring has taken, the nearest first."""
-    size_u, size_v = math.hypot(grid.ux, grid.uy), math.hypot(grid.vx, grid.vy)
-    shortest = 1.0 / max(size_u, size_v)
-    farthest = grid.cell * (grid.n_columns + grid.n_rows) * max(size_u, size_v) / min(size_u, size_v)
-    span, n_found = 1.0, 0
-    found, distance = np.empty(n, dtype=np.int64), np.empty(n)
-    while True:
-        low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
-        n_found, distance[:] = 0, np.inf
-        for row in range(low_row, high_row + 1):
-            cell = row * grid.n_columns
-            for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
-                away = math.hypot(grid.x[i] - x, grid.y[i] - y)
-                if follower[i] < 0 and away <= span * shortest and away < distance[n - 1]:
-                    k = min(n_found, n - 1)
-                    while k > 0 and distance[k - 1] > away:
-                        found[k], distance[k] = found[k - 1], distance[k - 1]
-                        k -= 1
-                    found[k], distance[k] = i, away
-                    n_found = min(n_found + 1, n)
-        if n_found > 0 or span > farthest:
-            return found[:n_found].copy()
-        span *= 2.0
+    away = np.where(follower < 0, np.hypot(grid.x - place[0], grid.y - place[1]), np.inf)
+    nearest = np.argsort(away, kind="stable")[:n]
+    return nearest[np.isfinite(away[nearest])]
 
 
 @kernel

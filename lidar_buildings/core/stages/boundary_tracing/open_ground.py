@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from lidar_buildings.core.stages.boundary_tracing.closed_walls import GROUND_CELL
+from lidar_buildings.core.stages.boundary_tracing.point_grid import inside
 
 #: Ground is open beyond this distance from the building's points: what is nearer lies under eaves, or was
 #: seen through the roof [spacings].
@@ -58,7 +59,7 @@ def enclosed_ground(
     """
     Return the open ground of which a ring encloses as much as a courtyard has; None if there is none.
 
-    Where the building hangs together across ground alone, a ring has to cross it: that is not open. Fences
+    Where the building is connected across ground alone, a ring has to cross it: that is not open. Fences
     are the minimum spanning trees of places that are near to each other with open ground between.
 
     Parameters
@@ -110,13 +111,6 @@ def _clear_of(
     return ground[(clearance > _CLEAR * spacing) & np.isfinite(clearance)]
 
 
-def inside(places: NDArray[np.float64], ring: shapely.Polygon) -> NDArray[np.bool_]:
-    """Tell which places, shape (n, 2), a ring holds."""
-    shapely.prepare(ring)
-    held: NDArray[np.bool_] = shapely.contains_xy(ring, places[:, 0], places[:, 1])
-    return held
-
-
 def _is_enough(held: NDArray[np.bool_], pitch: float, min_area: float) -> bool:
     return bool(np.count_nonzero(held) * pitch**2 >= min_area)
 
@@ -124,7 +118,7 @@ def _is_enough(held: NDArray[np.bool_], pitch: float, min_area: float) -> bool:
 def _is_crossed(
     places: NDArray[np.float64], points: NDArray[np.float64], spacing: float
 ) -> NDArray[np.bool_]:
-    """Tell which places lie where the building's points hang together by a link across ground alone."""
+    """Tell which places lie where the building's points are connected by a link across ground alone."""
     crossed = np.zeros(len(places), dtype=bool)
     try:
         triangles = Delaunay(points - points.mean(axis=0)).simplices

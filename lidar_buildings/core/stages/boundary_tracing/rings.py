@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, Delaunay, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.boundary_tracing.courtyards import (
@@ -50,50 +49,18 @@ _SHARED_RIM = "an empty place shares its rim with the outer ring: it is taken fo
 
 def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.int64]:
     """
-    Return the rows of a simple, counter-clockwise ring round all points, distinct and not all on a line.
+    Return the rows of a simple ring round all points, distinct and not all on a line.
 
     The boundary of the Delaunay triangulation is worn away from outside, the longest boundary edge first,
-    until none is longer than `max_edge` but where wearing on would break the ring in two: the characteristic
-    shape of Duckham et al. (2008). Where no triangulation exists, the convex hull.
+    until none is longer than `max_edge` except where the ring would break in two: the characteristic shape of
+    Duckham et al. (2008).
     """
-    try:
-        triangles = Delaunay(xy)
-    except QhullError:
-        return ConvexHull(xy, qhull_options="QJ").vertices.astype(np.int64)
-    corners, neighbours = triangles.simplices, triangles.neighbors
-    follower: dict[int, int] = {}
-    edges: list[tuple[float, int, int, int]] = []
-
-    def add(start: int, end: int, triangle: int) -> None:
-        follower[start] = end
-        heapq.heappush(edges, (-float(np.hypot(*(xy[start] - xy[end]))), start, end, triangle))
-
-    for triangle, side in np.argwhere(neighbours < 0).tolist():
-        add(int(corners[triangle, (side + 1) % 3]), int(corners[triangle, (side + 2) % 3]), triangle)
-    while edges and -edges[0][0] > max_edge:
-        _, start, end, triangle = heapq.heappop(edges)
-        side = next(k for k in range(3) if corners[triangle, k] not in (start, end))
-        tip = int(corners[triangle, side])
-        if tip in follower:
-            continue
-        beyond_start, beyond_end = (
-            int(neighbours[triangle, next(k for k in range(3) if corners[triangle, k] == far)])
-            for far in (end, start)
-        )
-        if min(beyond_start, beyond_end) < 0:
-            continue
-        add(start, tip, beyond_start)
-        add(tip, end, beyond_end)
-    return _followed(follower)
-
-
-def _followed(follower: dict[int, int]) -> NDArray[np.int64]:
-    """Return the ring that the followers make up, from its first row on."""
-    start = min(follower)
-    ring = [start]
-    while follower[ring[-1]] != start:
-        ring.append(follower[ring[-1]])
-    return np.array(ring, dtype=np.int64)
+    points = shapely.multipoints(xy)
+    edges = shapely.length(shapely.get_parts(shapely.delaunay_triangles(points, only_edges=True)))
+    least, longest = edges.min(initial=np.inf), edges.max(initial=0.0)
+    share = 1.0 if max_edge >= longest else max(max_edge - least, 0.0) / (longest - least)
+    hull = shapely.concave_hull(points, ratio=share)
+    return np.asarray(cKDTree(xy).query(shapely.get_coordinates(hull)[:-1])[1], dtype=np.int64)
 
 
 class RingTracer:
@@ -223,7 +190,7 @@ class RingTracer:
     def _rim(self, centre: Sequence[float]) -> NDArray[np.int64] | None:
         """Walk round an empty place from one of the points nearest to it that no other ring has taken."""
         max_steps = _MAX_RIM_STEPS * len(self._exterior)
-        for start in nearest_free(self._grid, self._follower, *centre, _MAX_STARTS).tolist():
+        for start in nearest_free(self._grid, self._follower, centre, _MAX_STARTS).tolist():
             heading = centre[0] - float(self._grid.x[start]), centre[1] - float(self._grid.y[start])
             ring = self._walk(
                 start, heading, _MAX_RIM_WALKS, max_steps, lambda rows: self._inside_hole(rows, centre)

@@ -21,9 +21,8 @@ from lidar_buildings.core.stages.boundary_tracing.open_ground import (
     clear_ground,
     enclosed_ground,
     ground_spacing,
-    inside,
 )
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, build_point_grid, inside
 from lidar_buildings.core.stages.boundary_tracing.rings import NO_WALK, RingTracer
 
 #: Places on the roof that are asked how far their nearest point is, and the share that are nearer than gaps
@@ -61,9 +60,7 @@ def gap_spacing(positions: NDArray[np.float64], outline: shapely.Polygon, spacin
         return spacing
     middle = positions.mean(axis=0)
     corners = shapely.get_coordinates(outline) - middle
-    dx, dy = (positions - middle).T
-    # no scalar products: the threads that BLAS starts for long ones take more time than all else
-    angle = 0.5 * np.arctan2(2.0 * (dx * dy).sum(), (dx * dx - dy * dy).sum())
+    angle = _main_direction(*(positions - middle).T)
     turned = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     width, height = np.abs(corners @ turned.T).max(axis=0)
     step = np.sqrt(outline.area / _PLACES)
@@ -241,11 +238,16 @@ def _degeneracy(grid: PointGrid, spacing: float) -> str:
     return ""
 
 
+def _main_direction(dx: NDArray[np.float64], dy: NDArray[np.float64]) -> float:
+    """Return the direction in which positions about their middle scatter most [rad]."""
+    # No scalar products: the threads that BLAS starts for long ones take more time than all else.
+    return float(0.5 * np.arctan2(2.0 * (dx * dy).sum(), (dx * dx - dy * dy).sum()))
+
+
 def _width(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     """Return the extent across the main direction of positions [m]."""
     dx, dy = x - x.mean(), y - y.mean()
-    # No scalar products: the threads that BLAS starts for long ones take more time than all else.
-    angle = 0.5 * np.arctan2(2.0 * (dx * dy).sum(), (dx * dx - dy * dy).sum())
+    angle = _main_direction(dx, dy)
     return float(np.ptp(np.cos(angle) * dy - np.sin(angle) * dx))
 
 
@@ -255,10 +257,6 @@ def _simple_cover(positions: NDArray[np.float64], spacing: float) -> NDArray[np.
         return np.zeros((0, 2))
     hull = shapely.convex_hull(shapely.multipoints(positions))
     if hull.geom_type != "Polygon" or _width(*positions.T) < _MIN_WIDTH * spacing:
-        middle = positions.mean(axis=0)
-        centred = positions - middle
-        axes = np.linalg.eigh(centred.T @ centred)[1]
-        extent = np.abs(centred @ axes).max(axis=0) + spacing / 2
-        corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * extent
-        return Outline(middle + corners @ axes.T).oriented().exterior
+        strip = shapely.oriented_envelope(hull)
+        hull = shapely.buffer(strip, spacing / 2, cap_style="square", join_style="mitre")
     return Outline(shapely.get_coordinates(hull)[:-1]).oriented().exterior

@@ -1,4 +1,4 @@
-"""Buildings that hang together by a neck of few points, cut apart."""
+"""Buildings connected by a neck of few points, cut apart."""
 
 from __future__ import annotations
 

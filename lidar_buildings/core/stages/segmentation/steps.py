@@ -16,7 +16,6 @@ from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
-from lidar_buildings.core.neighbours.windows import first_from
 from lidar_buildings.core.stages.segmentation.windows import occupied_areas
 
 #: A part with less than this share of its perimeter in the open stands on another roof, and is a building of
@@ -89,88 +88,40 @@ def measure_borders(
     """
     Measure the borders of parts from the cells that they occupy.
 
-    A cell, counted from (0, 0), is the part's that has most points in it. A side between two parts' cells is
-    on their border, one beside two empty cells is in the open; a single empty one is a gap between points. A
-    part that has most points in no cell lies amid those that have.
+    A cell, counted from (0, 0), belongs to the part with most points in it. A side between two parts' cells
+    is on their border, one beside two empty cells is in the open; a single empty one is a gap between points.
+    A part that owns no cell borders on the owners of the cells that it has points in.
     """
     cells = rows_by_cell(points, cell)
-    owner, one, other = _owners(part, cells.rows, cells.first)
-    code = np.concatenate(
-        (_sides(owner, cells.numbers, cells.n_columns, n_parts), *_within(owner, one, other, n_parts))
-    )
-    pairs, n_sides = np.unique(code, return_counts=True)
+    numbers, n_columns, open_side = cells.numbers, cells.n_columns, n_parts
+    cell_of = np.repeat(np.arange(len(numbers)), np.diff(cells.first))
+    held, n_points = np.unique(cell_of * n_parts + part[cells.rows], return_counts=True)
+    held_in, holder = np.divmod(held, n_parts)
+    order = np.lexsort((holder, n_points, held_in))
+    owner = holder[order][np.flatnonzero(np.diff(held_in[order], append=-1))]
+    one, other = [], []
+    for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        beside = np.full(len(numbers), open_side)
+        for far in (2, 1):
+            column = numbers % n_columns + far * right
+            wanted = numbers + far * (right + up * n_columns)
+            found = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+            is_there = (numbers[found] == wanted) & (column >= 0) & (column < n_columns)
+            beside[is_there] = owner[found[is_there]]
+        one.append(owner)
+        other.append(beside)
+    amid = ~np.isin(holder, owner)
+    one += [holder[amid], owner[held_in[amid]]]
+    other += [owner[held_in[amid]], holder[amid]]
+    first, second = np.concatenate(one), np.concatenate(other)
+    is_border = first != second
+    pairs, n_sides = np.unique((first * (n_parts + 1) + second)[is_border], return_counts=True)
+    length = n_sides.astype(np.float64) * (cells.size / STAIRS)
     first, second = np.divmod(pairs, n_parts + 1)
-    scale = cells.size / STAIRS
-    is_free = second == n_parts
-    free = scale * np.bincount(first[is_free], weights=n_sides[is_free], minlength=n_parts).astype(float)
-    shared = {
-        (int(a), int(b)): float(n) * scale
-        for a, b, n in zip(first[~is_free], second[~is_free], n_sides[~is_free], strict=True)
-    }
-    return Borders(free, shared)
-
-
-def _within(
-    owner: NDArray[np.int64], part: NDArray[np.int64], cell: NDArray[np.int64], n_parts: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """
-    Return the codes of the borders of parts that own no cell with the owners of those they have points in.
-    """
-    has_cell = np.zeros(n_parts, dtype=np.bool_)
-    has_cell[owner] = True
-    amid = ~has_cell[part]
-    inner, outer = part[amid], owner[cell[amid]]
-    return inner * (n_parts + 1) + outer, outer * (n_parts + 1) + inner
-
-
-@kernel
-def _owners(part, rows, first):  # type: ignore[no-untyped-def]
-    """
-    Return the part with most points of every cell, the last of equals, and all (part, cell) with points.
-    """
-    owner = np.empty(len(first) - 1, dtype=np.int64)
-    number, place = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
-    n = 0
-    for cell in range(len(owner)):
-        members = np.sort(part[rows[first[cell] : first[cell + 1]]])
-        most, count = 0, 0
-        for k in range(len(members)):
-            count = count + 1 if k > 0 and members[k] == members[k - 1] else 1
-            if count == 1:
-                number[n], place[n] = members[k], cell
-                n += 1
-            if count >= most:
-                most, owner[cell] = count, members[k]
-    return owner, number[:n].copy(), place[:n].copy()
-
-
-@kernel
-def _sides(owner, numbers, n_columns, n_parts):  # type: ignore[no-untyped-def]
-    """Return a code, part · (n_parts + 1) + part beside it, or n_parts where it is open, of every side."""
-    codes = np.empty(4 * len(owner), dtype=np.int64)
-    n = 0
-    for cell in range(len(owner)):
-        for step in (1, -1, n_columns, -n_columns):
-            beside = _beside(numbers, cell, step, n_columns)
-            other = owner[beside] if beside >= 0 else n_parts
-            if other != owner[cell]:
-                codes[n] = owner[cell] * (n_parts + 1) + other
-                n += 1
-    return codes[:n].copy()
-
-
-@kernel
-def _beside(numbers, cell, step, n_columns):  # type: ignore[no-untyped-def]
-    """Return the next occupied cell, one or two steps off, −1 if both are empty."""
-    column = numbers[cell] % n_columns
-    for far in (1, 2):
-        if abs(step) == 1 and not 0 <= column + far * step < n_columns:
-            return -1
-        wanted = numbers[cell] + far * step
-        found = first_from(numbers, wanted)
-        if found < len(numbers) and numbers[found] == wanted:
-            return found
-    return -1
+    is_free = second == open_side
+    free = np.bincount(first[is_free], weights=length[is_free], minlength=n_parts).astype(np.float64)
+    shared = zip(first[~is_free].tolist(), second[~is_free].tolist(), strict=True)
+    return Borders(free, dict(zip(shared, length[~is_free].tolist(), strict=True)))
 
 
 def merge_parts(

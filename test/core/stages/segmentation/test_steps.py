@@ -179,3 +179,25 @@ def test_buildings_on_both_ends_of_a_neck_come_out_of_the_same_tile():
         tile = PointTile(points, buffer=is_buffer.astype(np.uint8))
         counts.append(len(trace_buildings(tile, config, BoundaryTracingConfig()).outlines))
     assert counts == [2, 0]
+
+
+def test_borders_are_those_of_a_comparison_of_all_cells():
+    rng = np.random.default_rng(4)
+    cells = np.argwhere(rng.random((9, 7)) < 0.7)
+    part = rng.integers(0, 3, len(cells))
+    # A point of a part that owns no cell lies amid the owner of its cell, which has two.
+    cells, part = np.vstack((cells, cells[:1], cells[:1])), np.append(part, [part[0], 3])
+    points = np.column_stack((cells + 0.5, np.zeros(len(cells))))
+    owner = {tuple(cell): int(one) for cell, one in zip(cells[::-1].tolist(), part[::-1], strict=True)}
+    shared, free = {(3, int(part[0])): 1, (int(part[0]), 3): 1}, np.zeros(4)
+    for (x, y), own in owner.items():
+        for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            two = ((x + far * right, y + far * up) for far in (1, 2))
+            beside = next((owner[cell] for cell in two if cell in owner), None)
+            if beside is None:
+                free[own] += 1
+            elif beside != own:
+                shared[own, beside] = shared.get((own, beside), 0) + 1
+    found = measure_borders(points, part, 4, 1.0)
+    assert np.allclose(found.free * 1.27, free)
+    assert {pair: round(length * 1.27, 6) for pair, length in found.shared.items()} == shared
