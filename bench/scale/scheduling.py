@@ -43,7 +43,7 @@ def main() -> None:
         workers = subprocess.Popen(command, env=_ENVIRONMENT, stderr=subprocess.DEVNULL)
         try:
             with TileCluster(scheduler=services.address) as cluster:
-                while cluster.n_alive < options.workers:
+                while cluster.n_workers < options.workers:
                     time.sleep(0.1)
                 pids = {"scheduler": services.pids[0], "workers": workers.pid}
                 before = {name: cpu_of(tree_of(pid)) for name, pid in pids.items()}

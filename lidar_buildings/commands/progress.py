@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from tqdm import tqdm
@@ -36,13 +36,21 @@ class RunOutcome:
     usage: Usage | None = None  #: what it took, None where that is not known
 
 
-def measured(run: Callable[[], RunOutcome]) -> RunOutcome:
-    """Make a run whose processes are there already, and say in its outcome what these took."""
-    with watched_memory():
-        outcome = run()
+@contextmanager
+def measured() -> Iterator[Callable[[], Usage | None]]:
+    """
+    Watch what this process and those that it has started take, and give a function that says so.
+
+    It is called before the block ends; None where that is not known.
+    """
+
+    def usage() -> Usage | None:
         processor = time.process_time() + cpu_of(tree_of(os.getpid())[1:])
-    memory = sum(peak_memory().values())
-    return replace(outcome, usage=Usage(processor, memory) if memory else None)
+        memory = sum(peak_memory().values())
+        return Usage(processor, memory) if memory else None
+
+    with watched_memory():
+        yield usage
 
 
 class TilesDone(NamedTuple):

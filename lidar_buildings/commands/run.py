@@ -45,26 +45,29 @@ def run_command(options: argparse.Namespace) -> int:
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     with sole_use(request.output):
-        return _run(request, options)
+        if request.overwrite:
+            discard_unfinished(request.output)
+        is_resumed = holds_tiles(request.output)
+        _check_places(request)
+        started = time.perf_counter()
+        compiling = start_compiling()
+        request = with_fetched_inputs(with_placed_bags(request))
+        footprints = _footprints(request)
+        if compiling is not None:
+            compiling.wait()
+        if options.workers or options.scheduler:
+            outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
+        else:
+            outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
+        wall = time.perf_counter() - started
+        return _report(request, options, outcome, wall, is_resumed=is_resumed)
 
 
-def _run(request: RunRequest, options: argparse.Namespace) -> int:
-    if request.overwrite:
-        discard_unfinished(request.output)
-    is_resumed = holds_tiles(request.output)
-    _check_places(request)
-    started = time.perf_counter()
-    compiling = start_compiling()
-    request = with_fetched_inputs(with_placed_bags(request))
-    footprints = _footprints(request)
-    if compiling is not None:
-        compiling.wait()
-    if options.workers or options.scheduler:
-        outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
-    else:
-        outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
+def _report(
+    request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float, *, is_resumed: bool
+) -> int:
+    """Print what a run gave and what was planned; return the exit status."""
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
-    wall = time.perf_counter() - started
     planned = ""
     if request.use is Use.NONE and not is_resumed:  # what is planned is a whole run
         from lidar_buildings.commands.plan import compare_with_plan  # not before the pool has begun
@@ -108,14 +111,15 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
-    from lidar_buildings.commands.prepare import load_stages
+    from lidar_buildings.commands.run_local import run_local
+    from lidar_buildings.commands.stage_calls import load_stages
     from lidar_buildings.pipeline.building_pool import BuildingPool
 
-    tune_malloc()  # before the pool: its processes are forked
-    with BuildingPool(prepare=load_stages) as pool:
-        from lidar_buildings.commands.run_local import run_local  # while the pool is getting ready
-
-        return measured(lambda: run_local(request, footprints, pool))
+    tune_malloc()
+    load_stages()  # before the pool: its processes are forked
+    with BuildingPool() as pool, measured() as usage:
+        outcome = run_local(request, footprints, pool)
+        return replace(outcome, usage=usage())
 
 
 def _run_cluster(
@@ -130,9 +134,10 @@ def _run_cluster(
 
     with TileCluster(n_workers, scheduler) as cluster:
         print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
-        if scheduler:  # what its workers take is not known here
-            return run_local(request, footprints, cluster)
-        return measured(lambda: run_local(request, footprints, cluster))
+        with measured() as usage:
+            outcome = run_local(request, footprints, cluster)
+            # what the workers of a scheduler take is not known here
+            return outcome if scheduler else replace(outcome, usage=usage())
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:
@@ -157,11 +162,13 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
     for one in request.inputs:
         if bags := bags_beside_clouds(one):
             names = ", ".join(bag.name for bag in bags)
-            print(f"lidar-buildings: {one}: holds clouds, so its bags are left: {names}", file=sys.stderr)
+            print(
+                f"lidar-buildings: {one}: contains point clouds; ignoring its bags: {names}", file=sys.stderr
+            )
     if not bags_among(request.inputs):
         told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}
         if given := [f"--{name}" for name, value in told.items() if value]:
-            raise ParameterError(f"{', '.join(given)}: says what of a bag is wanted, and no INPUT is one")
+            raise ParameterError(f"{', '.join(given)}: selects a part of a bag, but no INPUT is a bag")
         return request
     from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.parallel import share_cores
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
 from lidar_buildings.core.scans.motion import place_points
@@ -130,3 +131,11 @@ def _stored_outlines(rows: NDArray[np.float64]) -> tuple[BuildingOutline, ...]:
 #: What every run needs, and all that is compiled; the longest first, but what models call, too, before these.
 OF_RUNS = (_outlines, _models, _regularisation, _ground, _planes, _roofs, _rasters)
 CALLS = (*OF_RUNS, _simulation, _rare)
+
+
+def load_stages() -> None:
+    """Load what works on tiles, compiled code by a call of each stage, and leave no thread behind."""
+    share_cores(lambda: False)
+    for call in OF_RUNS:
+        call()
+    share_cores(lambda: True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,9 +25,9 @@ from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile
-from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 
 
@@ -46,73 +46,59 @@ class TileWork:
 
 
 class TileOutcome(NamedTuple):
-    """Seconds by stage and what was found, or why a tile failed; or that it has the points of before."""
+    """Seconds by stage and what was found, or that the tile has the points of before."""
 
     seconds: dict[str, float]
-    reason: str = ""
     is_unchanged: bool = False
     n_points: int = 0
     n_buildings: int = 0
 
 
-def done(work: TileWork, pool: Sharing | None = None) -> TileOutcome:
-    """Take a tile from its points to its saved products; what it raises is why there are none."""
+def do_tile(work: TileWork, pool: BuildingPool | None = None) -> TileOutcome:
+    """
+    Take a tile from its points to its saved products, with a larger buffer until its buildings are whole.
+
+    Its buildings are shared out over a pool if there is one. What it raises is why there are no products.
+    """
     if work.earlier is not None and is_unchanged(work.tile, work.path):
         return TileOutcome({}, is_unchanged=True)
-    digests: list[tuple[Buffer, str]] | None = None if work.earlier is None else []
     frame = work.tile.store.frame
+    digests: list[tuple[Buffer, str]] = []
     rasters: list[Future[TerrainRasters | None]] = []
     with ThreadPoolExecutor(1) as beside:  # rasters are made of the classes alone
 
         def begin(classified: PointTile) -> None:
             rasters.append(beside.submit(rasterise_tile, classified, work.rasters, frame))
 
-        result = whole_result(work.tile, work.config, work.until, work.footprints, pool, begin, digests)
+        result = None
+        while result is None or result.clipped:
+            result = None  # one at a time in memory
+            tile = work.tile.read()
+            if work.earlier is not None:
+                digests.append((work.tile.buffer, digest_of(tile)))
+            result = reconstruct_tile(
+                tile,
+                work.config,
+                until=work.until,
+                footprints=work.footprints,
+                pool=pool,
+                on_classified=begin,
+                is_all=lambda sides: not work.tile.grow(sides),
+            )
+            del tile
         if not rasters:  # no stage has followed
             begin(result.classified)
     if work.earlier is not None:
         result = with_kept_ids(result, work.earlier)
     products = products_of(result, frame, rasters[-1].result())
     products.save(work.path)
-    if digests is not None:
+    if digests:
         write_digests(work.path, digests)
     outcome = TileOutcome(result.seconds, n_points=len(products.core), n_buildings=products.n_buildings)
     del result, products
     rasters.clear()
     give_memory_back()
     return outcome
-
-
-def whole_result(
-    spooled: SpooledTile,
-    config: PipelineConfig,
-    until: str,
-    footprints: Footprints | None = None,
-    pool: Sharing | None = None,
-    on_classified: Callable[[PointTile], object] | None = None,
-    digests: list[tuple[Buffer, str]] | None = None,
-) -> TileResult:
-    """
-    Process a tile, with a larger buffer as long as one of its buildings is not whole.
-
-    What tells its points from others, with each buffer, is added to `digests`.
-    """
-    while True:
-        tile = spooled.read()
-        if digests is not None:
-            digests.append((spooled.buffer, digest_of(tile)))
-        result = reconstruct_tile(
-            tile,
-            config,
-            until=until,
-            footprints=footprints,
-            pool=pool,
-            on_classified=on_classified,
-            is_all=lambda sides: not spooled.grow(sides),
-        )
-        if not result.clipped:
-            return result
-        del result, tile  # one at a time in memory
 
 
 def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:

@@ -68,12 +68,11 @@ class BuildingTracer(PoolNode):
         config = self.parameters[FootprintNodeConfig]
         frame = None if self._map is None else self._map.frame
         if frame is None:
-            return self._pool.call(
-                trace_or_close,
+            return trace_or_close(
                 parts[_EDGES],
                 self.parameters[SegmentationConfig],
                 self.parameters[BoundaryTracingConfig],
-                shares=True,
+                self._pool,
             )
         from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints  # loads slowly
 

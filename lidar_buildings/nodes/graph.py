@@ -63,7 +63,7 @@ def survey_nodes(
     own["model_writer"] |= {"overwrite": overwrite, "settings": kept}
     own["flow_control"] = {"publish_tile_done": not output}
     if pool is not None and "max_tiles_in_flight" not in given.get(source, {}):
-        own[source]["max_tiles_in_flight"] = min(max(2, pool.n_alive), MOST_TILES)
+        own[source]["max_tiles_in_flight"] = min(max(2, pool.n_workers), MOST_TILES)
     merged = {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}
     nodes: dict[str, StageNode] = {}
     try:

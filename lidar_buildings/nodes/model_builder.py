@@ -91,9 +91,7 @@ class ModelBuilder(PoolNode):
     def _publish_models(self, stamp: int, parts: Parts, frame: MapFrame) -> None:
         qualities = parts[_QUALITY]
         outlines = tuple(replace(one, quality=qualities.get(one.building_id)) for one in parts[_OUTLINES])
-        models = self._pool.call(
-            build_models, parts[_POINTS], outlines, self.parameters[BuildingModelConfig], shares=True
-        )
+        models = build_models(parts[_POINTS], outlines, self.parameters[BuildingModelConfig], self._pool)
         self._features.publish(stamp, self._feature_messages(stamp, models, frame))
         faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
         self._roof_faces.publish(stamp, roof_rings(faces))

@@ -254,7 +254,7 @@ class ModelWriter(PoolNode):
         self._statuses.look()
         try:
             record = self._record.as_dict(self.failed_tiles)
-            summary = self._survey.make_files(record, self._each_cloud, self._pool.call_each)
+            summary = self._survey.make_files(record, self._each_cloud, self._pool.map)
         finally:
             self.n_clouds_left = 0
             if self.context.ok():
@@ -265,7 +265,7 @@ class ModelWriter(PoolNode):
     def _each_cloud(self, write: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[Any]:
         """Write clouds side by side, and count them; what is left when ROS is shut down is left."""
         self.n_clouds_left = len(jobs)
-        for one in self._pool.call_each(write, jobs):
+        for one in self._pool.map(write, jobs):
             if not self.context.ok():
                 raise OutputError(f"{self.n_clouds_left} classified clouds are left for the next time")
             self.n_clouds_left -= 1

@@ -28,9 +28,7 @@ class OutlineRegulariser(PoolNode):
 
     def on_rings(self, stamp: int, rings: Rings) -> None:
         """Regularise one tile's outlines."""
-        outlines = self._pool.call(
-            regularise_outlines, outlines_of(rings), self.parameters[RegularisationConfig], shares=True
-        )
+        outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig], self._pool)
         gone = self._withdrawals.of(stamp, (one.building_id for one in outlines))
         self._quality.publish(stamp, [quality_message(stamp, outlines)])
         self._outlines.publish(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})

@@ -22,5 +22,5 @@ class PlaneFitter(PoolNode):
 
     def on_tile(self, tile: PointTile) -> None:
         """Fit the planes of one tile's buildings."""
-        planes = self._pool.call(fit_planes, tile, self.parameters[PlaneFittingConfig], shares=True)
+        planes = fit_planes(tile, self.parameters[PlaneFittingConfig], self._pool)
         self._plane_points.publish(tile.stamp, planes)

@@ -1,54 +1,88 @@
 """
 Tiles and their buildings shared out over processes: most steps hold the interpreter's lock.
 
-Open a `BuildingPool` once a run, before any thread is started. Whole tiles are handed to `submit`; what works
-on a tile, in a process or here, shares its buildings by `map`, so that no process waits while another one has
-much to do. Not `concurrent.futures`: there one worker that dies takes all work with it.
+Each process is a `concurrent.futures.ProcessPoolExecutor` of its own, so that one that ends takes no other
+work with it. Load compiled code first (`lidar_buildings.commands.stage_calls.load_stages`), open the pool
+next, and start threads last: processes are forked while this one has a single thread, and have all that it
+has loaded. One that takes the place of another is spawned, which loads everything anew.
+
+`BuildingPool.submit` takes a whole tile's work, `map_buildings` shares a tile's buildings out in batches.
+Both may be called from any thread of the process that opened the pool, and from no worker.
 """
 
 from __future__ import annotations
 
 import logging
+import mmap
+import multiprocessing
+import os
+import pickle
+import queue
+import shutil
+import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from functools import partial
+from logging.handlers import QueueHandler
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any, NamedTuple, TypeVar
 
-from lidar_buildings.core.neighbours.parallel import n_cores
-from lidar_buildings.pipeline.agenda import Agenda, Task
-from lidar_buildings.pipeline.parcels import Parcel, packed, receive, send, unpacked
-from lidar_buildings.pipeline.pool_workers import DO, SHARE, SHARED, end, start_workers
-from lidar_buildings.pipeline.sharing import Sharing, Work, called
+from lidar_buildings.core.freed_memory import give_memory_back
+from lidar_buildings.core.neighbours.parallel import n_cores, share_cores
+
+_log = logging.getLogger(__name__)
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 
-_log = logging.getLogger(__name__)
+#: So many processes may end at a task until it is given up.
+_MOST_ENDS = 2
+#: Free memory of a process goes back to the system so often: what the largest tile left would stay else [s].
+_MEMORY_PERIOD = 10.0
+#: Arrays that together are larger go through shared memory, not through the executor's pipe, which takes
+#: twenty times as long [bytes]; and where that lies on Linux, which containers often keep small.
+_LARGE = 262_144
+_SHARED_MEMORY = "/dev/shm"
+#: What a building costs beside its points, in points.
+_LEAST_SIZE = 400
+#: Work that is not worth the way to a process and back, in points.
+_LITTLE = 4000
+#: Batches for each process: small enough to end together, large enough to cost little to send.
+_BATCHES_A_WORKER = 6
 
 
-class BuildingPool(Sharing):
+class WorkerLostError(RuntimeError):
+    """Processes ended at a task, or its pool was closed."""
+
+
+class BuildingPool:
     """
     Processes that wait for tiles and buildings; a context manager.
 
     One for each core that this process may use if no number is given; with fewer than two there are no
-    processes, and everything is done here. `prepare` is called in the first process before there are others,
-    as for compiled code to be loaded.
-
-    Where this process has a single thread of Python's, one process is forked, which costs some milliseconds.
-    It prepares and forks the others, so that compiled code is loaded once, while this process goes on. Else
-    processes are spawned, and each imports its modules anew. So: import first, open the pool next, start
-    threads last. Several threads may call `map` at the same time.
+    processes, and everything is done here, as after `close`.
     """
 
-    def __init__(self, n_workers: int | None = None, prepare: Callable[[], object] | None = None) -> None:
+    def __init__(self, n_workers: int | None = None) -> None:
         n_workers = n_cores() if n_workers is None else n_workers
-        self._processes, self._links = start_workers(n_workers, prepare) if n_workers > 1 else ([], [])
-        self._agenda = Agenda()
-        self._threads: list[threading.Thread] = []
-        self._lock = threading.Lock()
-        self.n_alive = len(self._links)
+        self.n_workers = n_workers if n_workers > 1 else 0
+        self._idle: queue.LifoQueue[_Worker] = queue.LifoQueue()
+        self._workers: list[_Worker] = []
+        self._threads: ThreadPoolExecutor | None = None
+        if not self.n_workers:
+            return
+        SharedMemory(create=True, size=1).unlink()  # its tracker is one process for all that are forked now
+        busy = memoryview(mmap.mmap(-1, n_workers))
+        is_alone = threading.active_count() == 1
+        for number in range(n_workers):
+            self._workers.append(_Worker(busy[number : number + 1], busy))
+            self._workers[-1].start("fork" if is_alone else "spawn")
+            self._idle.put(self._workers[-1])
+        self._threads = ThreadPoolExecutor(n_workers, "buildings")
 
     def __enter__(self) -> BuildingPool:
         return self
@@ -57,130 +91,244 @@ class BuildingPool(Sharing):
         self.close()
 
     def close(self) -> None:
-        """End the processes; `map` and `submit` go on without them."""
-        with self._lock:
-            links, self._links, self.n_alive = self._links, [], 0
-        for task in self._agenda.close():
-            task.lose()
-        for process in self._processes:
-            end(process)
-        for link in links if not self._threads else ():
-            link.close()
-        for thread in self._threads:
-            thread.join()
+        """End the processes, also those that are at work; `submit` and `map_buildings` go on without them."""
+        threads, self._threads, self.n_workers = self._threads, None, 0
+        if threads is not None:
+            threads.shutdown(wait=False, cancel_futures=True)
+            for worker in self._workers:
+                worker.end()
+            threads.shutdown()
 
-    def submit(
-        self, function: Callable[..., _Result], *arguments: object, shares: bool = False
-    ) -> Future[_Result]:
+    def submit(self, function: Callable[..., _Result], *arguments: object) -> Future[_Result]:
         """
         Call a function, as for a tile, in the next free process; here and at once without any.
 
-        The function stands at the top of a module; if it `shares` it takes a `pool`, over which it shares a
-        tile's buildings. What waits when the last process has ended is done here. The future raises
-        `WorkerLostError` if two processes ended at it, or the last one did.
+        The function stands at the top of a module. The future raises `WorkerLostError` if two processes ended
+        at it.
         """
-        work = function, arguments, shares
-        if self.n_alive:
-            task = Task(packed(work), is_tile=True)
-            if self._put([task]):
-                return task.answer
-        answer: Future[_Result] = Future()
-        _do_here(work, answer)
-        return answer
+        return self._submit(function, arguments, _MOST_ENDS)
 
-    def call(self, function: Callable[..., _Result], *arguments: object, shares: bool = False) -> _Result:
+    def call(self, function: Callable[..., _Result], *arguments: object) -> _Result:
         """
         Do as `submit`, and wait for the result.
 
         For threads that share an interpreter's lock: the others go on meanwhile.
         """
-        return self.submit(function, *arguments, shares=shares).result()
+        return self.submit(function, *arguments).result()
 
-    def call_each(self, function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
-        """Do as `call` for each of some jobs, several at a time, and yield the results in their order."""
-        if not self.n_alive:
-            yield from map(function, jobs)
-        else:
-            for answer in [self.submit(function, job) for job in jobs]:
-                yield answer.result()
+    def map(self, function: Callable[[_Job], _Result], jobs: Iterable[_Job]) -> Iterator[_Result]:
+        """Call a function for each of some jobs, several at a time, and yield the results in their order."""
+        if not self.n_workers:
+            return map(function, jobs)
+        answers = [self.submit(function, job) for job in jobs]
+        return (answer.result() for answer in answers)
 
-    def _exchange(self, messages: Sequence[Parcel]) -> list[Parcel | None]:
-        tasks = [Task(message) for message in messages]
-        return _answers(tasks) if self._put(tasks) else [None] * len(tasks)
+    def _submit(
+        self, function: Callable[..., _Result], arguments: Sequence[object], n_tries: int
+    ) -> Future[_Result]:
+        if self._threads is not None:
+            return self._threads.submit(self._call, function, arguments, n_tries)
+        answer: Future[_Result] = Future()
+        try:
+            answer.set_result(function(*arguments))
+        except Exception as error:
+            answer.set_exception(error)
+        return answer
 
-    def _put(self, tasks: Sequence[Task]) -> bool:
-        """Queue tasks for the processes; False if there is none."""
-        with self._lock:
-            if not self.n_alive:
-                return False
-            if not self._threads:
-                self._threads = [
-                    threading.Thread(target=self._serve, args=(link,), daemon=True) for link in self._links
-                ]
-                for thread in self._threads:
-                    thread.start()
-            self._agenda.put(tasks)
-        return True
-
-    def _serve(self, link: Connection) -> None:
-        """Hand one process its work as long as it lives."""
-        held: list[Task] = []
-        with suppress(OSError, EOFError):
-            while self._do_next(link, held):
-                pass
-        if held:
-            self._lose(held)
-        link.close()
-
-    def _do_next(self, link: Connection, held: list[Task]) -> bool:
-        """Let a process do what comes next, of which nothing is kept while the one after it is waited for."""
-        if (task := self._agenda.take()) is None:
-            return False
-        self._do(link, task, held)
-        return True
-
-    def _do(self, link: Connection, task: Task, held: list[Task]) -> None:
-        """Let a process do a task, and while it waits for its share of others what there is."""
-        held.append(task)
-        link.send((DO,))
-        send(link, task.message)
-        while (reply := link.recv())[0] == SHARE:
-            shared = [Task(message) for message in reply[1]]
-            self._agenda.put(shared)
-            while (batch := self._agenda.take_batch(shared)) is not None:
-                self._do(link, batch, held)
-            answers = _answers(shared)
-            link.send((SHARED, [answer is not None for answer in answers]))
-            for answer in filter(None, answers):
-                send(link, answer)
-        answer = receive(link)
-        held.pop()
-        self._agenda.finish(task, answer)
-
-    def _lose(self, held: Sequence[Task]) -> None:
-        """Note that a process has ended at its tasks; without any nobody must wait for work."""
-        with self._lock:
-            if self._links:  # not closed
+    def _call(self, function: Callable[..., _Result], arguments: Sequence[object], n_tries: int) -> _Result:
+        """Let a free process call a function; one that ends is replaced, and the next one tries again."""
+        for _ in range(n_tries):
+            worker = self._idle.get()
+            try:
+                return worker.call(function, arguments)
+            except BrokenProcessPool:
+                if self._threads is None:
+                    raise WorkerLostError("the pool was closed") from None
                 _log.warning("a process ended in the middle of its work")
-                self.n_alive -= 1
-        for task in held:
-            self._agenda.lose(task)
-        if not self.n_alive:
-            for task in self._agenda.close():
-                if task.is_tile and not task.n_tries and self._links:
-                    _do_here(unpacked(task.message), task.answer)
-                else:
-                    task.lose()
+                worker.start("spawn")
+            finally:
+                self._idle.put(worker)
+        raise WorkerLostError(f"{'two processes' if n_tries > 1 else 'a process'} ended at it")
 
 
-def _do_here(work: Work, answer: Future[Any]) -> None:
-    """Answer a call without a process."""
+class _Worker:
+    """A process, and whether it is at work: that is a byte which all processes see."""
+
+    def __init__(self, is_busy: memoryview, all_busy: memoryview) -> None:
+        self._is_busy, self._all_busy = is_busy, all_busy
+        self._executor: ProcessPoolExecutor | None = None
+        self._pid: Future[int] | None = None
+
+    def start(self, method: str) -> None:
+        """Start the process, in the place of an earlier one."""
+        if self._executor is not None:
+            self._executor.shutdown()
+        busy = self._all_busy if method == "fork" else None
+        context = multiprocessing.get_context(method)
+        self._executor = ProcessPoolExecutor(1, context, initializer=_begin, initargs=(busy,))
+        with warnings.catch_warnings():
+            # Python 3.12 counts the threads of executors that were started before, which only wait
+            warnings.simplefilter("ignore", DeprecationWarning)
+            self._pid = self._executor.submit(os.getpid)
+
+    def call(self, function: Callable[..., _Result], arguments: Sequence[object]) -> _Result:
+        """Call a function; BrokenProcessPool if the process ends."""
+        assert self._executor is not None
+        self._is_busy[0] = 1
+        sent = _packed((function, arguments))
+        try:
+            result, records = _unpacked(self._executor.submit(_work, sent).result())
+        finally:
+            self._is_busy[0] = 0
+            _discard(sent)
+        for record in records:
+            logging.getLogger(record.name).handle(record)
+        return result  # type: ignore[no-any-return]
+
+    def end(self) -> None:
+        """End the process at once."""
+        assert self._executor is not None
+        assert self._pid is not None
+        with suppress(BrokenProcessPool, ProcessLookupError):
+            os.kill(self._pid.result(), signal.SIGKILL)
+        self._executor.shutdown()
+
+
+def _begin(busy: memoryview | None) -> None:
+    """Prepare a process, which ends with the one that started it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    share_cores(lambda: busy is not None and 2 * sum(busy) <= n_cores())
+    threading.Thread(target=_watch, daemon=True).start()
+
+
+def _watch() -> None:
+    """Give free memory back now and then, and end this process when its parent has ended."""
+    parent = multiprocessing.parent_process()
+    while parent is not None and parent.is_alive():
+        parent.join(_MEMORY_PERIOD)
+        give_memory_back()
+    os._exit(1)
+
+
+def _work(sent: _Packed) -> _Packed:
+    """Call a function in a process; return its result, and what was logged, as text."""
+    records: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    logging.getLogger().handlers = [QueueHandler(records)]
+    function, arguments = _unpacked(sent)
+    result = function(*arguments)
+    return _packed((result, [records.get() for _ in range(records.qsize())]))
+
+
+class _Packed(NamedTuple):
+    """Something that is pickled, its arrays beside it in shared memory if they are large."""
+
+    pickled: bytes
+    memory: str = ""  #: name of the memory, empty without any
+    sizes: tuple[int, ...] = ()  #: of the arrays, one after the other [bytes]
+
+
+def _packed(content: object) -> _Packed:
+    """Pack something; its arrays are copied."""
+    arrays: list[memoryview] = []
+    pickled = pickle.dumps(content, 5, buffer_callback=lambda one: arrays.append(one.raw()))
+    sizes = tuple(one.nbytes for one in arrays)
+    if sum(sizes) < _LARGE or not _has_room(sum(sizes)):
+        return _Packed(pickle.dumps(content, 5) if arrays else pickled)
+    memory, begin = SharedMemory(create=True, size=sum(sizes)), 0
+    for one in arrays:
+        memory.buf[begin : begin + one.nbytes] = one
+        begin += one.nbytes
+    memory.close()
+    return _Packed(pickled, memory.name, sizes)
+
+
+def _has_room(size: int) -> bool:
+    """Whether so much fits into shared memory: a process that writes beyond is ended by the system."""
+    return not os.path.isdir(_SHARED_MEMORY) or shutil.disk_usage(_SHARED_MEMORY).free > 2 * size
+
+
+def _unpacked(packed: _Packed) -> Any:
+    """Return what is packed, and free its shared memory."""
+    if not packed.memory:
+        return pickle.loads(packed.pickled)
+    memory, begin, arrays = SharedMemory(packed.memory), 0, []
+    for size in packed.sizes:
+        arrays.append(bytearray(memory.buf[begin : begin + size]))
+        begin += size
+    memory.close()
+    memory.unlink()
+    return pickle.loads(packed.pickled, buffers=arrays)
+
+
+def _discard(packed: _Packed) -> None:
+    """Free the shared memory of something that may not have been unpacked."""
+    if packed.memory:
+        with suppress(FileNotFoundError):
+            memory = SharedMemory(packed.memory)
+            memory.close()
+            memory.unlink()
+
+
+def map_buildings(
+    pool: BuildingPool | None,
+    function: Callable[[_Job], _Result],
+    jobs: Sequence[_Job],
+    sizes: Sequence[int],
+    failed: Callable[..., _Result],
+    problem: str,
+) -> list[_Result]:
+    """
+    Call a function for each of many buildings, and return the results in their order.
+
+    With a pool they are shared out in batches, the largest first; `sizes` are the buildings' numbers of
+    points. The function stands at the top of a module, and its result depends on the job alone.
+    ``failed(job, reason=…)`` stands in for the result of a building at which the function raises an
+    exception, whose `problem`, in a few words, is logged with the job's `building_id`, or at which two
+    processes ended; one that was merely in a batch with it is done again.
+    """
+    attempt = partial(_attempted, function, failed, problem)
+    weights = [size + _LEAST_SIZE for size in sizes]
+    if pool is None or not pool.n_workers or len(jobs) < 2 or sum(weights) < _LITTLE:
+        return [attempt(job) for job in jobs]
+    results: dict[int, _Result] = {}
+    batches = _batches(weights, pool.n_workers)
+    answers = [pool._submit(_each, (attempt, [jobs[k] for k in batch]), 1) for batch in batches]
+    again: list[int] = []
+    for batch, answer in zip(batches, answers, strict=True):
+        try:
+            results.update(zip(batch, answer.result(), strict=True))
+        except WorkerLostError:
+            again += batch
+    for k in again:
+        try:
+            results[k] = pool._submit(attempt, (jobs[k],), 1).result()
+        except WorkerLostError:
+            results[k] = failed(jobs[k], reason="two processes ended at it")
+    return [results[k] for k in range(len(jobs))]
+
+
+def _attempted(function: Callable[..., Any], failed: Callable[..., Any], problem: str, job: Any) -> Any:
     try:
-        answer.set_result(called(work, None))
+        return function(job)
     except Exception as error:
-        answer.set_exception(error)
+        _log.exception("building %d: %s", job.building_id, problem)
+        return failed(job, reason=f"unexpected error: {error!r}")
 
 
-def _answers(tasks: Sequence[Task]) -> list[Parcel | None]:
-    """Wait for tasks; return their answers, None for those whose process ended."""
-    return [None if task.answer.exception() else task.answer.result() for task in tasks]
+def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
+    return [function(job) for job in jobs]
+
+
+def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
+    """Divide buildings into batches by their weights, the heaviest first."""
+    enough = sum(weights) / (n_workers * _BATCHES_A_WORKER)
+    batches: list[list[int]] = []
+    filled = enough
+    for k in sorted(range(len(weights)), key=lambda k: -weights[k]):
+        if filled >= enough:
+            batches.append([])
+            filled = 0.0
+        batches[-1].append(k)
+        filled += weights[k]
+    return batches

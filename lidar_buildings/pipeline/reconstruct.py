@@ -11,8 +11,8 @@ from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.config import PipelineConfig
-from lidar_buildings.pipeline.sharing import Sharing
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -48,7 +48,7 @@ def reconstruct_tile(
     *,
     until: str = STAGES[-1],
     footprints: Footprints | None = None,
-    pool: Sharing | None = None,
+    pool: BuildingPool | None = None,
     on_classified: Callable[[PointTile], object] | None = None,
     is_all: Callable[[Sides], bool] = lambda _: False,
 ) -> TileResult:
@@ -65,7 +65,7 @@ def reconstruct_tile(
         The last stage to run, one of `STAGES`.
     footprints : Footprints, optional
         Outlines to use as they are instead of tracing and regularising.
-    pool : Sharing, optional
+    pool : BuildingPool, optional
         Processes that share the buildings; one after the other here without.
     on_classified : callable, optional
         Called with the tile and its classes once it is sure to be large enough, if more stages follow.

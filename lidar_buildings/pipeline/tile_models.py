@@ -18,7 +18,7 @@ from lidar_buildings.core.stages.building_model.config import BuildingModelConfi
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
 from lidar_buildings.core.stages.footprints.assignment import remark_on_points
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 #: What models and their attributes are made from.
 _NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
@@ -42,7 +42,7 @@ def build_models(
     tile: PointTile,
     outlines: tuple[BuildingOutline, ...],
     config: BuildingModelConfig,
-    pool: Sharing | None = None,
+    pool: BuildingPool | None = None,
 ) -> tuple[TileModel, ...]:
     """
     Build the model of every outline from the tile's points that carry its id.

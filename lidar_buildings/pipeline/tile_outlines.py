@@ -21,7 +21,7 @@ from lidar_buildings.core.stages.regularisation.regularising import (
 )
 from lidar_buildings.core.stages.regularisation.samples import ring_spacing, working_spacing
 from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 _log = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ _MAX_OVERLAP = 1e-2
 
 
 def regularise_outlines(
-    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig, pool: Sharing | None = None
+    outlines: tuple[BuildingOutline, ...], config: RegularisationConfig, pool: BuildingPool | None = None
 ) -> tuple[BuildingOutline, ...]:
     """
     Regularise every traced outline, and let touching ones share walls; one that cannot be keeps its rings.

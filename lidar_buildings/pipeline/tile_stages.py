@@ -28,7 +28,7 @@ from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import number_planes
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls
 
 
@@ -134,7 +134,7 @@ def label_roof_edges(
     return LabelledTile(tile.with_columns(**found), result.n_roofs)
 
 
-def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: Sharing | None = None) -> PointTile:
+def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool | None = None) -> PointTile:
     """
     Append `plane_id`, numbered within each building, to a tile of building points.
 

@@ -26,7 +26,7 @@ from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
-from lidar_buildings.pipeline.sharing import Sharing, map_buildings
+from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 from lidar_buildings.pipeline.tile_stages import label_roof_edges
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls, walled_buildings
 
@@ -50,7 +50,7 @@ def trace_buildings(
     tile: PointTile,
     segmentation: SegmentationConfig,
     boundary_tracing: BoundaryTracingConfig,
-    pool: Sharing | None = None,
+    pool: BuildingPool | None = None,
     ground: NDArray[np.float64] | None = None,
 ) -> TracedTile:
     """
@@ -112,7 +112,7 @@ def trace_or_close(
     tile: PointTile,
     segmentation: SegmentationConfig,
     boundary_tracing: BoundaryTracingConfig,
-    pool: Sharing | None = None,
+    pool: BuildingPool | None = None,
 ) -> TracedTile:
     """
     Trace a tile's roofs, and close behind its walls what encloses more than was seen of a roof.

@@ -1,6 +1,6 @@
 import pytest
 
-from lidar_buildings.commands.prepare import load_stages
+from lidar_buildings.commands.stage_calls import load_stages
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -105,13 +105,13 @@ def test_bags_beside_clouds_are_left_and_named(command, tmp_path):
     assert bags_of(survey) == []
     assert bags_beside_clouds(survey) == [survey / "flight"]
     done = command("run", survey, "--no-ros", "--output", tmp_path / "out")
-    assert f"lidar-buildings: {survey}: holds clouds, so its bags are left: flight" in done.err
+    assert f"lidar-buildings: {survey}: contains point clouds; ignoring its bags: flight" in done.err
 
 
 def test_options_of_bags_without_a_bag_are_refused(command, tmp_path):
     (tmp_path / "a.laz").write_bytes(b"")
     line = command.refused("run", tmp_path / "a.laz", "--topic", "/points", "--output", tmp_path / "out")
-    assert "--topic: says what of a bag is wanted, and no INPUT is one" in line
+    assert "--topic: selects a part of a bag, but no INPUT is a bag" in line
 
 
 @pytest.mark.parametrize("option", ["--topic", "--odometry"])

@@ -68,14 +68,14 @@ def test_a_file_that_is_replaced_before_it_is_read_is_left_out(command, house, p
 def test_a_file_that_is_replaced_after_it_was_read_gets_no_classes_of_other_points(
     command, pair, tmp_path, monkeypatch
 ):
-    original = run_local.process_tiles
+    original = run_local._Tiles.finish
 
-    def process(*arguments):
-        outcome = original(*arguments)
-        replaced(pair / "b.laz")
-        return outcome
+    def finish(tiles, *n_left):
+        original(tiles, *n_left)
+        if not n_left:
+            replaced(pair / "b.laz")
 
-    monkeypatch.setattr(run_local, "process_tiles", process)
+    monkeypatch.setattr(run_local._Tiles, "finish", finish)
     spoken = command("run", pair, "--output", tmp_path / "out")
     assert spoken.status == 2
     assert spoken.err == [said_of(pair / "b.laz")]

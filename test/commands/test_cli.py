@@ -17,7 +17,7 @@ from support.cli_runs import CLASSIFIED, FILES, RASTERS, files_in
 from support.results import assert_complete, contents
 
 from lidar_buildings import cli
-from lidar_buildings.commands import tile_work
+from lidar_buildings.commands import run_local
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.models.survey_building import BUILDING_FIELDS
 from lidar_buildings.nodes.reference import parameter_yaml
@@ -281,16 +281,16 @@ def test_the_same_run_gives_the_same_bytes(roofs, result, tmp_path):
 
 def test_an_interrupted_run_goes_on_from_its_finished_tiles(command, roofs, result, tmp_path, monkeypatch):
     arguments = ["run", roofs, "--output", tmp_path / "out", "--no-ros", "--tile-size", TILE_SIZE]
-    whole_result, seen = tile_work.whole_result, []
+    do_tile, seen = run_local.do_tile, []
 
-    def interrupted(tile, *others):
-        seen.append(tile.stamp)
+    def interrupted(work, *others):
+        seen.append(work.tile.stamp)
         if len(seen) == 4:
             raise KeyboardInterrupt
-        return whole_result(tile, *others)
+        return do_tile(work, *others)
 
     monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
-    monkeypatch.setattr(tile_work, "whole_result", interrupted)
+    monkeypatch.setattr(run_local, "do_tile", interrupted)
     spoken = command(*arguments)
     assert spoken.status == 130
     assert spoken.err == ["lidar-buildings: interrupted; the same command goes on from here"]

@@ -5,9 +5,16 @@ import numpy as np
 import pytest
 from support.cloud_files import saved
 
-from lidar_buildings.commands.tile_work import whole_result
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
-from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.reconstruct import reconstruct_tile
+
+
+def whole_result(tile, until="regularisation"):
+    """Process a tile, with a larger buffer as long as one of its buildings is not whole."""
+    while True:
+        result = reconstruct_tile(tile.read(), until=until, is_all=lambda sides: not tile.grow(sides))
+        if not result.clipped:
+            return result
 
 
 def outlines_of(paths, tile_size):
@@ -16,7 +23,7 @@ def outlines_of(paths, tile_size):
     with TileSource(paths, TilingConfig(tile_size=tile_size)) as source:
         origin = np.asarray(source.frame.origin[:2])
         for tile in source.ready():
-            for one in whole_result(tile, PipelineConfig(), "regularisation").outlines:
+            for one in whole_result(tile).outlines:
                 assert one.building_id not in found
                 found[one.building_id] = [ring + origin for ring in one.outline.rings]
     return found
@@ -49,7 +56,7 @@ def test_a_hall_wider_than_a_tile_and_its_buffer_is_no_ground(tmp_path):
     taken = n_core = 0
     with TileSource([saved(cloud, tmp_path / "hall.laz")], TilingConfig(tile_size=100.0)) as source:
         for tile in source.ready():
-            done = whole_result(tile, PipelineConfig(), "ground_filter").classified
+            done = whole_result(tile, "ground_filter").classified
             is_roof = done.points[:, 2] > 5.0 + done.points[:, 2].min()
             taken += int(np.count_nonzero(done.is_core & is_roof & (done.classification == 2)))
             n_core += int(done.is_core.sum())

@@ -11,7 +11,7 @@ import shapely
 from support.cli_runs import Command
 from support.results import contents
 
-from lidar_buildings.commands import tile_work
+from lidar_buildings.commands import run_local
 from lidar_buildings.simulation import simulate_survey
 
 TILES = ("--no-ros", "--tile-size", "60", "--set", "tile_player.buffer=20")
@@ -57,7 +57,7 @@ def outlines_of(folder):
 
 
 def n_of_before(spoken):
-    (line,) = (line for line in spoken.out if line.endswith("had the points of before"))
+    (line,) = (line for line in spoken.out if line.endswith("had the same points as before"))
     same, _, total, *_ = line.split()
     return int(same), int(total)
 
@@ -132,22 +132,22 @@ def test_what_was_made_otherwise_is_not_brought_up_to_date(command, survey, tmp_
 def test_tiles_that_failed_are_done_again_and_the_others_are_not(command, survey, tmp_path, monkeypatch):
     out, new = tmp_path / "out", tmp_path / "new"
     arguments = ("run", survey, "--output", out, *TILES)
-    whole_result, seen = tile_work.whole_result, []
+    do_tile, seen = run_local.do_tile, []
 
-    def failing(tile, *others):
-        seen.append(tile.stamp)
+    def failing(work, *others):
+        seen.append(work.tile.stamp)
         if len(seen) in (2, 5):
             raise MemoryError("a tile as large as a town")
-        return whole_result(tile, *others)
+        return do_tile(work, *others)
 
-    monkeypatch.setattr(tile_work, "whole_result", failing)
+    monkeypatch.setattr(run_local, "do_tile", failing)
     spoken = command(*arguments)
     assert spoken.status == 3
     assert spoken.err[-1].endswith("the same command with --retry-failed tries again")
     failed = {seen[1], seen[4]}
     seen.clear()
     monkeypatch.setattr(
-        tile_work, "whole_result", lambda *given: seen.append(given[0].stamp) or whole_result(*given)
+        run_local, "do_tile", lambda *given: seen.append(given[0].tile.stamp) or do_tile(*given)
     )
     assert command(*arguments, "--retry-failed").status == 0
     assert set(seen) == failed

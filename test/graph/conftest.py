@@ -6,7 +6,7 @@ pytest.importorskip("rclpy")
 
 from support.ros_domain import use_own_domain
 
-from lidar_buildings.commands.prepare import load_stages
+from lidar_buildings.commands.stage_calls import load_stages
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -17,8 +17,8 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.pipeline.agenda import WorkerLostError
-from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.pipeline import building_pool
+from lidar_buildings.pipeline.building_pool import BuildingPool, WorkerLostError, map_buildings
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_stages import fit_planes
 
@@ -46,30 +46,14 @@ def do(job):
     return job
 
 
-def tile(job, pool=None):
-    """Do what a job says and share buildings, as what works on a whole tile does."""
-    do(job)
-    shared = [] if pool is None else pool.map(process_of, list(range(40)), [LARGE] * 40, lost)
-    return [found for found, _ in shared], {process for _, process in shared}, os.getpid()
+def shared(pool, function, jobs, sizes=None):
+    return map_buildings(pool, function, jobs, sizes or [LARGE] * len(jobs), lost, "no beam")
 
 
 def wait(job):
     """Do nothing for long, in another process; nothing at all here."""
     if multiprocessing.current_process().name != "MainProcess":
         time.sleep(60.0)
-
-
-def end_elsewhere():
-    """End any process but this one."""
-    if multiprocessing.current_process().name != "MainProcess":
-        os._exit(9)
-    return os.getpid()
-
-
-def break_with_lock():
-    error = ValueError("a lock of it")
-    error.lock = threading.Lock()
-    raise error
 
 
 def threads_used(others):
@@ -102,15 +86,15 @@ def is_alive(process):
         return False
 
 
-def lost(job):
-    return "lost"
+def lost(job, reason):
+    return reason
 
 
 @pytest.fixture(autouse=True)
 def _forked(monkeypatch):
-    """Fork whatever threads other tests have left, so that processes know this file's functions."""
-    monkeypatch.setattr("threading.active_count", lambda: 1)
-    monkeypatch.setattr("lidar_buildings.pipeline.pool_workers.n_waiting_threads", lambda: 0)
+    """Fork, whatever threads other tests have left, so that processes know this file's functions."""
+    start = building_pool._Worker.start
+    monkeypatch.setattr(building_pool._Worker, "start", lambda self, method: start(self, "fork"))
 
 
 @pytest.fixture
@@ -120,95 +104,111 @@ def pool():
 
 
 def test_results_come_in_the_order_of_the_jobs_from_other_processes(pool):
-    sizes = [LARGE * (k % 5 + 1) for k in range(40)]
-    found = pool.map(process_of, list(range(40)), sizes, lost)
+    found = shared(pool, process_of, list(range(40)), [LARGE * (k % 5 + 1) for k in range(40)])
     assert [job for job, _ in found] == list(range(40))
     assert os.getpid() not in {process for _, process in found}
 
 
 def test_a_handful_of_small_buildings_stays_here(pool):
-    assert pool.map(process_of, [1, 2], [10, 10], lost) == [(1, os.getpid()), (2, os.getpid())]
+    assert shared(pool, process_of, [1, 2], [10, 10]) == [(1, os.getpid()), (2, os.getpid())]
 
 
 def test_one_core_has_no_processes():
     with BuildingPool(1) as alone:
-        assert {process for _, process in alone.map(process_of, [1, 2], [LARGE] * 2, lost)} == {os.getpid()}
+        assert {process for _, process in shared(alone, process_of, [1, 2])} == {os.getpid()}
 
 
 def test_a_process_that_ends_loses_nothing(pool, tmp_path):
     jobs = [1, ("end once", tmp_path / "ended"), *range(2, 30)]
-    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == jobs
-    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == jobs
+    assert shared(pool, do, jobs) == jobs
+    assert shared(pool, do, jobs) == jobs
 
 
-def test_a_building_that_ends_every_process_is_given_up_and_the_others_are_done_here(pool):
+def test_a_building_that_ends_two_processes_is_given_up_and_the_others_are_done(pool):
     jobs = [1, ("end",), *range(2, 30)]
-    expected = [1, "lost", *range(2, 30)]
-    assert pool.map(do, jobs, [LARGE] * len(jobs), lost) == expected
-    here = pool.map(process_of, [1, 2], [LARGE] * 2, lost)
-    assert {process for _, process in here} == {os.getpid()}
+    assert shared(pool, do, jobs) == [1, "two processes ended at it", *range(2, 30)]
+    assert os.getpid() not in {process for _, process in shared(pool, process_of, [1, 2])}
 
 
 def test_an_interrupt_ends_no_process(pool):
-    jobs = ["interrupt", 1, 2]
-    assert pool.map(do, jobs, [LARGE] * 3, lost) == jobs
-
-
-def test_an_exception_arrives_with_its_words(pool):
-    with pytest.raises(ValueError, match="a beam broke"):
-        pool.map(do, ["raise", 1], [LARGE] * 2, lost)
+    assert shared(pool, do, ["interrupt", 1, 2]) == ["interrupt", 1, 2]
 
 
 def test_what_a_process_logs_is_logged_here(pool, caplog):
-    pool.map(do, ["log", 1], [LARGE] * 2, lost)
+    shared(pool, do, ["log", 1])
     assert ("beams", logging.WARNING, "beam 3 bends") in caplog.record_tuples
 
 
 def test_a_closed_pool_works_here(pool):
-    pool.map(do, [1, 2], [LARGE] * 2, lost)
+    shared(pool, do, [1, 2])
     pool.close()
-    assert {process for _, process in pool.map(process_of, [1, 2], [LARGE] * 2, lost)} == {os.getpid()}
-
-
-def test_a_tile_alone_shares_its_buildings_with_all_processes(pool):
-    shared, processes, worker = pool.call(tile, 1, shares=True)
-    assert shared == list(range(40))
-    assert worker != os.getpid()
-    assert worker in processes or len(processes) == 1
-    assert os.getpid() not in processes
+    assert {process for _, process in shared(pool, process_of, [1, 2])} == {os.getpid()}
 
 
 def test_tiles_that_share_at_the_same_time_get_their_own_results(pool):
-    answers = [pool.submit(tile, k, shares=True) for k in range(12)]
-    assert all(answer.result()[0] == list(range(40)) for answer in answers)
+    def share(number):
+        answers[number] = shared(pool, process_of, list(range(number, number + 40)))
 
-
-def test_without_processes_a_tile_is_done_here():
-    with BuildingPool(1) as alone:
-        assert alone.call(tile, 1, shares=True) == ([], set(), os.getpid())
+    answers = {}
+    threads = [threading.Thread(target=share, args=(number,)) for number in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for number, found in answers.items():
+        assert [job for job, _ in found] == list(range(number, number + 40))
 
 
 def test_a_tile_whose_process_ends_is_done_by_another_one(pool, tmp_path):
-    assert pool.call(tile, ("end once", tmp_path / "ended"), shares=True)[0] == list(range(40))
+    job = ("end once", tmp_path / "ended")
+    assert pool.call(do, job) == job
 
 
-def test_a_tile_that_ends_two_processes_is_given_up_and_what_waits_is_done_here(pool):
-    answers = [pool.submit(end_elsewhere) for _ in range(4)]
-    given_up = [answer for answer in answers if isinstance(answer.exception(), WorkerLostError)]
-    assert answers[0] in given_up
-    assert {answer.result() for answer in answers if answer not in given_up} == {os.getpid()}
-    assert pool.call(tile, 1, shares=True)[2] == os.getpid()
+def test_a_tile_that_ends_two_processes_is_given_up_and_the_rest_is_done(pool):
+    answers = [pool.submit(do, job) for job in (("end",), 1, 2, 3)]
+    with pytest.raises(WorkerLostError, match="two processes ended at it"):
+        answers[0].result()
+    assert [answer.result() for answer in answers[1:]] == [1, 2, 3]
 
 
-def test_what_goes_wrong_in_a_tile_arrives_with_its_words_and_its_place(pool):
-    with pytest.raises(ValueError, match="a beam broke") as told:
-        pool.call(tile, "raise", shares=True)
-    assert "in do" in str(told.value.__cause__)
+def test_a_process_that_was_killed_is_replaced_though_there_are_threads(monkeypatch):
+    monkeypatch.undo()
+    with BuildingPool(2) as pool:
+        process = pool.call(os.getpid)
+        os.kill(process, signal.SIGKILL)
+        others = {pool.call(os.getpid) for _ in range(4)}
+        assert process not in others
+        assert os.getpid() not in others
 
 
-def test_of_what_goes_wrong_and_cannot_be_sent_the_words_arrive(pool):
-    with pytest.raises(RuntimeError, match="a lock of it"):
-        pool.call(break_with_lock)
+def test_no_shared_memory_is_left_by_a_process_that_ends(pool):
+    before = {*Path("/dev/shm").glob("*")} if Path("/dev/shm").is_dir() else set()
+    with pytest.raises(WorkerLostError):
+        pool.call(end_with, np.ones(LARGE * 10))
+    assert not before or {*Path("/dev/shm").glob("psm_*")} <= before
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    told = tmp_path / "processes"
+    ended = multiprocessing.get_context("fork").Process(target=open_and_end, args=(told,))
+    ended.start()
+    ended.join()
+    processes = [int(one) for one in told.read_text().split()]
+    assert len(set(processes)) == 2
+    while any(is_alive(process) for process in processes):
+        time.sleep(0.01)
+
+
+def open_and_end(told):
+    """Be killed with a pool open."""
+    pool = BuildingPool(2)
+    pids = {pool.call(os.getpid) for _ in range(50)} | {one._pid.result() for one in pool._workers}
+    told.write_text(" ".join(map(str, pids)))
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def end_with(array):
+    os._exit(9)
 
 
 def test_models_and_planes_are_the_same_with_and_without_processes(pool):
@@ -236,51 +236,22 @@ def test_models_and_planes_are_the_same_with_and_without_processes(pool):
             assert solid.faces == other.model.solids[lod].faces
 
 
-def test_the_first_process_prepares_for_all(tmp_path):
-    made = tmp_path / "made"
-
-    def prepare():
-        with made.open("a") as file:
-            file.write(f"{os.getpid()} ")
-
-    with BuildingPool(3, prepare) as opened:
-        found = opened.map(process_of, list(range(30)), [LARGE] * 30, lost)
-    assert len(made.read_text().split()) == 1
-    assert [job for job, _ in found] == list(range(30))
-
-
-def test_what_goes_wrong_in_the_preparation_is_no_obstacle():
-    def prepare():
-        raise RuntimeError("no compiler")
-
-    with BuildingPool(2, prepare) as opened:
-        assert opened.map(do, list(range(10)), [LARGE] * 10, lost) == list(range(10))
-
-
 def test_closing_ends_all_processes_though_they_are_at_work():
     with BuildingPool(3) as opened:
-        at_work = {process for _, process in opened.map(process_of, list(range(30)), [LARGE] * 30, lost)}
-        caller = threading.Thread(target=opened.map, args=(wait, [0, 1, 2], [LARGE] * 3, lost))
-        caller.start()
-    caller.join()
+        at_work = {process for _, process in shared(opened, process_of, list(range(30)))}
+        answers = [opened.submit(wait, job) for job in range(5)]
+    assert all(answer.done() for answer in answers)
     while any(is_alive(process) for process in at_work):
         time.sleep(0.01)
-
-
-def place_of(number, pool=None):
-    return number, os.getpid(), pool is not None
 
 
 def refuse(number):
     raise ValueError(f"number = {number}: must be larger")
 
 
-def test_a_call_is_done_in_another_process_which_may_share_it():
+def test_a_call_is_done_in_another_process_and_arrays_arrive_as_they_were():
     with BuildingPool(2) as pool:
-        number, process, has_pool = pool.call(place_of, 5)
-        assert (number, has_pool) == (5, False)
-        assert process != os.getpid()
-        assert pool.call(place_of, 6, shares=True)[::2] == (6, True)
+        assert pool.call(process_of, 5)[1] != os.getpid()
         large = np.arange(60_000.0).reshape(20_000, 3)
         for sent in (large, large.T, large[::2], large[:0], large.astype(np.float32), large[:5]):
             come = pool.call(np.negative, sent)
@@ -288,18 +259,24 @@ def test_a_call_is_done_in_another_process_which_may_share_it():
             come += 1  # not read-only
         with pytest.raises(ValueError, match="number = 7: must be larger"):
             pool.call(refuse, 7)
-    assert pool.call(place_of, 8) == (8, os.getpid(), False)
+        assert list(pool.map(do, [1, 2, 3])) == [1, 2, 3]
+    assert pool.call(process_of, 8) == (8, os.getpid())
+
+
+def test_where_shared_memory_is_small_arrays_go_without(pool, monkeypatch):
+    monkeypatch.setattr(building_pool, "_has_room", lambda size: False)
+    np.testing.assert_array_equal(pool.call(np.negative, np.arange(100_000)), -np.arange(100_000))
 
 
 @pytest.mark.parametrize("n_processes", [0, 2])
 def test_a_call_says_when_it_is_done(n_processes):
     with BuildingPool(n_processes) as pool:
-        good, bad = pool.submit(place_of, 5, shares=n_processes > 0), pool.submit(refuse, 7)
+        good, bad = pool.submit(do, 5), pool.submit(refuse, 7)
         for call in (good, bad):
             is_done = threading.Event()
             call.add_done_callback(lambda _, is_done=is_done: is_done.set())
-            assert is_done.wait(20.0)
-        assert good.result()[::2] == (5, n_processes > 0)
+            assert is_done.wait(60.0)
+        assert good.result() == 5
         with pytest.raises(ValueError, match="number = 7: must be larger"):
             bad.result()
 
@@ -319,5 +296,5 @@ def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):
     alone.mkdir()
     crowd.mkdir()
     with BuildingPool(n) as pool:
-        assert list(pool.call_each(threads_used, [(crowd, n)] * n)) == [False] * n
+        assert list(pool.map(threads_used, [(crowd, n)] * n)) == [False] * n
         assert pool.call(threads_used, (alone, 1))

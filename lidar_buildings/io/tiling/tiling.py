@@ -117,6 +117,11 @@ class TileSource:
                 return len(self._tiles)
             return len(self._tiles) + len(self._expected)
 
+    def is_last(self, tile: SpooledTile) -> bool:
+        """Whether no other tile follows, as far as is known."""
+        with self._lock:
+            return not self._unread and not self._waiting and self._tiles[-1].stamp == tile.stamp
+
     @property
     def known(self) -> KnownSurvey:
         """What has been learnt of the survey."""

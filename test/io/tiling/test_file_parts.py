@@ -12,7 +12,7 @@ from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
-from lidar_buildings.pipeline.agenda import WorkerLostError
+from lidar_buildings.pipeline.building_pool import WorkerLostError
 
 CONFIG = TilingConfig(tile_size=40.0, buffer=20.0, max_buffer=120.0)
 
