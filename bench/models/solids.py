@@ -22,8 +22,8 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
-from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
+from lidar_buildings.core.solids.plan_graph import RoofPiece, with_minimum_height
+from lidar_buildings.core.solids.raising import roof_solid
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 

@@ -9,10 +9,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from bench.pages.drawing import plt, save
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.output_grid import gridded_outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
-from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
+from lidar_buildings.core.solids.triangulation import face_pieces
+from lidar_buildings.core.stages.building_model.cells import cut_into_cells
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes

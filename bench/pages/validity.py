@@ -8,11 +8,11 @@ from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from bench.pages.drawing import plt, save
-from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
+from lidar_buildings.core.solids.plan_graph import RoofPiece
+from lidar_buildings.core.solids.raising import roof_solid
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.triangulation import face_arrays, fitted_planes, triangulate
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.solids.validity.face_arrays import face_arrays, fitted_planes
-from lidar_buildings.core.solids.validity.triangulation import triangulate
 
 COLOURS = {ROOF_SURFACE: "#c8472f", WALL_SURFACE: "#d9dde3", GROUND_SURFACE: "#7f6a4f"}
 #: Light from the south-west, from above.

@@ -11,7 +11,7 @@ from bench.common.tables import percent, table
 from bench.papers.presets import config_of
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
+from lidar_buildings.core.stages.plane_fitting.search import PROBABILITY, samples_needed
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Table II: unknowns → combinations for the shares of gross errors.

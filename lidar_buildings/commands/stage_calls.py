@@ -24,7 +24,7 @@ from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.brightness import brightness_raster
-from lidar_buildings.core.surfaces.roof_planes.adjustment import common_point
+from lidar_buildings.core.surfaces.plane_adjustment import common_point
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines

@@ -21,9 +21,9 @@ from lidar_buildings.core.model.classes import PointClass, is_of_groups
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.solids.face_triangles import face_pieces, triangles_of
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.triangulation import face_pieces, triangles_of
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.point_columns import xyz_of

@@ -9,7 +9,8 @@ import numpy as np
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.solids.raising import RoofPiece, extrude, roof_solid
+from lidar_buildings.core.solids.plan_graph import RoofPiece
+from lidar_buildings.core.solids.raising import extrude, roof_solid
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings

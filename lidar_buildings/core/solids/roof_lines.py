@@ -96,7 +96,7 @@ def _edges(solid: Solid) -> _Edges:
     order = np.argsort(way, kind="stable")
     place = np.searchsorted(way[order], back, side="right") - 1
     other = np.where(way[order[place]] == back, face[order[place]], -1)
-    # Newell's method (face_shape.area_vector) for all faces at once
+    # Newell's method (shell.area_vector) for all faces at once
     corners = solid.vertices - solid.vertices[0]
     areas = np.zeros((len(solid.faces), 3))
     np.add.at(areas, face, cross(corners[start], corners[end]))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.face_triangles import triangles_of
+from lidar_buildings.core.solids.triangulation import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.survey_building import (
     MATERIALS,

@@ -13,10 +13,16 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.face_shape import face_plane, face_shape
-from lidar_buildings.core.solids.face_triangles import face_pieces
 from lidar_buildings.core.solids.roof_lines import RoofLine, roof_lines
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.shell import (
+    GROUND_SURFACE,
+    ROOF_SURFACE,
+    WALL_SURFACE,
+    Solid,
+    face_plane,
+    face_shape,
+)
+from lidar_buildings.core.solids.triangulation import face_pieces
 
 if TYPE_CHECKING:
     from lidar_buildings.io.models.tiles3d import EarthFrame

@@ -23,7 +23,7 @@ from pyproj.exceptions import CRSError, ProjError
 from lidar_buildings import __version__
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.face_triangles import triangles_of
+from lidar_buildings.core.solids.triangulation import triangles_of
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, compact_json
 from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up, horizontal_part
 from lidar_buildings.io.models.glb import CORNER, corners_of, glb, linear_colour

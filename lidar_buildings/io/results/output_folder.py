@@ -223,7 +223,7 @@ class OutputFolder:
         self, fragments: list[Path], pieces: set[int], crs: str
     ) -> tuple[list[str], dict[str, int], list[str]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
-        from lidar_buildings.core.stages.building_model.levels import LOD22
+        from lidar_buildings.core.stages.building_model.model import LOD22
         from lidar_buildings.io.results.building_blocks import write_in_blocks
         from lidar_buildings.io.results.building_files import model_heading, write_buildings
         from lidar_buildings.io.results.terrain_files import terrain_meshes

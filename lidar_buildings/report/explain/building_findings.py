@@ -14,9 +14,8 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.solids.face_shape import face_plane
-from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
-from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
+from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, face_plane
+from lidar_buildings.core.stages.building_model.quality import distance_to_surface
 from lidar_buildings.core.surfaces.roof_planes import fitted_planes
 from lidar_buildings.io.results.building_layers import READABLE_ID
 from lidar_buildings.io.results.run_summary import counted

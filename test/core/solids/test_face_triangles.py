@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support import model_survey
 
-from lidar_buildings.core.solids.face_shape import area_vector, face_shape
-from lidar_buildings.core.solids.face_triangles import face_pieces, triangles_of
+from lidar_buildings.core.solids.shell import area_vector, face_shape
+from lidar_buildings.core.solids.triangulation import face_pieces, triangles_of
 
 PLAN = np.array([(0, 0), (4, 0), (8, 0), (8, 4), (8, 8), (0, 8), (2, 2), (6, 2), (6, 6), (2, 6)], dtype=float)
 PLAN = np.column_stack([PLAN, np.zeros(len(PLAN))])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support import model_survey
 
-from lidar_buildings.core.solids.raising import RoofPiece, roof_solid
+from lidar_buildings.core.solids.plan_graph import RoofPiece
+from lidar_buildings.core.solids.raising import roof_solid
 from lidar_buildings.core.solids.roof_lines import roof_lines
 
 

@@ -6,12 +6,16 @@ import shapely
 
 from bench.scenes.models import SHAPES, solid_of
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.raising import RoofPiece, checked_roof_solid, extrude, roof_solid
-from lidar_buildings.core.solids.raising.assembly import assemble
-from lidar_buildings.core.solids.raising.grid_rings import piece_rings
-from lidar_buildings.core.solids.raising.half_edges import HalfEdges
-from lidar_buildings.core.solids.raising.plan_graph import labelled_graph
-from lidar_buildings.core.solids.raising.roof_solid import raised_codes, triangulate_non_planar
+from lidar_buildings.core.solids.assembly import assemble
+from lidar_buildings.core.solids.half_edges import HalfEdges
+from lidar_buildings.core.solids.plan_graph import RoofPiece, labelled_graph, piece_rings
+from lidar_buildings.core.solids.raising import (
+    checked_roof_solid,
+    extrude,
+    raised_codes,
+    roof_solid,
+    triangulate_non_planar,
+)
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
 

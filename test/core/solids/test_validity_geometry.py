@@ -9,11 +9,10 @@ import pytest
 import shapely
 
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.intersections import triangles_meet
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.solids.validity.face_arrays import face_arrays, fitted_planes
-from lidar_buildings.core.solids.validity.intersections import triangles_meet
-from lidar_buildings.core.solids.validity.triangulation import triangulate
-from lidar_buildings.core.solids.validity.welding import weld
+from lidar_buildings.core.solids.triangulation import face_arrays, fitted_planes, triangulate
+from lidar_buildings.core.solids.validity import weld
 
 
 def triangulated(*rings, tilt=(0.0, 0.0)):

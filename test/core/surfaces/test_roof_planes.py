@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from bench.scenes.models import model_scene
-from lidar_buildings.core.surfaces.roof_planes import CommonVertex, adjust, common_point
-from lidar_buildings.core.surfaces.roof_planes.moments import plane_moments
-from lidar_buildings.core.surfaces.roof_planes.normal_equations import multipliers
+from lidar_buildings.core.surfaces.plane_adjustment import CommonVertex, adjust, common_point, multipliers
+from lidar_buildings.core.surfaces.roof_planes import plane_moments
 
 
 def adjusted(points, plane_id):

@@ -8,8 +8,8 @@ import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.building_model.arrangement import Cells
-from lidar_buildings.core.stages.building_model.line_tiles import in_tiles, tile_of
+from lidar_buildings.core.stages.building_model.cells import Cells
+from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of
 
 #: A point counts as so far off its plane at most [m].
 MAX_MISFIT = 1.0

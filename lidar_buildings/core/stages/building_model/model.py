@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,32 +16,142 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
-from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline
-from lidar_buildings.core.solids.raising.minimum_height import MIN_HEIGHT
+from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline, repaired_outlines
+from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece
+from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.attributes import (
-    elevation_at,
-    known_attributes,
-    roof_attributes,
-    solid_attributes,
-)
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.stages.building_model.level_tops import with_level_tops
-from lidar_buildings.core.stages.building_model.levels import (
-    LOD12,
-    LOD13,
-    LOD22,
-    Level,
-    level_12,
-    level_13,
-    level_22,
-    part_elevations,
-)
-from lidar_buildings.core.stages.building_model.partition import partition_outline
-from lidar_buildings.core.stages.building_model.quality import measure_model
-from lidar_buildings.core.stages.building_model.result import BuildingModel, RoofFacePatch
+from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_tops
+from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
+from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
+from lidar_buildings.core.surfaces.percentiles import percentile_of
+
+
+def known_attributes(
+    points: FloatArray, outline: Outline, plane_id: NDArray[np.uint16] | None, spacing: float
+) -> dict[str, Any]:
+    """Return all attributes, those that need a solid still unknown."""
+    z = np.sort(points[:, 2])
+    elevations = {
+        f"roof_elevation_{name}": elevation_at(z, share) if len(z) else None
+        for name, share in ELEVATIONS.items()
+    }
+    return {
+        **dict.fromkeys(ATTRIBUTES),
+        **elevations,
+        "area": _rounded(outline.area),
+        "n_points": len(points),
+        "point_spacing": _rounded(spacing) if len(points) > 1 else None,
+        "n_planes": None if plane_id is None else int(np.count_nonzero(np.bincount(plane_id)[1:])),
+        "roof_type": "unknown",
+        "lod": "",
+        "validity": "",
+    }
+
+
+def elevation_at(z: FloatArray, share: float) -> float:
+    """Return a percentile of rising elevations on the output grid [m]."""
+    return elevation_on_grid(percentile_of(z, share / 100.0))
+
+
+def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:
+    """Return what the finest solid, a valid one, tells by itself."""
+    return {"volume": _rounded(solid.volume), "lod": lod, "validity": "[]"}
+
+
+def roof_attributes(topology: RoofTopology, quality: ModelQuality) -> dict[str, Any]:
+    """Return what the roof's planes and the agreement with the points tell."""
+    return {
+        "roof_type": topology.roof_type,
+        "rmse": None if quality.rmse is None else _rounded(quality.rmse),
+        "coverage": _rounded(quality.coverage),
+        "no_data_share": _rounded(quality.no_data_share),
+        "plane_sigma": _plane_sigma(topology),
+    }
+
+
+def _plane_sigma(topology: RoofTopology) -> float | None:
+    """Return the root mean square distance of all planes' points to their planes [m]."""
+    n = sum(plane.n_points for plane in topology.planes)
+    if not n:
+        return None
+    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
+
+
+def _rounded(value: float) -> float:
+    """Round to a tenth of a millimetre: sums may differ in their last digits with the order."""
+    return round(float(value), 4)
+
+
+#: Levels of detail (Biljecki et al. 2016), the finest last.
+LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level of detail: a solid that passes all checks, or why there is none."""
+
+    solid: Solid | None
+    codes: tuple[int, ...] = ()  #: what is wrong with the first attempt, empty if there is a solid
+    remark: str = ""  #: repair that it took; empty if none
+
+
+def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:
+    """
+    Raise an outline to one elevation, repairing it where its rings touch or cross; return it as it was used.
+    """
+    codes = extrusion_codes(outline, first := extrude(outline, ground, roof), roof - ground)
+    if not codes:
+        return Level(first), outline
+    for repaired, what in repaired_outlines(outline):
+        solid = extrude(repaired, ground, roof)
+        if not extrusion_codes(repaired, solid, roof - ground):
+            return Level(solid, (), what), repaired
+    return Level(None, codes), outline
+
+
+def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float) -> Level:
+    """Raise every face to the elevation of its part, equal for the faces of one part [m]."""
+    order = np.argsort(elevations, kind="stable")
+    pieces = [RoofPiece(faces[k].rings, (0.0, 0.0, float(elevations[k]))) for k in order]
+    return _level(*checked_roof_solid(pieces, ground, join_equal=True))
+
+
+def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
+    """Raise every face to its plane."""
+    pieces = [
+        RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
+        for face in faces
+    ]
+    return _level(*checked_roof_solid(pieces, ground))
+
+
+def part_elevations(
+    faces: list[RoofFacePatch], points: FloatArray, elevation_of: Callable[[FloatArray], float]
+) -> FloatArray:
+    """
+    Return the elevation of each face's part for LoD1.3 [m], on the output grid, as `elevation_of` has it.
+    """
+    members: dict[int, list[RoofFacePatch]] = {}
+    for face in faces:
+        members.setdefault(face.part, []).append(face)
+    of_part = {}
+    for part, own in members.items():
+        rows = np.concatenate([face.rows for face in own])
+        if len(rows):
+            z = elevation_of(points[rows, 2])
+        else:
+            corners = [(face.plane, ring) for face in own for ring in face.rings]
+            z = float(np.mean([np.mean(ring @ plane[:2] + plane[2]) for plane, ring in corners]))
+        of_part[part] = elevation_on_grid(z)
+    return np.array([of_part[face.part] for face in faces])
+
+
+def _level(solid: Solid, codes: tuple[int, ...]) -> Level:
+    return Level(None, codes) if codes else Level(solid)
+
 
 _log = logging.getLogger(__name__)
 

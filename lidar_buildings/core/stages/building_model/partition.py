@@ -2,20 +2,153 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
-from lidar_buildings.core.neighbours.few_rows import rows_by_group
-from lidar_buildings.core.stages.building_model.arrangement import Cells, cut_into_cells
-from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, plane_costs, point_weights
+from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
+from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
+from lidar_buildings.core.solids.plan_graph import cut_at
+from lidar_buildings.core.stages.building_model.cell_costs import (
+    ABOVE,
+    cells_of_points,
+    plane_costs,
+    point_weights,
+)
+from lidar_buildings.core.stages.building_model.cells import Cells, cut_into_cells
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.faces import face_rings, join_equal_cells, parts_of_one_height
 from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
+
+#: A vertex nearer to the line through its neighbours than this is no corner [m].
+_STRAIGHT = 0.004
+
+
+def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
+    """Number the connected groups of cells of one plane, from 0 in the order of their first cells."""
+    left, right = cells.sides[(cells.sides[:, 0] >= 0) & (cells.sides[:, 1] >= 0)].T
+    same = labels[left] == labels[right]
+    return numbered(sets_of_pairs(len(labels), left[same], right[same]))
+
+
+def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_step: float) -> IntArray:
+    """
+    Number the parts of a roof, from 0: faces that meet, or are parted by a low step only, belong together.
+
+    Two parts are parted by a mean step of `min_step` [m] along their common border.
+    """
+    return numbered(_parts(cells.vertices, cells.borders, cells.sides, face, planes, min_step))
+
+
+@kernel
+def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no-untyped-def]
+    n, m = len(planes), 0
+    keys, rows = np.empty(len(borders), np.int64), np.empty(len(borders), np.int64)
+    for e in range(len(borders)):
+        left = face[sides[e, 0]] if sides[e, 0] >= 0 else -1
+        right = face[sides[e, 1]] if sides[e, 1] >= 0 else -1
+        if left >= 0 and right >= 0 and left != right:
+            keys[m], rows[m] = min(left, right) * n + max(left, right), e
+            m += 1
+    sort_rows(keys, rows, m)
+    parent = np.arange(n)
+    step, length = 0.0, 0.0
+    for k in range(m):
+        low, high = keys[k] // n, keys[k] % n
+        a, b, c = planes[low] - planes[high]
+        ax, ay = vertices[borders[rows[k], 0]]
+        bx, by = vertices[borders[rows[k], 1]]
+        first, last = a * ax + b * ay + c, a * bx + b * by + c
+        mean = 0.5 * abs(first + last)
+        if first * last < 0.0:
+            # Where the planes cross on the way, the mean of two triangles.
+            mean = 0.5 * (first**2 + last**2) / max(abs(first - last), 1e-12)
+        step += math.hypot(bx - ax, by - ay) * mean
+        length += math.hypot(bx - ax, by - ay)
+        if k + 1 == m or keys[k + 1] != keys[k]:
+            if step < min_step * length:
+                link(parent, low, high)
+            step, length = 0.0, 0.0
+    flatten(parent)
+    return parent
+
+
+def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
+    """
+    Return the rings of faces, without vertices in the middle of straight edges.
+
+    The outline keeps its own vertices, whatever lies around them. A face has its outer ring
+    counter-clockwise, then its holes clockwise, open; none if it has no corners: the solid closes such gaps.
+    """
+    sides = np.append(face, -1)[cells.sides]
+    borders = cells.borders[sides[:, 0] != sides[:, 1]]
+    kept = np.ones(len(cells.vertices), dtype=np.bool_)
+    fixed = np.zeros(len(cells.vertices), dtype=np.bool_)
+    fixed[cells.corners] = True
+    _drop_straight(cells.vertices, borders, fixed, kept)
+    return cells.rings_of(face, kept)
+
+
+@kernel
+def _drop_straight(vertices, borders, fixed, kept):  # type: ignore[no-untyped-def]
+    """Clear `kept` of the vertices to leave out, one after the other by rising x, then y."""
+    ends = borders.reshape(-1)
+    rows, first = rows_by_group(ends, len(vertices))
+    near = ends[rows ^ 1]
+    for here in range(len(vertices)):
+        at = first[here]
+        if first[here + 1] - at != 2 or fixed[here]:
+            continue
+        one, other = near[at], near[at + 1]
+        meet = False
+        for k in range(first[one], first[one + 1]):
+            meet |= near[k] == other
+        if meet:
+            continue
+        dx, dy = vertices[other, 0] - vertices[one, 0], vertices[other, 1] - vertices[one, 1]
+        off = dx * (vertices[here, 1] - vertices[one, 1]) - dy * (vertices[here, 0] - vertices[one, 0])
+        if abs(off) <= _STRAIGHT * np.hypot(dx, dy):
+            kept[here] = False
+            for v, beyond in ((one, other), (other, one)):
+                for k in range(first[v], first[v + 1]):
+                    if near[k] == here:
+                        near[k] = beyond
+
+
+def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
+    """
+    Cut off what rises above all points, as where a whole slope of a roof has none.
+
+    A plane is good where its points are, and for a spacing beyond. There the roof is level, at the height of
+    the highest return.
+    """
+    planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
+    sizes = np.array([len(ring) for ring in exteriors])
+    xy, own = np.concatenate(exteriors), np.repeat(planes, sizes, axis=0)
+    highest = np.maximum.reduceat(np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2], np.cumsum(sizes) - sizes)
+    tops = points[:, 2].max() + ABOVE + spacing * np.hypot(planes[:, 0], planes[:, 1])
+    return [
+        piece
+        for face, high, top in zip(faces, highest.tolist(), tops.tolist(), strict=True)
+        for piece in ([face] if high <= top else _cut_off(face, top))
+    ]
+
+
+def _cut_off(face: RoofFacePatch, top: float) -> list[RoofFacePatch]:
+    """Return the pieces of a face below an elevation, the first with its points, and level ones."""
+    above, below = cut_at(face.rings, face.plane, top)
+    level, none = np.array([0.0, 0.0, top]), face.rows[:0]
+    return [
+        *(replace(face, rings=rings, rows=none if k else face.rows) for k, rings in enumerate(below)),
+        *(replace(face, rings=rings, plane=level, rows=none) for rings in above),
+    ]
+
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
 #: Cost of a metre of border between two roof faces, as a misfit over an area [spacings].

@@ -1,20 +1,231 @@
-"""Fewer corners: cells and faces take a neighbour's plane where what they explain is worth no corners."""
+"""Fewer corners: cells and faces take a neighbour's plane where the description of the roof gets shorter."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.building_model.arrangement import Cells
-from lidar_buildings.core.stages.building_model.description import (
-    grouped,
-    length_of,
-    plane_beside,
-    sort_round,
-    whole_length,
-)
-from lidar_buildings.core.stages.building_model.plane_spreading import EPSILON, note, spread
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
+from lidar_buildings.core.stages.building_model.cells import Cells
+
+#: Edges that turn by less run straight on: sine of the angle.
+_STRAIGHT = 0.02
+#: Corners of faces at one place are one corner if their elevations differ by less [m].
+_ONE_CORNER = 0.02
+
+
+@kernel
+def grouped(owners, n):  # type: ignore[no-untyped-def]
+    """Return where each owner's places begin, and the rows of `owners` by owner; -1 owns none."""
+    group = np.empty(2 * len(owners), dtype=owners.dtype)
+    for row in range(len(owners)):
+        for side in range(2):
+            owner = owners[row, side]
+            group[2 * row + side] = owner if owner >= 0 else n
+    places, first = rows_by_group(group, n + 1)
+    for k in range(len(places)):
+        places[k] >>= 1
+    return first, places
+
+
+@kernel
+def _turn(e, v, borders, turns):  # type: ignore[no-untyped-def]
+    """Direction in which an edge leaves a vertex [rad]."""
+    return turns[e] if borders[e, 0] == v else turns[e] - math.copysign(math.pi, turns[e])
+
+
+@kernel
+def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
+    """Put the edges round each vertex in place by rising direction."""
+    for v in range(len(first) - 1):
+        for k in range(first[v] + 1, first[v + 1]):
+            e, at = rows[k], k
+            while at > first[v] and _turn(rows[at - 1], v, borders, turns) > _turn(e, v, borders, turns):
+                rows[at] = rows[at - 1]
+                at -= 1
+            rows[at] = e
+
+
+@kernel
+def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return what some cells, their edges and their vertices cost [m³], or a part that is `most` already."""
+    first, rows, begin, around, _, sides, _, prices, _, _, _ = graph
+    total = 0.0
+    for c in members:
+        total += costs[c, labels[c]]
+        for k in range(begin[c], begin[c + 1]):
+            one, other = sides[around[k], 0], sides[around[k], 1]
+            if one >= 0 and other >= 0 and labels[one] != labels[other]:
+                total += prices[around[k]]
+        if total >= most:
+            return total
+    for v in vertices:
+        start, before, n = -1, -1, 0
+        for k in range(first[v], first[v + 1]):
+            e = rows[k]
+            if plane_beside(e, 0, sides, labels) == plane_beside(e, 1, sides, labels):
+                continue
+            if start < 0:
+                start = e
+            else:
+                n = _corners(v, before, e, n, labels, graph)
+            before = e
+        if before != start:
+            n = _corners(v, before, start, n, labels, graph)
+        total += corner_cost * n
+    return total
+
+
+@kernel
+def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return what all cells, edges and vertices cost [m³]."""
+    first, _, _, _, _, sides, _, prices, _, _, _ = graph
+    vertices = np.arange(len(first) - 1)
+    total = length_of(vertices[:0], vertices, np.inf, labels, costs, corner_cost, graph)
+    for c in range(len(labels)):
+        total += costs[c, labels[c]]
+    for e in range(len(sides)):
+        one, other = sides[e, 0], sides[e, 1]
+        if one >= 0 and other >= 0 and labels[one] != labels[other]:
+            total += prices[e]
+    return total
+
+
+@kernel
+def plane_beside(e, side, sides, labels):  # type: ignore[no-untyped-def]
+    """Plane on one side of an edge, -1 beside the outline."""
+    return labels[sides[e, side]] if sides[e, side] >= 0 else -1
+
+
+@kernel
+def _corners(v, one, other, n, labels, graph):  # type: ignore[no-untyped-def]
+    """Return the number of corners at a vertex, with that of the face between two edges if it turns there."""
+    _, _, _, _, borders, sides, courses, _, spots, planes, heights = graph
+    # To the left of an edge that leaves the vertex lies what follows by rising direction.
+    inside = sides[one, 0] if borders[one, 0] == v else sides[one, 1]
+    is_straight = abs(courses[one, 0] * courses[other, 1] - courses[one, 1] * courses[other, 0]) < _STRAIGHT
+    if inside < 0 or is_straight:
+        return n
+    p = labels[inside]
+    heights[n] = planes[p, 0] * spots[v, 0] + planes[p, 1] * spots[v, 1] + planes[p, 2]
+    for k in range(n):
+        if abs(heights[k] - heights[n]) < _ONE_CORNER:
+            return n
+    return n + 1
+
+
+#: What the description may get longer by meanwhile [corners].
+_MOST_LONGER = 8.0
+#: A gain smaller than this is none [m³].
+EPSILON = 1e-9
+
+
+@kernel
+def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
+    _, _, begin, around, _, sides, _, _, _, _, _ = graph
+    fringe, vertices, vertex_mark, seen, stale, taken, member, tried = work
+    own, bound = labels[start], _MOST_LONGER * corner_cost if most > 1 else 0.0
+    visit = mark[0]
+    tried[own] = visit
+    for at in range(begin[start], begin[start + 1]):
+        label = plane_beside(around[at], 0 if sides[around[at], 0] != start else 1, sides, labels)
+        if label < 0 or tried[label] == visit:
+            continue
+        tried[label] = visit
+        mark[0] += 1
+        begun, n, m, total = mark[0], 0, 1, 0.0
+        fringe[0], seen[start], stale[start] = start, begun, begun
+        while m > 0 and n < most:
+            best = 0
+            for i in range(m):
+                c = fringe[i]
+                if stale[c] >= 0:
+                    mark[0] += 1
+                    member[0] = c
+                    longer[c] = _longer(
+                        member,
+                        label,
+                        bound,
+                        mark[0],
+                        vertices,
+                        vertex_mark,
+                        labels,
+                        costs,
+                        corner_cost,
+                        graph,
+                    )
+                    stale[c] = -1
+                if longer[c] < longer[fringe[best]]:
+                    best = i
+            c = fringe[best]
+            total += longer[c]
+            if total >= bound and total > -EPSILON:
+                break
+            m -= 1
+            fringe[best], taken[n], labels[c] = fringe[m], c, label
+            n += 1
+            if total < -EPSILON:
+                for i in range(n):
+                    for k in range(begin[taken[i]], begin[taken[i] + 1]):
+                        for end in range(2):
+                            note(graph[4][around[k], end], mark[0], changed, graph)
+                return True
+            m = _widen(c, begun, m, fringe, seen, stale, own, labels, graph)
+        for i in range(n):
+            labels[taken[i]] = own
+    return False
+
+
+@kernel
+def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignore[no-untyped-def]
+    """Add a cell's neighbours of a plane to the fringe; what lies round its vertices is to be looked at."""
+    first, rows, begin, around, borders, sides, _, _, _, _, _ = graph
+    for k in range(begin[c], begin[c + 1]):
+        for side in range(2):
+            other = sides[around[k], side]
+            if other >= 0 and labels[other] == own and seen[other] != begun:
+                fringe[m], seen[other] = other, begun
+                m += 1
+            v = borders[around[k], side]
+            for e in rows[first[v] : first[v + 1]]:
+                for s in range(2):
+                    if sides[e, s] >= 0:
+                        stale[sides[e, s]] = begun
+    return m
+
+
+@kernel
+def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return by how much a cell with another plane makes the description longer, or `most` and more [m³]."""
+    _, _, begin, around, borders, _, _, _, _, _, _ = graph
+    n, c = 0, member[0]
+    own = labels[c]
+    for k in range(begin[c], begin[c + 1]):
+        for end in range(2):
+            v = borders[around[k], end]
+            if vertex_mark[v] != mark:
+                vertex_mark[v], vertices[n] = mark, v
+                n += 1
+    before = length_of(member, vertices[:n], np.inf, labels, costs, corner_cost, graph)
+    labels[c] = label
+    after = length_of(member, vertices[:n], before + most, labels, costs, corner_cost, graph)
+    labels[c] = own
+    return after - before
+
+
+@kernel
+def note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
+    """Note for the cells round a vertex that one of them changed."""
+    first, rows, _, _, _, sides, _, _, _, _, _ = graph
+    for k in range(first[v], first[v + 1]):
+        for side in range(2):
+            if sides[rows[k], side] >= 0:
+                changed[sides[rows[k], side]] = mark
+
 
 #: Rounds over all cells and faces at most.
 _MAX_ROUNDS = 20

@@ -16,8 +16,7 @@ from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.connected import connected_planes
 from lidar_buildings.core.stages.plane_fitting.model_selection import plane_sums
 from lidar_buildings.core.stages.plane_fitting.ransac import ransac_planes
-from lidar_buildings.core.surfaces.roof_planes import RoofPlane, fitted_planes
-from lidar_buildings.core.surfaces.roof_planes.moments import centroids_and_scatters
+from lidar_buildings.core.surfaces.roof_planes import RoofPlane, centroids_and_scatters, fitted_planes
 
 #: The largest number that `plane_id` can hold.
 MAX_PLANES = 65535

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.core.stages.plane_fitting.consensus import PROBABILITY, samples_needed
+from lidar_buildings.core.stages.plane_fitting.search import PROBABILITY, samples_needed
 from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 

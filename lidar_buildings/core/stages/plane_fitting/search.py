@@ -1,16 +1,182 @@
-"""The search for the next best plane: hypotheses drawn from seeds, compared by their consensus sets."""
+"""RANSAC among near points: hypotheses drawn from seeds, grown, and compared by their consensus sets."""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.stages.plane_fitting.consensus import Limits, Scratch, grow, propose, samples_needed
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
+from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+
+#: Probability that the samples hold one free of gross errors (Mancera-Taboada et al. 2012, section II.D).
+PROBABILITY = 0.95
+
+
+class Limits(NamedTuple):
+    """What a plane has to satisfy, and how sure the search has to be."""
+
+    distance: float
+    #: Cosine of the largest angle between a plane and a point's own normal.
+    normal_cosine: float
+    #: Least vertical component of a plane's normal.
+    min_vertical: float
+    min_points: int
+    probability: float
+
+
+class Scratch(NamedTuple):
+    """Arrays that are used again and again while planes grow."""
+
+    #: Number of the growth that last visited a point.
+    visit: IntArray
+    #: The members of the growing plane.
+    queue: IntArray
+    #: Points that were a seed already: they are not worth a second try.
+    tried: BoolArray
+    #: Points that were drawn as seeds in this round, tried or not.
+    drawn: BoolArray
+    #: Numbers of the current growth, free points, free points drawn in this round, points visited in vain.
+    counter: IntArray
+
+
+@kernel
+def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3) -> int:
+    """
+    Return how many random samples hold one without gross errors with this probability.
+
+    N = ln(1 − P) / ln(1 − (1 − ε)^U), rounded up (Mancera-Taboada et al. 2012, equation 4 and table II).
+    """
+    good = (1.0 - outlier_share) ** n_unknowns
+    if good >= probability:
+        return 1
+    return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
+
+
+@kernel
+def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
+    """Whether a point lies on a plane, and its surroundings along it."""
+    if distance_of(plane, cloud.points, i) > limits.distance:
+        return False
+    n = cloud.normals
+    return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
+
+
+@kernel
+def propose(
+    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, samples: FloatArray, plane: FloatArray
+) -> bool:
+    """
+    Write the best plane around a seed to `plane`; False if there is none through the seed.
+
+    The seed is the first point of every sample, the others are among its free neighbours (a sample of near
+    points is far likelier to lie on one plane). The sample with the best consensus among them wins, and is
+    replaced by the least-squares plane of its inliers.
+    """
+    near = np.empty(cloud.neighbours.shape[1], np.int64)
+    n = 0
+    for j in cloud.neighbours[seed]:
+        if j < 0:
+            break
+        if labels[j] == 0:
+            near[n] = j
+            n += 1
+    best = 0.0
+    trial = np.empty(4)
+    for s in range(len(samples)):
+        q, r = near[int(samples[s, 0] * n)], near[int(samples[s, 1] * n)]
+        if n < 3 or q == r or not plane_through(cloud.points[seed], cloud.points[q], cloud.points[r], trial):
+            continue
+        support = 0.0
+        for k in range(n):
+            off = distance_of(trial, cloud.points, near[k]) / limits.distance
+            support += max(0.0, 1.0 - off * off)
+        if support > best:
+            best = support
+            for k in range(4):
+                plane[k] = trial[k]
+    return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
+
+
+@kernel
+def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> bool:
+    """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin[0], origin[1], origin[2]
+    moments = np.zeros(N_MOMENTS)
+    add_point(moments, 0.0, 0.0, 0.0)
+    for j in near:
+        if distance_of(plane, points, j) <= limits.distance:
+            add_point(moments, points[j, 0] - x, points[j, 1] - y, points[j, 2] - z)
+    return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
+
+
+@kernel
+def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> bool:
+    """Write the plane of sums taken about `origin` to `plane`."""
+    if fitted_plane(moments, plane) < 0.0:
+        return False
+    plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
+    return True
+
+
+@kernel
+def grow(
+    cloud: Cloud,
+    limits: Limits,
+    labels: NDArray[np.int32],
+    seed: int,
+    plane: FloatArray,
+    refine: bool,
+    scratch: Scratch,
+) -> tuple[int, float]:
+    """
+    Collect the free points of a plane that hang together with the seed.
+
+    With `refine`, `plane` is fitted anew each time the number of points has doubled, so that a plane known
+    from a few points finds its way across the roof; at the end it is fitted to all of them.
+
+    Returns
+    -------
+    count : int
+        Points, the first so many of the scratch queue.
+    score : float
+        Σ (1 − (distance / limit)²) over them, with the plane as it was when each was met.
+    """
+    scratch.counter[0] += 1
+    number = scratch.counter[0]
+    visit, queue = scratch.visit, scratch.queue
+    origin, points = cloud.points[seed], cloud.points
+    x, y, z = origin[0], origin[1], origin[2]
+    moments = np.zeros(N_MOMENTS)
+    head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
+    if labels[seed] == 0 and belongs(cloud, limits, plane, seed):
+        queue[0], tail, visit[seed] = seed, 1, number
+    while head < tail:
+        i = queue[head]
+        head += 1
+        add_point(moments, points[i, 0] - x, points[i, 1] - y, points[i, 2] - z)
+        off = distance_of(plane, points, i) / limits.distance
+        score += 1.0 - off * off
+        if refine and head == next_fit:
+            refit(moments, origin, plane)
+            next_fit *= 2
+        for k in range(cloud.neighbours.shape[1]):
+            j = cloud.neighbours[i, k]
+            if j < 0:
+                break
+            if visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
+                queue[tail], visit[j] = j, number
+                tail += 1
+    if refine:
+        refit(moments, origin, plane)
+    return tail, score
+
 
 #: Points, per point of the cloud, that failed hypotheses may visit; from then on their points are seeds no
 #: more. A roof takes a few, a heap of points that are of no plane could take as many as it has points.

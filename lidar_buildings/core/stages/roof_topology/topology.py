@@ -8,17 +8,24 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.stages.roof_topology.borders import find_borders
-from lidar_buildings.core.stages.roof_topology.common_vertices import find_common_vertices, piece_ends
-from lidar_buildings.core.stages.roof_topology.pieces import find_pieces
-from lidar_buildings.core.stages.roof_topology.region_raster import region_raster
+from lidar_buildings.core.stages.roof_topology.intersections import (
+    find_common_vertices,
+    find_pieces,
+    finished,
+    piece_ends,
+)
+from lidar_buildings.core.stages.roof_topology.regions import find_borders, region_raster
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
-from lidar_buildings.core.stages.roof_topology.segments import finished
-from lidar_buildings.core.stages.roof_topology.snapping import extended, snapped
-from lidar_buildings.core.stages.roof_topology.step_lines import step_edges, step_segments
-from lidar_buildings.core.stages.roof_topology.steps import find_step_lines
-from lidar_buildings.core.surfaces.roof_planes import Adjustment, adjust, without_gaps
+from lidar_buildings.core.stages.roof_topology.step_edges import (
+    extended,
+    find_step_lines,
+    snapped,
+    step_edges,
+    step_segments,
+)
+from lidar_buildings.core.surfaces.plane_adjustment import Adjustment, adjust
+from lidar_buildings.core.surfaces.roof_planes import without_gaps
 
 #: What edges of roofs are straighter than, however densely points lie [m].
 _LEAST_DETAIL = 0.3

@@ -7,21 +7,20 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.raising import extrude
-from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
 from lidar_buildings.core.stages.building_model.cell_costs import cells_of_points, point_weights
+from lidar_buildings.core.stages.building_model.cells import cut_into_cells
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.faces import (
+from lidar_buildings.core.stages.building_model.noding import extend_segments
+from lidar_buildings.core.stages.building_model.partition import (
     face_rings,
     join_equal_cells,
+    partition_outline,
     parts_of_one_height,
+    with_level_tops,
 )
-from lidar_buildings.core.stages.building_model.level_tops import with_level_tops
-from lidar_buildings.core.stages.building_model.noding import extend_segments
-from lidar_buildings.core.stages.building_model.partition import partition_outline
-from lidar_buildings.core.stages.building_model.quality import outline_coverage
+from lidar_buildings.core.stages.building_model.quality import distance_to_surface, outline_coverage
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
-from lidar_buildings.core.stages.building_model.surface_distance import distance_to_surface
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 COURT = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.building_model.arrangement import cut_into_cells
 from lidar_buildings.core.stages.building_model.cell_costs import plane_costs
+from lidar_buildings.core.stages.building_model.cells import cut_into_cells
 
 SPACING = 0.5
 LOW, STEEP = [0.0, 0.0, 3.0], [4.0, 0.0, -33.0]  # level at 3 m; 7 m above x = 10

@@ -6,8 +6,7 @@ import pytest
 from bench.scenes.models import BAD_SCENES, model_scene, roof_words
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.validity import check_solid
-from lidar_buildings.core.stages.building_model.levels import Level
-from lidar_buildings.core.stages.building_model.model import build_model
+from lidar_buildings.core.stages.building_model.model import Level, build_model
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.evaluation.scores.wireframe import ridge_errors, roof_wireframe
 

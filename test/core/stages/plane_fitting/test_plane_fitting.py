@@ -7,8 +7,8 @@ import pytest
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
-from lidar_buildings.core.stages.plane_fitting.consensus import samples_needed
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
+from lidar_buildings.core.stages.plane_fitting.search import samples_needed
 from lidar_buildings.core.surfaces.plane_geometry import fitted_plane
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 from lidar_buildings.evaluation.scores.planes import planes_of_colours, score_planes

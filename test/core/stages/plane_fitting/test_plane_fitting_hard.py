@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.stages.plane_fitting.adjacency import bridged_planes, seam_points, touching_planes
 from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.connected import split_planes
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
+from lidar_buildings.core.stages.plane_fitting.model_selection import (
+    bridged_planes,
+    seam_points,
+    touching_planes,
+)
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud, survey_points
 from lidar_buildings.evaluation.scores.planes import score_planes
 from lidar_buildings.simulation import roof_shapes

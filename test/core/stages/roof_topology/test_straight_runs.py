@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.roof_topology.step_chains import step_chains
-from lidar_buildings.core.stages.roof_topology.straight_runs import straight_runs
+from lidar_buildings.core.stages.roof_topology.step_edges import step_chains, straight_runs
 
 
 def staircase(n, rise):

@@ -10,14 +10,23 @@ import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import IntArray
-from lidar_buildings.core.solids.clearance import n_joints
+from lidar_buildings.core.solids.half_edges import (
+    CCW,
+    CW,
+    EDGE,
+    LEFT,
+    LEVEL,
+    START,
+    HalfEdges,
+    X,
+    Y,
+    level_of,
+)
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.edge_columns import CCW, CW, EDGE, LEFT, LEVEL, START, X, Y
-from lidar_buildings.core.solids.raising.half_edges import HalfEdges
-from lidar_buildings.core.solids.raising.plan_graph import OUTSIDE
-from lidar_buildings.core.solids.raising.vertex_fans import level_of
+from lidar_buildings.core.solids.plan_graph import OUTSIDE
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
-from lidar_buildings.core.solids.validity.face_arrays import FaceArrays
+from lidar_buildings.core.solids.triangulation import FaceArrays
+from lidar_buildings.core.solids.validity import n_joints
 
 #: Edges of a plan farther than this from the ends of others, and corners of a wall farther from each other,
 #: are clear of what the checks of solids take for one [steps of the grid].

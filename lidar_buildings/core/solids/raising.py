@@ -1,25 +1,83 @@
-"""The solid of a building whose roof is given in pieces, and whether it is valid."""
+"""Solids raised from outlines or from roofs in pieces, and whether they are valid."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import accumulate, pairwise
 
 import numpy as np
 
 from lidar_buildings.core.model.array_types import BoolArray, IntArray
+from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.solids.assembly import CLEARANCE, RaisedShell, assemble
+from lidar_buildings.core.solids.half_edges import HalfEdges
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.raising.assembly import RaisedShell, assemble
-from lidar_buildings.core.solids.raising.coverage import matched_coverage, noded_coverage
-from lidar_buildings.core.solids.raising.half_edges import HalfEdges
-from lidar_buildings.core.solids.raising.minimum_height import with_minimum_height
-from lidar_buildings.core.solids.raising.plan_graph import PlanGraph
-from lidar_buildings.core.solids.raising.roof_piece import RoofPiece
-from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face, Solid
-from lidar_buildings.core.solids.validity import MAX_PLANE_DISTANCE, check_solid
-from lidar_buildings.core.solids.validity.checking import check_faces, codes_of_upward_faces
-from lidar_buildings.core.solids.validity.face_arrays import FaceArrays, face_arrays, fitted_planes, starts_of
-from lidar_buildings.core.solids.validity.normals import folds
-from lidar_buildings.core.solids.validity.triangulation import triangulate
+from lidar_buildings.core.solids.plan_graph import (
+    PlanGraph,
+    RoofPiece,
+    matched_coverage,
+    noded_coverage,
+    with_minimum_height,
+)
+from lidar_buildings.core.solids.shell import (
+    GROUND_SURFACE,
+    ROOF_SURFACE,
+    WALL_SURFACE,
+    Face,
+    Solid,
+    ring_edges,
+)
+from lidar_buildings.core.solids.triangulation import (
+    FaceArrays,
+    face_arrays,
+    fitted_planes,
+    starts_of,
+    triangulate,
+)
+from lidar_buildings.core.solids.validity import (
+    MAX_PLANE_DISTANCE,
+    check_faces,
+    check_solid,
+    codes_of_upward_faces,
+    folds,
+    n_joints,
+)
+
+#: As `assembly.CLEARANCE` [m].
+_CLEARANCE = CLEARANCE * GRID
+
+
+def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
+    """
+    Raise an outline from one elevation to another: ground, roof, and a wall an edge, whether valid or not.
+    """
+    rings = outline.oriented().rings
+    plan = np.concatenate(rings)
+    n = len(plan)
+    vertices = np.empty((2 * n, 3))
+    vertices[:n, :2] = vertices[n:, :2] = plan
+    vertices[:n, 2], vertices[n:, 2] = z_bottom, z_top
+    bottoms = [tuple(range(a, b)) for a, b in pairwise(accumulate(map(len, rings), initial=0))]
+    ground = tuple(ring[::-1] for ring in bottoms)
+    roof = tuple(tuple(i + n for i in ring) for ring in bottoms)
+    walls = tuple(((i, j, j + n, i + n),) for ring in bottoms for i, j in ring_edges(ring))
+    semantics = (GROUND_SURFACE, ROOF_SURFACE, *(WALL_SURFACE for _ in walls))
+    return Solid(vertices, (ground, roof, *walls), semantics)
+
+
+def extrusion_codes(outline: Outline, solid: Solid, height: float) -> tuple[int, ...]:
+    """
+    Return what `check_solid` does of an outline raised by a height [m].
+
+    If the rings keep clear of each other and holes lie inside, nothing can be wrong above them.
+    """
+    rings = outline.rings
+    if height > _CLEARANCE and min(map(len, rings)) >= 3:
+        edges = ring_walls(rings).reshape(-1, 4)
+        if n_joints(edges, _CLEARANCE) == len(edges) and (len(rings) == 1 or outline.polygon.is_valid):
+            return ()
+    return check_solid(solid)
+
 
 #: Codes of faces that are not flat.
 _NON_PLANAR = {203, 204}

@@ -1,0 +1,463 @@
+"""Ridges, hips and valleys: pieces of the lines in which planes meet, and the vertices where these end."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.stages.roof_topology.regions import Borders, RegionRaster
+from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
+from lidar_buildings.core.surfaces.plane_adjustment import CommonVertex, common_point
+
+#: Places differ by less from where they are in whole numbers [m].
+_ROUNDING = 1e-3
+
+
+@kernel
+def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
+    """Whether a place is surely farther than so much from the line between two others."""
+    return (
+        (ax > x + reach and bx > x + reach)
+        or (ax < x - reach and bx < x - reach)
+        or (ay > y + reach and by > y + reach)
+        or (ay < y - reach and by < y - reach)
+    )
+
+
+@kernel
+def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyped-def]
+    """
+    Return where the line crosses the nearest wall or step edge, NaN if there is none near.
+
+    Stops are taken for longer than they are by `beyond` at either end: a line through a corner has to hit one
+    of its walls. Stop number `but` is left out.
+    """
+    best, place = reach, math.nan
+    x, y, around = fx + t * ux, fy + t * uy, reach + beyond + _ROUNDING
+    for m in range(len(stops)):
+        if is_far(x, y, stops[m, 0, 0], stops[m, 0, 1], stops[m, 1, 0], stops[m, 1, 1], around):
+            continue
+        wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
+        length = math.hypot(wx, wy)
+        across = ux * wy - uy * wx
+        if m == but or length == 0.0 or abs(across) < 0.1 * length:
+            continue
+        dx, dy = stops[m, 0, 0] - fx, stops[m, 0, 1] - fy
+        at = (dx * wy - dy * wx) / across
+        along = (dx * uy - dy * ux) / across * length
+        if -beyond <= along <= length + beyond and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+#: Planes whose slopes differ by less [m/m] have no line of intersection worth the name.
+LEAST_BEND = 0.01
+#: A border lies on the line if it is no farther from it than the gap between the points and so many spacings,
+_TOLERANCE = 0.75
+#: at the ends of a piece no farther than so many spacings more than the gap,
+_END_TOLERANCE = 0.35
+#: or than where the planes are so far apart [m]: points of either plane may be taken for the other's.
+_NOISE = 0.06
+#: Borders so near beside a piece of the line [spacings] are no steps.
+_BESIDE = 2.5
+#: Shortest piece, and longest gap within one, in spacings.
+_LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
+#: Regions are looked up so many cells off the line to tell which plane lies on which side.
+_PROBE = 2
+
+
+class Pieces(NamedTuple):
+    """Pieces of intersection lines."""
+
+    pair: IntArray  #: pair of the borders, shape (n,)
+    #: Numbers of the planes, shape (n,).
+    first: NDArray[np.int32]
+    second: NDArray[np.int32]
+    #: Ends as distances along the line from its foot, the position nearest to the centre [m], shape (n, 2).
+    t: FloatArray
+    length: FloatArray  #: length of the border along it [m], shape (n,)
+    convex: BoolArray  #: whether the planes descend away from the line, shape (n,)
+    on_line: BoolArray  #: which sides of the borders are accounted for by a piece, shape (n_sides,)
+
+
+def find_pieces(
+    borders: Borders, raster: RegionRaster, gradients: FloatArray, centre: FloatArray, spacing: float
+) -> Pieces:
+    """Find where pairs of planes z = a x + b y + c about the centre meet."""
+    n = len(borders.first)
+    pairs = np.empty(n, dtype=np.int64)
+    values = np.empty((n, 4))
+    on_line = np.zeros(n, dtype=np.bool_)
+    lines = intersection_lines(
+        borders.first[borders.start[:-1]], borders.second[borders.start[:-1]], gradients
+    )
+    n_pieces = _all_pieces(
+        borders.upright, borders.first, borders.second, borders.gap, borders.start, borders.cell, lines,
+        borders.xy, spacing, raster.label, raster.west - centre[0], raster.south - centre[1],
+        pairs, values, on_line,
+    )  # fmt: skip
+    pairs, values = pairs[:n_pieces], values[:n_pieces]
+    at = borders.start[pairs]
+    return Pieces(
+        pairs,
+        borders.first[at],
+        borders.second[at],
+        np.ascontiguousarray(values[:, :2]),
+        values[:, 2],
+        values[:, 3] > 0,
+        on_line,
+    )
+
+
+@kernel
+def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def]
+    """
+    Return foot, direction and bend of the lines in which pairs of planes meet, seen from above.
+
+    The direction is that of the cross product of the normals (Mancera-Taboada et al., 2012, eq. 5). The foot
+    is the position nearest to the origin, which is in the building: one at z = 0 may be far off. The bend is
+    the difference of the planes' gradients; less than `LEAST_BEND` means that there is no line.
+    """
+    lines = np.zeros((len(first), 5))
+    for k in range(len(first)):
+        i, j = first[k] - 1, second[k] - 1
+        gx, gy = gradients[i, 0] - gradients[j, 0], gradients[i, 1] - gradients[j, 1]
+        d = gradients[i, 2] - gradients[j, 2]
+        bend = np.hypot(gx, gy)
+        lines[k, 2], lines[k, 4] = 1.0, bend
+        if bend >= LEAST_BEND:
+            lines[k, 0], lines[k, 1] = -d * gx / bend**2, -d * gy / bend**2
+            lines[k, 2], lines[k, 3] = -gy / bend, gx / bend
+    return lines
+
+
+@kernel
+def _all_pieces(  # type: ignore[no-untyped-def]
+    upright, first, second, gap, start, cell, lines, xy, spacing, label, west, south, pairs, values, on_line
+):  # fmt: skip
+    """
+    Write pair, ends, length and vote on convexity of each piece; return how many. Sides are ordered by pair.
+    """
+    n_pieces = 0
+    rows, t, off, along = np.empty(len(xy), np.int64), np.empty(len(xy)), np.empty(len(xy)), np.empty(len(xy))
+    for pair in range(len(start) - 1):
+        a, b = start[pair], start[pair + 1]
+        fx, fy, ux, uy, bend = lines[pair, 0], lines[pair, 1], lines[pair, 2], lines[pair, 3], lines[pair, 4]
+        if bend < LEAST_BEND:
+            continue
+        least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
+        n = 0
+        for k in range(a, b):
+            x, y = xy[k, 0], xy[k, 1]
+            t[k], off[k] = x * ux + y * uy, abs((x - fx) * uy - (y - fy) * ux)
+            if off[k] <= least + gap[k]:
+                rows[n], along[n] = k, t[k]
+                n += 1
+        sort_rows(along, rows, n)
+        begin, first_piece = 0, n_pieces
+        for m in range(1, n + 1):
+            if m < n and t[rows[m]] - t[rows[m - 1]] <= _LONGEST_GAP * spacing:
+                continue
+            # From the first to the last that are surely on the line.
+            low, high = begin, m - 1
+            while low < high and off[rows[low]] > strict + gap[rows[low]]:
+                low += 1
+            while low < high and off[rows[high]] > strict + gap[rows[high]]:
+                high -= 1
+            begin = m
+            t0, t1 = t[rows[low]], t[rows[high]]
+            length = 0.0
+            for at in range(low, high + 1):
+                length += cell * (abs(uy) if upright[rows[at]] else abs(ux))
+            if length < _LEAST_LENGTH * spacing:
+                continue
+            votes = 0
+            for at in range(low, high + 1):
+                k = rows[at]
+                on_line[k] = True
+                votes += _convexity(fx + t[k] * ux, fy + t[k] * uy, ux, uy, first[a], second[a],
+                                    label, west, south, cell)  # fmt: skip
+            pairs[n_pieces] = pair
+            values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
+            values[n_pieces, 3] = votes
+            n_pieces += 1
+        # Sides that run beside a piece are accounted for: points of its planes are mixed there, but there is
+        # no step.
+        for piece in range(first_piece, n_pieces):
+            t0, t1 = values[piece, 0] + spacing, values[piece, 1] - spacing
+            for k in range(a, b):
+                if off[k] <= _BESIDE * spacing + gap[k] and t0 <= t[k] <= t1:
+                    on_line[k] = True
+    return n_pieces
+
+
+@kernel
+def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
+    """
+    Vote on whether each plane lies on the side of the line on which it is the lower one, at one place.
+
+    The first plane is the higher one on the side of (uy, -ux): that is where its gradient less the other's
+    points to.
+    """
+    votes = 0
+    for side in range(-1, 2, 2):
+        c = math.floor((x + side * _PROBE * cell * uy - west) / cell)
+        r = math.floor((y - side * _PROBE * cell * ux - south) / cell)
+        if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
+            if label[r, c] == first:
+                votes -= side
+            elif label[r, c] == second:
+                votes += side
+    return votes
+
+
+#: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
+_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
+#: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
+_SAME_POINT = 3.0
+#: Planes miss their common point by no more than this, root mean square [m].
+_MOST_MISS = 0.08
+#: Further planes whose lines end within so many spacings of a common point may pass it, too.
+POINT_REACH = 8.0
+#: Three planes meet in a point anyway.
+_LEAST_PLANES = 4
+
+
+def piece_ends(pieces: Pieces, gradients: FloatArray) -> FloatArray:
+    """Return both ends of every piece in plan about the centre, shape (n_pieces, 2, 2) [m]."""
+    lines = intersection_lines(pieces.first, pieces.second, gradients)
+    return lines[:, None, :2] + pieces.t[:, :, None] * lines[:, None, 2:4]
+
+
+def find_common_vertices(
+    pieces: Pieces, gradients: FloatArray, centre: FloatArray, walls: FloatArray, spacing: float
+) -> list[CommonVertex]:
+    """
+    Collect the common vertices that lines hint at; the adjustment finds out which of them the points allow.
+
+    Planes and walls, the outline's edges, are about the centre.
+    """
+    if not len(pieces.pair):
+        return []
+    ends = piece_ends(pieces, gradients)
+    vertices = _common_points(pieces, ends, gradients, centre, spacing)
+    if len(walls):
+        vertices += _corners(pieces, ends, walls[:, 0], centre, spacing)
+    return vertices
+
+
+def _corners(
+    pieces: Pieces, ends: FloatArray, corners: FloatArray, centre: FloatArray, spacing: float
+) -> list[CommonVertex]:
+    """Pair the ends of lines with the outline's corners that they nearly pass through."""
+    near = _near_corners(ends, corners, spacing)
+    pairs = zip(pieces.first.tolist(), pieces.second.tolist(), near.tolist(), strict=True)
+    places = (corners + centre[:2]).tolist()
+    vertices = [
+        CommonVertex((first, second), (places[at][0], places[at][1]), True)
+        for first, second, rows in pairs
+        for at in rows
+        if at >= 0
+    ]
+    return list(dict.fromkeys(vertices))
+
+
+@kernel
+def _near_corners(ends, corners, spacing):  # type: ignore[no-untyped-def]
+    """Return the row of the corner that each line nearly passes through at either end, -1 for none."""
+    near = np.full((len(ends), 2), -1)
+    for k in range(len(ends)):
+        x, y = ends[k, 1, 0] - ends[k, 0, 0], ends[k, 1, 1] - ends[k, 0, 1]
+        length = max(math.hypot(x, y), 1e-12)
+        for end in range(2):
+            least = _BEFORE_CORNER * spacing
+            for i in range(len(corners)):
+                u, v = corners[i, 0] - ends[k, end, 0], corners[i, 1] - ends[k, end, 1]
+                distance, beside = math.hypot(u, v), abs(u * y - v * x) / length
+                is_nearer = distance < least or (distance == least and near[k, end] < 0)
+                if is_nearer and beside <= _BESIDE_CORNER * spacing:
+                    near[k, end], least = i, distance
+    return near
+
+
+def _common_points(
+    pieces: Pieces, ends: FloatArray, gradients: FloatArray, centre: FloatArray, spacing: float
+) -> list[CommonVertex]:
+    """Find where the ends of lines between four or more planes come together."""
+    if len({*pieces.first.tolist(), *pieces.second.tolist()}) < _LEAST_PLANES:
+        return []
+    positions = ends.reshape(-1, 2)
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    near = tree.query_pairs(_SAME_POINT * spacing, output_type="ndarray")
+    cluster = sets_of_pairs(len(positions), *near.T).tolist()
+    pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
+    members: dict[int, list[int]] = {number: [] for number in cluster}
+    for row, number in enumerate(cluster):
+        members[number].append(row)
+    vertices = []
+    for number in sorted(members):
+        mine = members[number]
+        if 2 * len(mine) < _LEAST_PLANES or len(met := _planes_of(pairs[mine])) < _LEAST_PLANES:
+            continue
+        agreed = sorted(met)
+        point, miss = common_point(gradients[np.array(agreed) - 1])
+        apart = np.hypot(*(positions[mine] - point[:2]).T).min()
+        if miss <= _MOST_MISS and apart <= _SAME_POINT * spacing:
+            near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
+            others = np.array(sorted(_planes_of(pairs[near]).difference(agreed)), dtype=np.int64)
+            miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
+            agreed += others[np.abs(miss) <= _MOST_MISS].tolist()
+            x, y = point[:2] + centre[:2]
+            vertices.append(CommonVertex(tuple(sorted(agreed)), (float(x), float(y)), False))
+    return vertices
+
+
+def _planes_of(pairs: NDArray[np.int32]) -> set[int]:
+    return set(pairs.ravel().tolist())
+
+
+#: A convex line is a ridge if it is less steep than this share of the steeper plane.
+_RIDGE_SHARE = 0.3
+#: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
+_PLANE_REACH, _STOP_REACH = 4.5, 2.5
+#: Pieces near a point that lead to nowhere are none if they are no longer than this [spacings].
+_STUB = 6.0
+#: What is left shorter is nothing but a point, in spacings.
+_SHORTEST = 1.0
+#: A corner within so many spacings of the end of the line on the outline is that end.
+_CORNER = 0.5
+
+
+def finished(
+    pieces: Pieces,
+    gradients: FloatArray,
+    centre: FloatArray,
+    walls: FloatArray,
+    steps: FloatArray,
+    vertices: tuple[CommonVertex, ...],
+    spacing: float,
+) -> list[IntersectionSegment]:
+    """
+    Return the pieces as segments, their ends moved along the line to what they nearly reach.
+
+    A third plane that meets both has precedence, then the outline and step edges. Planes, walls and steps are
+    about the centre; at `vertices` planes have been made to meet.
+    """
+    stops = np.concatenate([walls, steps])
+    partners = _partners(pieces, len(gradients))
+    positions, members = _points_of(vertices, len(gradients), centre)
+    lines = intersection_lines(pieces.first, pieces.second, gradients)
+    t = _moved_ends(
+        pieces.first, pieces.second, pieces.t, gradients, lines, partners, stops, positions, members, spacing
+    )
+    kept = np.flatnonzero(t[:, 1] - t[:, 0] > _SHORTEST * spacing)
+    return _segments(pieces, kept, t[kept], gradients, centre)
+
+
+def _partners(pieces: Pieces, n_planes: int) -> BoolArray:
+    table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
+    table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
+    return table
+
+
+def _points_of(
+    vertices: tuple[CommonVertex, ...], n_planes: int, centre: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return where planes meet in points about the centre, and which planes each time, as a table."""
+    points = [vertex for vertex in vertices if not vertex.fixed]
+    members = np.zeros((len(points), n_planes + 1), dtype=np.bool_)
+    for row, vertex in zip(members, points, strict=True):
+        row[list(vertex.planes)] = True
+    positions = np.array([vertex.xy for vertex in points]).reshape(-1, 2)
+    return positions - centre[:2], members
+
+
+@kernel
+def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the places of all ends along their lines.
+
+    No end moves to where the other one is to end, but for stubs that end nowhere else: they vanish.
+    """
+    moved = t.copy()
+    for k in range(len(first)):
+        i, j = first[k], second[k]
+        fx, fy, ux, uy = lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3]
+        for end in range(2):
+            here, there = t[k, end], t[k, 1 - end]
+            point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
+            at = point if abs(point - there) >= abs(point - here) else math.nan
+            if math.isnan(at):
+                reach = _PLANE_REACH * spacing
+                at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
+                if abs(at - there) < abs(at - here):
+                    at = math.nan
+            if math.isnan(at):
+                at = stop(here, fx, fy, ux, uy, stops, _STOP_REACH * spacing, _CORNER * spacing, -1)
+            if math.isnan(at) and abs(there - here) <= _STUB * spacing:
+                at = point
+            if not math.isnan(at):
+                moved[k, end] = at
+    return moved
+
+
+@kernel
+def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
+    """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
+    best, place = reach, math.nan
+    for m in range(len(positions)):
+        at = positions[m, 0] * ux + positions[m, 1] * uy
+        if members[m, i] and members[m, j] and abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+@kernel
+def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
+    """
+    best, place = reach, math.nan
+    for k in range(1, len(gradients) + 1):
+        if k in (i, j) or not (partners[i, k] and partners[j, k]):
+            continue
+        a, b = gradients[i - 1, 0] - gradients[k - 1, 0], gradients[i - 1, 1] - gradients[k - 1, 1]
+        c = gradients[i - 1, 2] - gradients[k - 1, 2]
+        rate = a * ux + b * uy
+        if abs(rate) < LEAST_BEND:
+            continue
+        at = -(a * fx + b * fy + c) / rate
+        if abs(at - t) < best:
+            best, place = abs(at - t), at
+    return place
+
+
+def _segments(
+    pieces: Pieces, kept: IntArray, t: FloatArray, gradients: FloatArray, centre: FloatArray
+) -> list[IntersectionSegment]:
+    """Return some of the pieces as segments from and to places on their lines."""
+    first, second = pieces.first[kept], pieces.second[kept]
+    p, q = gradients[first - 1], gradients[second - 1]
+    lines = intersection_lines(first, second, gradients)
+    xy = lines[:, None, :2] + t[:, :, None] * lines[:, None, 2:4]
+    z = np.einsum("kex,kx->ke", xy, p[:, :2]) + p[:, 2:]
+    segments = np.concatenate([xy, z[:, :, None]], axis=2) + centre
+    rise = np.einsum("kx,kx->k", p[:, :2], lines[:, 2:4])
+    steepness = np.maximum(np.hypot(p[:, 0], p[:, 1]), np.hypot(q[:, 0], q[:, 1]))
+    kinds = [_kind(*each) for each in zip(pieces.convex[kept], rise, steepness, strict=True)]
+    columns = (first.tolist(), second.tolist(), kinds, segments, pieces.length[kept].tolist())
+    return [IntersectionSegment(*each) for each in zip(*columns, strict=True)]
+
+
+def _kind(convex: bool, rise: float, steepness: float) -> str:
+    if not convex:
+        return VALLEY
+    return RIDGE if abs(rise) < _RIDGE_SHARE * steepness else HIP

@@ -1,0 +1,228 @@
+"""The planes of a roof, each by itself: sums over its points, least squares, and what a change costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray
+from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+
+#: Normals are taken for no more level than this when elevations are asked for: a wall has none.
+_LEAST_VERTICAL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class RoofPlane:
+    """One plane of a roof."""
+
+    normal: FloatArray  #: unit normal, pointing upwards, shape (3,)
+    #: Mean of the plane's points, map frame [m]; if the plane was adjusted, its own place above or below,
+    #: shape (3,).
+    centroid: FloatArray
+    rms: float  #: root mean square of the points' orthogonal distances [m]
+    n_points: int  #: number of points
+
+    @property
+    def gradient(self) -> FloatArray:
+        """By how much the plane rises towards x and y [m/m]."""
+        return np.array(self.equation[:2])
+
+    @property
+    def equation(self) -> tuple[float, float, float]:
+        """a, b, c of z = a x + b y + c."""
+        (nx, ny, nz), (x, y, z) = self.normal.tolist(), self.centroid.tolist()
+        a, b = -nx / max(nz, _LEAST_VERTICAL), -ny / max(nz, _LEAST_VERTICAL)
+        return a, b, z - a * x - b * y
+
+    def elevation(self, xy: FloatArray) -> FloatArray:
+        """Elevation of the plane [m] at positions of shape (n, 2)."""
+        return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)
+
+
+def without_gaps(plane_id: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    """Number planes from 1 in their order; 0 stays."""
+    counts = np.bincount(plane_id, minlength=1)
+    counts[0] = 1
+    number = np.flatnonzero(counts)
+    if number[-1] == len(number) - 1:
+        return plane_id
+    new = np.zeros(len(counts), dtype=np.uint16)
+    new[number] = np.arange(len(number))
+    return new[plane_id]
+
+
+#: Bits of an integer that a sum of products may take.
+_SUM_BITS = 62
+#: Coordinates are rounded to 2^-13 m, an eighth of a millimetre, unless the building is enormous.
+_FINEST_BITS = 13
+
+
+class PlaneMoments(NamedTuple):
+    """Sums of coordinates and their products about the building's centre, plane by plane."""
+
+    centre: FloatArray  #: middle of the points' bounding box [m], shape (3,)
+    sums: FloatArray  #: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre, shape (n_planes, 10)
+
+
+def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
+    """
+    Sum the coordinates of each plane's points, and their products; plane 0 is none.
+
+    Coordinates are counted in whole fractions of a metre: sums of integers do not depend on their order.
+    """
+    if not len(points):
+        return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))
+    low, high = extent_of(points)
+    centre = 0.5 * (low + high)
+    half = max(float((high - low).max()), 1e-3)
+    bits = min(_FINEST_BITS, int((_SUM_BITS - math.log2(len(points))) / 2 - math.log2(half)))
+    sums = np.zeros((n_planes, N_MOMENTS), dtype=np.int64)
+    unit = 2.0**bits
+    _add_points(points, plane_id, centre, unit, sums)
+    scale = np.array([1.0, *[1 / unit] * 3, *[1 / unit**2] * 6])
+    return PlaneMoments(centre, sums * scale)
+
+
+@kernel
+def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untyped-def]
+    for i in range(len(points)):
+        k = np.int64(plane_id[i]) - 1
+        if k < 0:
+            continue
+        x = np.int64(np.rint((points[i, 0] - centre[0]) * unit))
+        y = np.int64(np.rint((points[i, 1] - centre[1]) * unit))
+        z = np.int64(np.rint((points[i, 2] - centre[2]) * unit))
+        add_point(sums[k], x, y, z)
+
+
+@kernel
+def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
+    """
+    Return each plane's centroid about the centre, shape (n, 3), and its scatter matrix about it, (n, 3, 3).
+    """
+    mean, scatter = np.empty((len(sums), 3)), np.empty((len(sums), 3, 3))
+    # Of the sums, those of products of x, y and z.
+    products = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
+    for k in range(len(sums)):
+        n = max(sums[k, 0], 1.0)
+        for i in range(3):
+            mean[k, i] = sums[k, 1 + i] / n
+        for i in range(3):
+            for j in range(3):
+                scatter[k, i, j] = sums[k, products[i, j]] - n * mean[k, i] * mean[k, j]
+    return mean, scatter
+
+
+#: Steeper planes are walls: they stay as they are [deg].
+STEEPEST_DEG = 80.0
+#: Points whose second axis is shorter than this share of the first lie on a line: their plane is level.
+_LINE = 1e-3
+#: Weight of a plane's own slope beside its points' [m²]: keeps lines and single points solvable.
+_PRIOR = 1e-4
+_LEAST_UPRIGHT = math.cos(math.radians(STEEPEST_DEG))
+
+
+class FreePlanes(NamedTuple):
+    """Planes z = a x + b y + c about the building's centre."""
+
+    moments: PlaneMoments  #: the planes' points
+    mean: FloatArray  #: centroids about the centre [m], shape (n_planes, 3)
+    scatter: FloatArray  #: scatter matrices about the centroids [m²], shape (n_planes, 3, 3)
+    normals: FloatArray  #: unit normals, pointing upwards, shape (n_planes, 3)
+    rms: FloatArray  #: root mean square of the orthogonal distances [m], shape (n_planes,)
+    coefficients: FloatArray  #: a, b, c, shape (n_planes, 3)
+    #: Matrix Q: a plane changed by d has a sum of squared orthogonal distances greater by dᵀ Q d, shape
+    #: (n_planes, 3, 3).
+    cost: FloatArray
+    roof: BoolArray  #: which are roofs: not a wall, and not without points, shape (n_planes,)
+
+    @property
+    def counts(self) -> FloatArray:
+        """Number of points of each plane, at least 1."""
+        return np.maximum(self.moments.sums[:, 0], 1.0)
+
+    def offsets(self, coefficients: FloatArray) -> FloatArray:
+        """Root mean square of the distances between each plane and another at its own points [m]."""
+        change = coefficients - self.coefficients
+        return np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", change, self.cost, change), 0.0) / self.counts)
+
+
+def free_planes(moments: PlaneMoments) -> FreePlanes:
+    """Fit every plane to its points by orthogonal least squares."""
+    mean, scatter = centroids_and_scatters(moments.sums)
+    values, axes = np.linalg.eigh(scatter)
+    return FreePlanes(moments, mean, scatter, *_planes(moments.sums, mean, scatter, values, axes))
+
+
+@kernel
+def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
+    """Return normals, roughness, coefficients, costs and which are roofs; see `FreePlanes`."""
+    n_planes = len(sums)
+    normals, rms, roof = np.zeros((n_planes, 3)), np.empty(n_planes), np.empty(n_planes, np.bool_)
+    coefficients, cost = np.empty((n_planes, 3)), np.empty((n_planes, 3, 3))
+    # Of the sums, those of products of x, y and 1.
+    products = np.array([[4, 5, 1], [5, 7, 2], [1, 2, 0]])
+    for k in range(n_planes):
+        normal, count = normals[k], max(sums[k, 0], 1.0)
+        if values[k, 1] <= _LINE**2 * values[k, 2] or sums[k, 0] < 3:
+            normal[2] = 1.0
+        else:
+            for i in range(3):
+                normal[i] = -axes[k, i, 0] if axes[k, 2, 0] < 0.0 else axes[k, i, 0]
+        square = 0.0
+        for i in range(3):
+            for j in range(3):
+                square += normal[i] * scatter[k, i, j] * normal[j]
+        rms[k] = math.sqrt(max(square, 0.0) / count)
+        upright = max(normal[2], 1e-6)
+        a, b = -normal[0] / upright, -normal[1] / upright
+        coefficients[k, 0], coefficients[k, 1] = a, b
+        coefficients[k, 2] = mean[k, 2] - (a * mean[k, 0] + b * mean[k, 1])
+        for i in range(3):
+            for j in range(3):
+                cost[k, i, j] = sums[k, products[i, j]] * upright**2 + (_PRIOR if i == j else 0.0)
+        roof[k] = sums[k, 0] > 0.0 and normal[2] > _LEAST_UPRIGHT
+    return normals, rms, coefficients, cost, roof
+
+
+def fitted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
+    """Fit every plane to its points by orthogonal least squares, each by itself, numbered as in `adjust`."""
+    free = free_planes(plane_moments(points, plane_id, int(plane_id.max(initial=0))))
+    return adjusted_planes(free, free.coefficients)
+
+
+def adjusted_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPlane, ...]:
+    """Return the planes after the adjustment; walls stay as they were fitted."""
+    normals, places, rms = _placed(
+        free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
+    )
+    columns = (normals, places + free.moments.centre, rms.tolist(), free.moments.sums[:, 0].tolist())
+    return tuple(
+        RoofPlane(normal, place, miss, int(n)) for normal, place, miss, n in zip(*columns, strict=True)
+    )
+
+
+@kernel
+def _placed(roof, normals, mean, scatter, counts, coefficients):  # type: ignore[no-untyped-def]
+    """Return normals, a place on each plane about the centre, and the root mean square of distances."""
+    normals, places, rms = normals.copy(), mean.copy(), np.empty(len(roof))
+    for k in range(len(roof)):
+        if roof[k]:
+            a, b, c = coefficients[k]
+            length = math.sqrt(a * a + b * b + 1.0)
+            normals[k, 0], normals[k, 1], normals[k, 2] = -a / length, -b / length, 1.0 / length
+            places[k, 2] = a * places[k, 0] + b * places[k, 1] + c
+        off, square = 0.0, 0.0
+        for i in range(3):
+            off += normals[k, i] * (mean[k, i] - places[k, i])
+            for j in range(3):
+                square += normals[k, i] * scatter[k, i, j] * normals[k, j]
+        rms[k] = math.sqrt(max(square / counts[k] + off * off, 0.0))
+    return normals, places, rms
