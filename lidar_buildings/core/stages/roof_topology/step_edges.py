@@ -18,8 +18,7 @@ from lidar_buildings.core.stages.roof_topology.directions import (
 from lidar_buildings.core.stages.roof_topology.intersections import stop
 from lidar_buildings.core.stages.roof_topology.regions import Borders
 from lidar_buildings.core.stages.roof_topology.result import StepEdge
-from lidar_buildings.core.surfaces.ring_division.division import divide_chain
-from lidar_buildings.core.surfaces.ring_division.moments import normal_angle, running_sums, scatter_of
+from lidar_buildings.core.surfaces.ring_division import divide_chain, normal_angle, running_sums, scatter_of
 
 
 class StepLines(NamedTuple):
