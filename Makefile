@@ -5,12 +5,16 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
 PACKAGED := build/package
+# The oldest versions have wheels for these two alone.
+OLDEST := build/oldest
+OLDEST_PYTHON ?= $(shell command -v python3.10 || command -v python3.11)
 
-.PHONY: help setup demo test package lint compiled reference site bench clean
+.PHONY: help setup demo test oldest package lint compiled reference site bench clean
 
 help:
 	@echo "make demo   a virtual survey through the ROS 2 graph: what was found against the truth"
 	@echo "make test   lint, types and all tests"
+	@echo "make oldest   the chain with the oldest versions that setup.py allows (Python 3.10 or 3.11)"
 	@echo "make package   source distribution and wheel in dist/; the demo from the wheel in an environment of its own"
 	@echo "make bench  ground, roofs, edges, features, outlines, planes, models and the whole chain beside their peers: errors, speed (needs the real clouds)"
 	@echo "make site   the documentation as a site in build/site; a warning or a dead link is an error"
@@ -41,6 +45,16 @@ demo: setup compiled
 test: setup
 	@$(MAKE) --no-print-directory --jobs 3 --output-sync=target lint compiled
 	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+
+# The chain with Ubuntu 24.04's versions: a village from points to models, scored against its truth.
+oldest:
+	$(OLDEST_PYTHON) -m venv $(OLDEST)
+	$(OLDEST)/bin/python -m pip install --quiet --constraint test/oldest_versions.txt --editable .
+	$(OLDEST)/bin/python -m lidar_buildings.cli warm-up
+	$(OLDEST)/bin/python -m lidar_buildings.cli simulate --output $(OLDEST)/survey --overwrite
+	$(OLDEST)/bin/python -m lidar_buildings.cli run $(OLDEST)/survey --output $(OLDEST)/result --overwrite --no-ros
+	$(OLDEST)/bin/python -m lidar_buildings.cli score ground,buildings,edges,outlines,planes,models \
+		$(OLDEST)/result $(OLDEST)/survey --merge-touching
 
 # The wheel as users have it: built from the source distribution, installed elsewhere, run outside of the tree.
 package:

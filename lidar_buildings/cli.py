@@ -67,9 +67,11 @@ def main(arguments: list[str] | None = None) -> int:
     # Matrices are small, and threads that wait for the next one keep cores from tiles.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
+    from lidar_buildings.commands.versions import check_versions
     from lidar_buildings.core.model.errors import LidarBuildingsError
 
     try:
+        check_versions()
         status = options.command(options)
         sys.stdout.flush()  # here, where a closed pipe is caught
         return status
@@ -78,6 +80,11 @@ def main(arguments: list[str] | None = None) -> int:
             traceback.print_exc()
         for line in str(error).splitlines():
             print(f"lidar-buildings: {line}", file=sys.stderr)
+        return ExitStatus.WRONG_USE
+    except ImportError as error:  # for instance numba's, of a numpy that it does not know
+        if options.debug:
+            traceback.print_exc()
+        print(f"lidar-buildings: cannot be imported: {error} (--debug shows where)", file=sys.stderr)
         return ExitStatus.WRONG_USE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -78,7 +78,7 @@ def _find_rims(cells, roof, in_band, radius, reach, max_step, rim, begin, end): 
     windows = first_windows(cells.numbers, cells.n_columns, 1, begin)
     for cell in range(begin, end):
         move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
-        runs = cells.first[windows]
+        runs = cells.first[windows.ravel()].reshape(windows.shape)  # numba 0.58 takes one axis of rows
         for i in range(cells.first[cell], cells.first[cell + 1]):
             if _is_near(cells.points, roof, in_band, i, runs, reach, max_step):
                 rim[cells.rows[i]] = _is_touched(cells.points, roof, i, runs, radius, max_step, arcs)
