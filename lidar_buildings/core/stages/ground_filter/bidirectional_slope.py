@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -65,16 +64,16 @@ def profile_ground(
     profiles += scanned
     z = candidates[:, 2]
     net = net_votes(profiles, z, config)
-    trend = fit_trend(candidates, np.ones(len(z), dtype=bool), TREND_RADIUS)
-    is_steep = np.hypot(*trend.gradient_at(candidates).T) > STEEP_SHARE * config.profile_max_slope
+    trend, slope = fit_trend(candidates, np.ones(len(z), dtype=bool), TREND_RADIUS)
+    is_steep = slope > STEEP_SHARE * config.profile_max_slope
     if is_steep.any():
-        net[is_steep] = net_votes(profiles, z - trend.elevation_at(candidates), config)[is_steep]
+        net[is_steep] = net_votes(profiles, z - trend, config)[is_steep]
     ground = grow_ground(profiles, z, net > AGREEMENT, spacing)
-    if ground.any():
-        height = z - fit_trend(candidates, ground, TREND_RADIUS).elevation_at(candidates)
-        ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
-        ground = grow_ground(profiles, z, ground, spacing)
-    return reject_outliers(profiles, z, ground, spacing, config)
+    if not ground.any():
+        return ground
+    height = z - fit_trend(candidates, ground, TREND_RADIUS)[0]
+    ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
+    return grow_ground(profiles, z, ground, spacing)
 
 
 #: What a pass says of a point, in half votes; likely ground may yet turn out to be the roof that it began on.
@@ -227,6 +226,8 @@ MAX_ROUGHNESS = 0.5
 #: A point is against ground if it stands so many tolerances above the line; weights in half votes.
 AGAINST = 3.0
 FOR_WEIGHT, AGAINST_WEIGHT = 2, -1
+#: Least mean square of the distances in which a slope can be seen [m²].
+MIN_SPREAD = 0.05
 
 
 def grow_ground(
@@ -306,12 +307,10 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
             continue
         vote = 0
         for heading in (-1, 1):
-            sums = add_side(
-                NO_SUMS, along, z, ground, i, heading, first[line[i]], first[line[i] + 1], POINTS, reach
-            )
-            if sums[0] < 2 or spread_of(sums) < MIN_SPREAD * sums[0]:
+            begin, end = first[line[i]], first[line[i] + 1]
+            is_line, height, slope, sigma = _line_beside(along, z, ground, i, heading, begin, end, reach)
+            if not is_line:
                 continue
-            height, slope, sigma = fitted_line(sums, MAX_SLOPE)
             margin = TOLERANCE + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
             if height < margin:
                 vote += FOR_WEIGHT
@@ -320,124 +319,29 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
         votes[rows[i]] = vote
 
 
-# Chosen with `bench.ground.isprs`.
-#: Ground is rejected that stands so many standard deviations above a line through its neighbours.
-REJECTION = 2.0
-#: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
-REJECTION_POINTS, REJECTION_REACH = 6, 10.0
-#: Sets of profiles that have to agree before a point is rejected, where there are as many.
-MIN_AXES = 3
-
-
-def reject_outliers(
-    profiles: Sequence[Profiles],
-    elevation: NDArray[np.float64],
-    ground: NDArray[np.bool_],
-    spacing: float,
-    config: GroundFilterConfig,
-) -> NDArray[np.bool_]:
-    """
-    Return the ground without the points that stand above it on every profile.
-
-    The local linear regression of Shan & Sampath (2005): a line is fitted to the ground points on both sides,
-    and a point is rejected if it lies further above it than `profile_step` and than `REJECTION` times
-    the standard deviation of those. With several profiles through a point all have to agree, so that a ridge
-    or the edge of a terrace, which stand out on most, stay.
-
-    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
-    """
-    limits = (REJECTION_REACH * spacing, config.profile_step, REJECTION)
-    judged, above = np.zeros((2, len(profiles), len(ground)), dtype=np.bool_)
-
-    def judge(begin: int, end: int) -> None:
-        for k in range(begin, end):
-            one = profiles[k]
-            _stand_out(one.rows, one.first, one.along, elevation, ground, limits, judged[k], above[k])
-
-    for_row_blocks(judge, len(profiles), 1)
-    n_judged = judged.sum(axis=0)
-    return ground & ((n_judged < min(MIN_AXES, len(profiles))) | (above.sum(axis=0) < n_judged))
-
-
 @kernel
-def _stand_out(rows, first, along, elevation, ground, limits, judged, above):  # type: ignore[no-untyped-def]
+def _line_beside(along, z, ground, i, heading, begin, end, reach):  # type: ignore[no-untyped-def]
     """
-    Tell of each point whether it is ground with ground on both sides, and well above the line through it.
+    Fit a line to the nearest ground points within reach on one side of point i, −1 or 1, of its profile.
+
+    Return whether there is one, the height of point i above it [m], its slope, which is no steeper than
+    `MAX_SLOPE`, and the standard deviation of the points [m].
     """
-    reach, step, rejection = limits
-    z, is_ground = elevation[rows], ground[rows]
-    for k in range(len(first) - 1):
-        begin, end = first[k], first[k + 1]
-        for i in range(begin, end):
-            if not is_ground[i]:
-                continue
-            one = add_side(NO_SUMS, along, z, is_ground, i, -1, begin, end, REJECTION_POINTS, reach)
-            both = add_side(one, along, z, is_ground, i, 1, begin, end, REJECTION_POINTS, reach)
-            n_one, n = one[0], both[0]
-            if 0 < n_one < n and n >= 3 and spread_of(both) >= MIN_SPREAD * n:
-                height, _, sigma = fitted_line(both, np.inf)
-                judged[rows[i]] = True
-                above[rows[i]] = height > max(step, rejection * sigma)
-
-
-#: Least mean square of the distances in which a slope can be seen [m²]; chosen with `bench.ground.isprs`.
-MIN_SPREAD = 0.05
-#: Number of points and sums of t, z, t², tz and z² before any is added.
-NO_SUMS = (0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-@kernel
-def add_side(sums, along, z, ground, i, heading, begin, end, n_points, reach):  # type: ignore[no-untyped-def]
-    """
-    Add the nearest ground points on one side of point i to the sums, with t and z counted from point i.
-
-    Parameters
-    ----------
-    sums : tuple of an int and five float
-        See `NO_SUMS`.
-    along, z : ndarray of shape (n,)
-        Place along the profile and elevation [m].
-    ground : ndarray of shape (n,), bool
-        Which points count.
-    i, heading : int
-        The point, and the side: −1 or 1.
-    begin, end : int
-        Where its profile begins and ends.
-    n_points : int
-        Most points.
-    reach : float
-        How far they may be [m].
-    """
-    n, st, sz, stt, stz, szz = sums
-    most, j = n + n_points, i + heading
-    while begin <= j < end and n < most and abs(along[j] - along[i]) <= reach:
+    n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    j = i + heading
+    while begin <= j < end and n < POINTS and abs(along[j] - along[i]) <= reach:
         if ground[j]:
             t, dz = along[j] - along[i], z[j] - z[i]
             n += 1
             st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
         j += heading
-    return n, st, sz, stt, stz, szz
-
-
-@kernel
-def spread_of(sums):  # type: ignore[no-untyped-def]
-    """Return the sum of the squared distances along the profile from their mean [m²]."""
-    n, st, _, stt, _, _ = sums
-    return stt - st * st / n if n > 0 else 0.0
-
-
-@kernel
-def fitted_line(sums, max_slope):  # type: ignore[no-untyped-def]
-    """
-    Return the height of point i above the line [m], its slope, and the standard deviation of the points [m].
-
-    The line is no steeper than `max_slope` where it is carried on to point i.
-    """
-    n, st, sz, _, stz, szz = sums
-    slope = (stz - st * sz / n) / spread_of(sums)
+    spread = stt - st * st / max(n, 1)
+    if n < 2 or spread < MIN_SPREAD * n:
+        return False, 0.0, 0.0, 0.0
+    slope = (stz - st * sz / n) / spread
     rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
-    slope = min(max(slope, -max_slope), max_slope)
-    return -(sz - slope * st) / n, slope, math.sqrt(rest / (n - 2)) if n > 2 else 0.0
+    slope = min(max(slope, -MAX_SLOPE), MAX_SLOPE)
+    return True, -(sz - slope * st) / n, slope, math.sqrt(rest / (n - 2)) if n > 2 else 0.0
 
 
 # Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.
@@ -449,42 +353,14 @@ FAR, FAR_WEIGHT = 4.0, 1e-3
 FLOOR = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Trend:
-    """A smooth surface, given at the middles of square cells."""
-
-    elevation: NDArray[np.float64]  #: [m], shape (n_rows, n_columns)
-    gradient: tuple[NDArray[np.float64], NDArray[np.float64]]  #: rise over run along x and y
-    corner: NDArray[np.float64]  #: south-west corner of the grid [m], shape (2,)
-    cell: float  #: side of a cell [m]
-
-    def elevation_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the trend's elevation at points [m]."""
-        return self._at(self.elevation, points)
-
-    def gradient_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the trend's gradient at points, shape (n_points, 2)."""
-        return np.column_stack([self._at(part, points) for part in self.gradient])
-
-    def _at(self, values: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-        column, row = ((points[:, :2] - self.corner) / self.cell - 0.5).T
-        return ndimage.map_coordinates(values, [row, column], order=1, mode="nearest")
-
-
-def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float) -> Trend:
+def fit_trend(
+    points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Fit a plane round the middle of every cell to the ground points, weighted by distance.
+    Return elevation [m] and slope, at each point, of planes on a grid that are fitted to the ground points.
 
-    The weights are Gaussian, so that all sums of all regressions come from smoothing grids of sums.
-
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        At least one; the trend covers all of them [m].
-    ground : ndarray of shape (n_points,), bool
-        Those that it is fitted to.
-    radius : float
-        Standard deviation of the weights [m].
+    Weights are Gaussian with a standard deviation of `radius` [m], so that all sums of all regressions come
+    from smoothing grids of sums. At least one point is ground.
     """
     cell = radius / CELLS_PER_RADIUS
     low, high = extent_of(points)[:, :2]
@@ -506,18 +382,22 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
 
     for_row_blocks(smooth, len(products), 1)
     middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
-    elevation, slope_x, slope_y = _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
-    return Trend(base + elevation, (slope_x, slope_y), corner, cell)
+    elevation, *slopes = _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
+    column, row = ((points[:, :2] - corner) / cell - 0.5).T
+    z, east, north = (
+        ndimage.map_coordinates(one, [row, column], order=1, mode="nearest")
+        for one in (base + elevation, *slopes)
+    )
+    return z, np.hypot(east, north)
 
 
 def _planes(
     moments: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], level: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], ...]:
     """
-    Return the elevations at (x, y) and the slopes of the planes of least squares, from sums of products.
+    Return elevations at (x, y) and slopes of the planes of least squares, from sums of products.
 
-    `level` is added to the variances in plan [m²]: points that are all near one place, or on a line, have no
-    slope beyond it.
+    `level` is added to the variances in plan [m²]: points near one place, or on a line, have no slope beyond.
     """
     weight = np.maximum(moments[0], 1e-30)
     mx, my, mz, mxx, mxy, myy, mxz, myz = moments[1:] / weight

@@ -49,6 +49,14 @@ def sunk(points, centre, half, depth):
     return points, inside
 
 
+def test_points_on_top_of_one_another_count_as_one_however_many_they_are():
+    surface = ground(15.0)
+    below = clump((33.5, 38.5), 200, 5.0, 0.4)
+    classes = noise_of(np.vstack((surface, below)))
+    assert (classes[len(surface) :] == LOW).all()
+    assert not classes[: len(surface)].any()
+
+
 @pytest.mark.parametrize("terrain", TERRAINS)
 @pytest.mark.parametrize("density", [1.0, 4.0, 15.0])
 @pytest.mark.parametrize(("n_points", "depth"), [(1, 3.0), (2, 40.0), (6, 5.0), (20, 8.0), (60, 15.0)])
