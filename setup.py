@@ -1,15 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
 """Build the package: for colcon (ament_python) and for pip alike."""
 
 import re
+import sys
 from glob import glob
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
 PACKAGE = "lidar_buildings"
-#: Every node is an executable of its name.
-NODES = re.findall(r'NodeCard\(\s*"(\w+)"', Path(PACKAGE, "nodes", "table.py").read_text())
-VERSION = re.search(r'__version__ = "(.+)"', Path(PACKAGE, "__init__.py").read_text()).group(1)
+#: `colcon build --symlink-install` runs this file by a symlink, in a folder that has no README.md.
+ROOT = Path(__file__).resolve().parent
+VERSION = re.search(r'__version__ = "(.+)"', (ROOT / PACKAGE / "__init__.py").read_text()).group(1)
+#: colcon and bloom run `setup.py install` or `develop`; pip does not.
+IS_FOR_ROS = not {"install", "develop"}.isdisjoint(sys.argv)
+#: In a workspace every node is an executable of its name in lib/lidar_buildings. An environment of pip has
+#: one `bin` for all packages, without such generic names: there it is `lidar-buildings node recorder`.
+NODES = re.findall(r'NodeCard\(\s*"(\w+)"', (ROOT / PACKAGE / "nodes" / "table.py").read_text())
 
 ROS_WHEELS = [
     "ros-rclpy[fastrtps]==7.1.6",
@@ -104,7 +111,7 @@ setup(
     maintainer="The lidar_buildings developers",
     maintainer_email="maintainers@users.noreply.github.com",
     description="Raw lidar in, valid 3D city models out: a ROS 2 node graph for buildings from point clouds.",
-    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
     long_description_content_type="text/markdown",
     keywords=["ROS", "lidar", "point cloud", "buildings", "CityJSON"],
     license="Apache-2.0",
@@ -116,7 +123,11 @@ setup(
     entry_points={
         "console_scripts": [
             "lidar-buildings = lidar_buildings.cli:console",
-            *(f"{one} = {PACKAGE}.nodes.{one}:{one.title().replace('_', '')}.main" for one in NODES),
+            *(
+                f"{one} = {PACKAGE}.nodes.{one}:{one.title().replace('_', '')}.main"
+                for one in NODES
+                if IS_FOR_ROS
+            ),
         ],
     },
 )

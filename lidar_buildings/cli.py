@@ -114,6 +114,7 @@ def command_parser() -> argparse.ArgumentParser:
     _add_view(commands.add_parser("view", help="show a result in a window, or draw it (extra [view])"))
     _add_explain(commands.add_parser("explain", help="say why a building has its outline and its roof"))
     _add_top(commands.add_parser("top", help="watch the running graphs"))
+    _add_node(commands.add_parser("node", help="run one node of the graph in this process"))
     _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
     for one in commands.choices.values():
         one.add_argument("--debug", action="store_true", help="show where an error comes from")
@@ -263,6 +264,13 @@ def _add_top(parser: argparse.ArgumentParser) -> None:
         "--wait", type=float, default=10.0, metavar="S", help="wait so long for a graph [s] (default: 10)"
     )
     parser.set_defaults(command=_later("top"))
+
+
+def _add_node(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", metavar="NAME", help="such as ground_filter; see doc/nodes.md")
+    ros = "as `ros2 run` takes them, such as --ros-args -p output:=result"
+    parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help=ros)
+    parser.set_defaults(command=_later("node"))
 
 
 def _add_warm_up(parser: argparse.ArgumentParser) -> None:
