@@ -1,12 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole graph, every node a process of its own."""
 
 import json
+from functools import partial
 from pathlib import Path
 from socket import gethostname
 
-from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, TimerAction
 from launch.conditions import IfCondition
-from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -22,6 +23,10 @@ from lidar_buildings.nodes.table import SOURCES, nodes_until
 from lidar_buildings.ros.depths import MOST_TILES
 
 PACKAGE = "lidar_buildings"
+#: Exit statuses of nodes: wrong parameters; all done, and all but tiles that failed.
+WRONG_USE, FINISHED = 2, (0, 3)
+#: A node that died is started again after this [s].
+RESPAWN_DELAY = 1.0
 DEFAULTS = "pipeline.param.yaml"
 SHARED = PathJoinSubstitution([FindPackageShare(PACKAGE), "config"])
 #: Arguments that, where given, win over the parameter file.
@@ -129,6 +134,17 @@ ARGUMENTS = (
     DeclareLaunchArgument(
         "respawn", default_value="false", description="Whether to restart nodes that died."
     ),
+    # launch itself reads both, and gives 5 s each unless told otherwise
+    DeclareLaunchArgument(
+        "sigterm_timeout",
+        default_value="120",
+        description="How long nodes may take to finish after SIGINT, until they get SIGTERM [s].",
+    ),
+    DeclareLaunchArgument(
+        "sigkill_timeout",
+        default_value="30",
+        description="How long nodes may take to end after SIGTERM, until they are killed [s].",
+    ),
     DeclareLaunchArgument("rviz", default_value="false", description="Whether to start RViz."),
     DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn, error, fatal."),
 )
@@ -175,7 +191,7 @@ def start_nodes(context) -> list:
         for full, (name, share) in shares.items()
         if full in here
     }
-    return [*nodes.values(), *_end_with(nodes.get("model_writer")), _rviz(value("namespace"))]
+    return [*nodes.values(), _rviz(value("namespace"))]
 
 
 def _footprints(path: str) -> dict[str, dict]:
@@ -190,7 +206,7 @@ def _footprints(path: str) -> dict[str, dict]:
 
 
 def _node(name: str, parameters: dict, value, share: tuple) -> Node:
-    """Return a node, or one of several that share tiles; a writer that has finished is not started again."""
+    """Return a node, or one of several that share tiles."""
     full_names = spellings(parameter_names(NODE_CONFIGS[name]))
     number, n_replicas = share
     own = {full_names[key]: list(one) if isinstance(one, tuple) else one for key, one in parameters.items()}
@@ -204,10 +220,27 @@ def _node(name: str, parameters: dict, value, share: tuple) -> Node:
         parameters=[*_parameter_files(value), own],
         remappings=[(one, value(one)) for one in FEED_TOPICS if name == "scan_assembler" and value(one)],
         arguments=["--ros-args", "--log-level", value("log_level")],
-        respawn=value("respawn").lower() == "true" and name not in ("model_writer", "recorder"),
-        respawn_delay=1.0,
+        on_exit=partial(_after_exit, name, parameters, value, share),
         output="screen",
     )
+
+
+def _after_exit(name: str, parameters: dict, value, share: tuple, event, context) -> list:
+    """
+    Return what follows the end of a node: a new one, the end of all, or nothing.
+
+    Not `respawn=` of launch, which also starts a node again that has finished, or whose parameters are wrong.
+    """
+    if context.is_shutdown:
+        return []
+    if event.returncode == WRONG_USE:
+        return [EmitEvent(event=Shutdown(reason=f"{name} cannot work with its parameters"))]
+    is_dead = event.returncode not in FINISHED
+    if is_dead and value("respawn").lower() == "true" and name != "recorder":
+        return [TimerAction(period=RESPAWN_DELAY, actions=[_node(name, parameters, value, share)])]
+    if name == "model_writer":
+        return [EmitEvent(event=Shutdown(reason="the model_writer has ended"))]
+    return []
 
 
 def _parameter_files(value) -> list[str]:
@@ -215,14 +248,6 @@ def _parameter_files(value) -> list[str]:
     given, preset = value("params_file"), value("preset")
     files = [given, str(preset_file(preset))] if preset else [given]
     return files if Path(given).name == DEFAULTS else files[::-1]
-
-
-def _end_with(writer) -> list:
-    """Return what ends the launch when the writer has finished."""
-    if writer is None:
-        return []
-    end = EmitEvent(event=Shutdown(reason="the model_writer has ended"))
-    return [RegisterEventHandler(OnProcessExit(target_action=writer, on_exit=[end]))]
 
 
 def _rviz(namespace: str) -> Node:

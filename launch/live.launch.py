@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole graph on a live feed: lidar_buildings.launch.py with scan_assembler as the source of tiles."""
 
 from launch.actions import IncludeLaunchDescription
