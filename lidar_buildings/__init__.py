@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """
 Raw lidar in, valid 3D city models out, while the data stream in.
 

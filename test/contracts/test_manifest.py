@@ -18,7 +18,7 @@ PYTHON_DEPENDENCIES = {
     "pyogrio": (None, "pyogrio"),
     "pyproj": ("python3-pyproj", "pyproj"),
     "rasterio": ("python3-rasterio", "rasterio"),
-    "rosbags": (None, "rosbags"),
+    "rosbags": ("python3-rosbags-pip", "rosbags"),
     "scipy": ("python3-scipy", "scipy"),
     "setuptools": ("python3-setuptools", "setuptools"),
     "shapely": ("python3-shapely", "shapely"),
