@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.io.tiling.survey_plan import SurveyPlan
+from lidar_buildings.io.tiling.tile_size import SurveyPlan
 
 #: Processor time to read a point, do it once, and write it [s].
 _POINT = 1.45e-6

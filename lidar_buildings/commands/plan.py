@@ -21,7 +21,7 @@ from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las import read_extent
 from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.results.run_summary import counted
-from lidar_buildings.io.tiling.survey_plan import SurveyPlan, plan_survey
+from lidar_buildings.io.tiling.tile_size import SurveyPlan, plan_survey
 
 
 def plan_command(options: argparse.Namespace) -> int:

@@ -28,9 +28,8 @@ from lidar_buildings.io.results.run_folder import (
     recall_survey,
 )
 from lidar_buildings.io.results.run_summary import counted, run_info
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
-from lidar_buildings.io.tiling.tile_store import KnownSurvey
+from lidar_buildings.io.tiling.tile_store import KnownSurvey, SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.pipeline.building_pool import BuildingPool
 

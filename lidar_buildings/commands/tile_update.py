@@ -18,8 +18,8 @@ from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.results.tile_products import load_shapes
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.pipeline.reconstruct import TileResult
 
 #: What beside a saved tile tells of the points that it was made from.

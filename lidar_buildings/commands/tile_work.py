@@ -23,8 +23,8 @@ from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
 from lidar_buildings.io.tiling.tile_grid import Buffer
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile

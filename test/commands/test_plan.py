@@ -15,7 +15,7 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import agreement
 from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las import open_inputs, read_extent
-from lidar_buildings.io.tiling.survey_plan import plan_survey
+from lidar_buildings.io.tiling.tile_size import plan_survey
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 

@@ -18,7 +18,7 @@ from support.node_bench import call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.sides import ALL, Sides
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros import flow_control
 from lidar_buildings.ros.node_summary import ERROR

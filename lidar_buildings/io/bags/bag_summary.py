@@ -28,8 +28,7 @@ from lidar_buildings.io.bags.bag import (
 )
 from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.files.reference_systems import check_place
-from lidar_buildings.io.tiling.map_place import zone_of
-from lidar_buildings.io.tiling.satellite_fixes import Fix
+from lidar_buildings.io.tiling.map_place import Fix, zone_of
 
 _ORIGIN, _UNITS = "map_origin", "map_units"
 

@@ -18,9 +18,8 @@ from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, 
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import check_metres
 from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.io.tiling.map_place import MapPlace
+from lidar_buildings.io.tiling.map_place import MapPlace, SatelliteFixes
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
-from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
 
 #: Fixes whose poses are looked up at once: before the poses are so many that the first are forgotten.
 _BATCH = 100

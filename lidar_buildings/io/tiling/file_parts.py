@@ -14,8 +14,7 @@ from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.cloud import CHUNK, Cloud
 from lidar_buildings.io.files.temporary_folder import temporary_files
-from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.tile_grid import TileGrid
+from lidar_buildings.io.tiling.tile_grid import Cell, TileGrid
 from lidar_buildings.io.tiling.tile_store import ReadPart, TileStore
 
 #: So many parts are handed out ahead at least, as long as there are files: wide margin over the workers.

@@ -10,8 +10,7 @@ import numpy as np
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import ScanPlacer
-from lidar_buildings.io.tiling.map_place import MapPlace
-from lidar_buildings.io.tiling.satellite_fixes import SatelliteFixes
+from lidar_buildings.io.tiling.map_place import MapPlace, SatelliteFixes
 
 #: Coordinates of the map beyond this lose more than a centimetre in float32: the origin is moved [m].
 _FAR = 50_000.0

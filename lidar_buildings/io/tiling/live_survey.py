@@ -6,25 +6,230 @@ import math
 import shutil
 import threading
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.cell_table import Cell
-from lidar_buildings.io.tiling.live_tile import MOST_REVISIONS, LiveTile, LiveTiles
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import TileGrid
-from lidar_buildings.io.tiling.tile_room import TileRoom
-from lidar_buildings.io.tiling.tile_store import TileStore
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_store import SpooledTile, TileStore
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
+
+#: Side of a voxel of a crowded tile, which takes one point [m]: no finer than a building's model needs.
+VOXEL = 0.1
+#: Share of the most points from which on a tile is crowded.
+_CROWDED = 0.5
+#: Voxels that are remembered, of all tiles together (32 MB).
+_N_SEEN = 2**22
+#: Odd numbers that spread the columns, rows and layers of voxels over 64 bits (Steele, Lea, Flood, 2014).
+_SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
+#: Why points are left out.
+CROWDED = f"a tile has many points: one per {VOXEL} m is enough"
+TOO_MANY = "a tile has more than max_tile_points"
+
+
+class TileRoom:
+    """
+    Leaves out points of tiles that have many: of crowded ones those near others, of full ones all.
+
+    `most` are the points of a tile that is full.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._crowded: set[Cell] = set()
+        self._full: set[Cell] = set()
+        self._seen = np.zeros(_N_SEEN, dtype=np.uint64)
+
+    def note(self, place: Cell, n_points: int) -> None:
+        """Note how many points a tile has."""
+        if n_points >= self._most:
+            self._full.add(place)
+        elif n_points >= _CROWDED * self._most:
+            self._crowded.add(place)
+
+    def chosen(self, records: NDArray[Any], places: NDArray[np.int64]) -> tuple[NDArray[Any], Counter[str]]:
+        """
+        Return the records that are kept, and how many are not for which reason.
+
+        `places` are column and row of each record's tile, shape (n, 2).
+        """
+        if not self._crowded and not self._full:
+            return records, Counter()
+        is_full, is_crowded = _are_in(places, self._full), _are_in(places, self._crowded)
+        crowd = np.flatnonzero(is_crowded & ~is_full)
+        is_kept = ~is_full
+        is_kept[crowd] = self._are_new(records[crowd])
+        left_out = {TOO_MANY: np.count_nonzero(is_full), CROWDED: np.count_nonzero(~is_kept & ~is_full)}
+        return records.compress(is_kept), Counter({why: int(n) for why, n in left_out.items() if n})
+
+    def _are_new(self, records: NDArray[Any]) -> NDArray[np.bool_]:
+        """Tell which records are the first of their voxels, as far as these are remembered."""
+        voxels = np.stack([np.floor(records[axis].astype(np.float64) / VOXEL) for axis in "xyz"], axis=1)
+        keys = np.bitwise_xor.reduce(voxels.astype(np.int64).view(np.uint64) * _SPREAD, axis=1) | np.uint64(1)
+        is_new = np.zeros(len(keys), dtype=bool)
+        is_new[np.unique(keys, return_index=True)[1]] = True
+        slots = keys % np.uint64(_N_SEEN - 1)
+        is_new &= self._seen[slots] != keys
+        self._seen[slots[is_new]] = keys[is_new]
+        return is_new
+
+
+def _are_in(places: NDArray[np.int64], chosen: set[Cell]) -> NDArray[np.bool_]:
+    is_in = np.zeros(len(places), dtype=bool)
+    for place in chosen:
+        is_in |= (places == place).all(axis=1)
+    return is_in
+
+
+#: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
+#: which it needs to grow.
+MOST_REVISIONS = 900
+#: A tile of which fewer points are new waits longer before it comes again: a scanner on the street sees
+#: single far points for long.
+_FEW = 0.01
+
+
+@dataclass(eq=False)
+class LiveTile:
+    """What is known of a tile."""
+
+    place: Cell  #: its column and row in the grid
+    stamp: int  #: its key: the stamp of its first revision [ns]
+    block: Block
+    buffer: Buffer  #: with which it was sent last
+    near: Block  #: its spool cells and those of its buffer, as wide as it has ever been
+    n_sent: int = -1  #: points near it when it was sent last; −1 = never
+    n_points: int = -1  #: points that it was sent with last, its buffer's too; −1 = none of use
+    revision: int = -1  #: number of the last one that was sent; −1 = none was
+
+
+class LiveTiles:
+    """
+    All tiles of a feed; `changed` are the places of those that have seen points since they were looked at.
+
+    `count_in` counts the points of cells.
+    """
+
+    def __init__(
+        self, grid: TileGrid, config: LiveTilingConfig, count_in: Callable[[Iterable[Cell]], int]
+    ) -> None:
+        self._grid, self._config, self._count_in = grid, config, count_in
+        self._by_place: dict[Cell, LiveTile] = {}
+        self._by_stamp: dict[int, LiveTile] = {}
+        self._touched = CellTable(-math.inf)
+        self._widest = max(Buffer.of(config.buffer))
+        self.changed: set[Cell] = set()
+
+    def __len__(self) -> int:
+        """Return the number of tiles."""
+        return len(self._by_place)
+
+    def __getitem__(self, place: Cell) -> LiveTile:
+        """Return the tile of a place."""
+        return self._by_place[place]
+
+    def of_stamp(self, stamp: int) -> LiveTile | None:
+        """Return the tile of a stamp, whatever the revision."""
+        return self._by_stamp.get(tile_of(stamp))
+
+    def missing(self, cells: Iterable[Cell]) -> set[Cell]:
+        """Return the places of the tiles of some cells that there are not yet."""
+        return {self._grid.tile_of(cell) for cell in cells} - self._by_place.keys()
+
+    def make(self, place: Cell, gps_time: float) -> None:
+        """Make a tile of which the first point has come; neighbours' points may have come before."""
+        block = self._grid.block_of(place)
+        buffer = Buffer.of(self._config.buffer)
+        near = self._near(block, buffer)
+        stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
+        tile = LiveTile(place, self._free(stamp), block, buffer, near)
+        self._by_place[place] = self._by_stamp[tile.stamp] = tile
+
+    def n_near(self, tile: LiveTile) -> int:
+        """Count the points of a tile and its buffer."""
+        return self._count_in(tile.near.cells)
+
+    def widen(self, tile: LiveTile, buffer: Buffer) -> None:
+        """Have points count for a tile that fall into a wider buffer, as it was made with that."""
+        n_before = self.n_near(tile)
+        tile.buffer = buffer
+        tile.near = Block.around([tile.near, self._near(tile.block, buffer)])
+        tile.n_sent += self.n_near(tile) - n_before
+        self._widest = max(self._widest, *buffer)
+
+    def touch(self, cells: Iterable[Cell], now: float) -> None:
+        """Note that points fell into cells."""
+        k = self._grid.cells_per_side
+        reach = math.ceil(self._widest / self._grid.cell_size) + 1
+        for cell in cells:
+            self._touched[cell] = now
+            columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
+            seen = {(column, row) for column in columns for row in rows}
+            self.changed |= seen & self._by_place.keys()
+
+    def last_touched(self, tile: LiveTile) -> float:
+        """Return when a point has fallen into a tile or its buffer last."""
+        return max(self._touched[cell] for cell in tile.near.cells)
+
+    def has_gaps(self, tile: LiveTile) -> tuple[bool, bool]:
+        """Whether cells have had no point in a tile, and in it or its buffer: later passes may fill them."""
+        own, near = (
+            any(self._touched[cell] == -math.inf for cell in one.cells) for one in (tile.block, tile.near)
+        )
+        return own, near
+
+    def next_of(self, ready: Iterable[Cell]) -> LiveTile:
+        """Return the tile that goes first: without gaps, then with gaps in its buffer, then longest left."""
+        tiles = (self._by_place[place] for place in ready)
+        return min(tiles, key=lambda tile: (self.has_gaps(tile), self.last_touched(tile)))
+
+    def is_due(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
+        """
+        Whether no point has fallen into a tile or its buffer for long enough, or the sensor is far away.
+
+        With half of `_FEW` new points it waits twice as long, and so on. The sensor, at a source's position
+        [m] if it is known, ends the waiting once.
+        """
+        config, tile = self._config, self._by_place[place]
+        share_new = 1.0 - max(tile.n_sent, 0) / max(self.n_near(tile), 1)
+        weight = min(share_new / _FEW, 1.0)
+        if (now - self.last_touched(tile)) * weight >= config.leave_after:
+            return True
+        if tile.revision >= 0 or sensor is None or not config.leave_distance:
+            return False
+        area = self._grid.area_of(tile.block).buffered(Buffer.of(config.buffer)).grown(config.leave_distance)
+        return not area.touches(Rectangle(*sensor[:2], *sensor[:2]))
+
+    def take_up(self, last: dict[Cell, dict[str, Any]]) -> None:
+        """Give tiles the stamps and revisions that they had in an earlier life."""
+        for place in last.keys() & self._by_place.keys():
+            tile, event = self._by_place[place], last[place]
+            tile.stamp, tile.revision, tile.n_sent = event["stamp"], event["revision"], event["n_done"]
+        self._by_stamp.clear()
+        for tile in sorted(self._by_place.values(), key=lambda one: (one.revision < 0, one.place)):
+            tile.stamp = self._free(tile.stamp)
+            self._by_stamp[tile.stamp] = tile
+
+    def _near(self, block: Block, buffer: Buffer) -> Block:
+        return self._grid.block_in(self._grid.area_of(block).buffered(buffer))
+
+    def _free(self, stamp: int) -> int:
+        """Return the next stamp that no tile has."""
+        while stamp in self._by_stamp:
+            stamp += STEP
+        return stamp
+
 
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder, temporary_files
-from lidar_buildings.io.tiling.cell_table import Cell, CellTable
+from lidar_buildings.io.tiling.tile_grid import Cell, CellTable
 
 #: What is kept of a point: the columns of a tile, map coordinates first. `take` and `compress` copy records
 #: five times as fast as indices do.

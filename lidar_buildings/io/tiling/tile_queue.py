@@ -26,7 +26,7 @@ from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
+from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 
 #: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.

@@ -19,14 +19,12 @@ from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
-from lidar_buildings.io.tiling.cell_table import Cell
 from lidar_buildings.io.tiling.file_parts import Submit, kept_in, read_files
 from lidar_buildings.io.tiling.spool import Head
-from lidar_buildings.io.tiling.spooled_tile import SpooledTile
-from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import KnownSurvey, TileStore
+from lidar_buildings.io.tiling.tile_store import KnownSurvey, SpooledTile, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
 __all__ = ["TileSource", "TilingConfig"]

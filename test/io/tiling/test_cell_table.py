@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from lidar_buildings.io.tiling.cell_table import CellTable
+from lidar_buildings.io.tiling.tile_grid import CellTable
 
 CELLS = [(0, 0), (-1, 15), (16, -17), (10**9, -(10**9))]
 

@@ -15,9 +15,8 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import TWO_CLOCKS
-from lidar_buildings.io.tiling import live_feed, live_inbox
-from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.io.tiling.live_inbox import POSES_TOO_FAST, TOO_FAST
+from lidar_buildings.io.tiling import live_feed
+from lidar_buildings.io.tiling.live_feed import POSES_TOO_FAST, TOO_FAST, LiveFeed
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
@@ -229,7 +228,7 @@ def test_scans_without_any_pose_are_counted_at_the_end():
 
 
 def test_poses_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
-    monkeypatch.setattr(live_inbox, "_MOST_MESSAGES", 3)
+    monkeypatch.setattr(live_feed, "_MOST_MESSAGES", 3)
     run = Running()  # not started: nothing is taken out
     for k in range(6):
         run.feed.add_odometry(odometry(T0 + k * SECOND, (10.0 * k, 0.0, 0.0), frame="map"))
@@ -240,7 +239,7 @@ def test_poses_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
 
 
 def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
-    monkeypatch.setattr(live_inbox, "_MOST_POINTS", 1200)
+    monkeypatch.setattr(live_feed, "_MOST_POINTS", 1200)
     run = Running()  # not started: nothing is taken out
     for k in range(3):
         run.feed.add_scan(scan(T0 + k, points(), frame="map"))

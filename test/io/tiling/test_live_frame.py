@@ -17,8 +17,7 @@ from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_files import Recorded
 from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_side import FeedScale
-from lidar_buildings.io.tiling.map_place import MapPlace
-from lidar_buildings.io.tiling.satellite_fixes import Fix, SatelliteFixes
+from lidar_buildings.io.tiling.map_place import Fix, MapPlace, SatelliteFixes
 
 #: The frame of odometry that began along a street, in a zone of UTM.
 TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))

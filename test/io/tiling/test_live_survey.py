@@ -9,8 +9,7 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling import live_survey, point_log, spool
-from lidar_buildings.io.tiling.live_survey import LiveSurvey
-from lidar_buildings.io.tiling.tile_room import CROWDED, TOO_MANY, VOXEL
+from lidar_buildings.io.tiling.live_survey import CROWDED, TOO_MANY, VOXEL, LiveSurvey
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 SIDE = 40.0

@@ -136,3 +136,24 @@ def test_a_file_that_cannot_be_read_leaves_no_trace():
     survey.forget(0)
     survey.learn(0)
     assert survey.normalised(records["intensity"], records["point_source_id"]) is None
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (-400.0, 0.0), (0.0, -400.0)], ids=["origin", "west", "south"])
+def test_the_limit_is_found_wherever_points_lie_about_the_origin(shift):
+    random = np.random.default_rng(0)
+    x, y = (
+        axis.ravel() for axis in np.meshgrid(np.arange(0.0, 240.0, SPACING), np.arange(0.0, 240.0, SPACING))
+    )
+    on_roof = (abs(x % 60 - 30) < 10) & (abs(y % 60 - 30) < 10)
+    on_road = (x % 60 < 12) & ~on_roof
+    records = np.zeros(len(x), RECORD)
+    records["x"], records["y"], records["z"] = x + shift[0], y + shift[1], np.where(on_roof, 9.0, 3.0)
+    brightness = np.select(
+        [on_roof, on_road], [20.0, ASPHALT], GRASS
+    )  # a roof taken for ground is the darkest
+    records["intensity"] = brightness * random.normal(1.0, 0.05, len(x))
+    survey = SurveyBrightness()
+    survey.add(0, 0, records, len(records), Rectangle(-1000.0, -1000.0, 1000.0, 1000.0))
+    survey.learn(0)
+    normalised = survey.normalised(records["intensity"], records["point_source_id"])
+    assert np.median(normalised[on_road]) < survey.dark_limit < np.median(normalised[~(on_road | on_roof)])
