@@ -96,11 +96,11 @@ class Sender:
         from std_msgs.msg import Header, String
 
         from lidar_buildings.nodes.map_frames import origin_message, units_message
-        from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, LATCHED_TILE
+        from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY
 
         self._node = Node("sender", **place)
         self._points = self._node.create_publisher(PointCloud2, "points", CLOUD)
-        self._info = self._node.create_publisher(String, "tile_info", LATCHED_TILE)
+        self._info = self._node.create_publisher(String, "tile_info", LATCHED)
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._node.create_subscription(Header, "tile_done", self._done.put, LATCHED_HISTORY)
         self._latched = [

@@ -142,7 +142,7 @@ def ring_message(random: np.random.Generator) -> str:
     """Give rings to a collector and make outlines of what it closes."""
     from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
 
-    from lidar_buildings.ros.ring_collector import RingCollector, outlines_of
+    from lidar_buildings.ros.polygons import RingCollector, outlines_of
     from lidar_buildings.ros.stamps import header_of
 
     collector = RingCollector()
@@ -185,9 +185,9 @@ def json_text(random: np.random.Generator) -> str:
     from std_msgs.msg import String
 
     from lidar_buildings.io.models.cityjson import load_feature
+    from lidar_buildings.ros.node_state import state_of
     from lidar_buildings.ros.outline_quality import qualities_of
-    from lidar_buildings.ros.receipts import receipt_of
-    from lidar_buildings.ros.tile_info import info_of
+    from lidar_buildings.ros.tile_info import infos_of
 
     text = _TEXTS[random.integers(len(_TEXTS))]
     if text and random.integers(2):
@@ -197,7 +197,7 @@ def json_text(random: np.random.Generator) -> str:
     if random.integers(10) == 0:
         text = json.dumps({"stamp": random.normal() * 10.0 ** random.integers(-300, 300), "node": text})
     readers: tuple[Callable[[String], Any], ...] = (
-        *(receipt_of, qualities_of, info_of),
+        *(state_of, qualities_of, infos_of),
         lambda message: load_feature(message.data),
     )
     readers[random.integers(len(readers))](String(data=text))

@@ -81,8 +81,8 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
                 _watch(composition, source, writer, lambda: n_interruptions() > 0 or replay.is_over)
             _tell(f"played {replay}")
         _tell("finishing: Ctrl-C again leaves the rest for the next time")
-        n_saved = writer.n_saved
-        source.tiles.flush()
+        n_finished = writer.n_finished
+        source.call_soon(source.finish)
 
         def is_empty() -> bool:
             return writer.is_over and not source.tiles.tile_count
@@ -91,12 +91,12 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
             composition,
             source,
             writer,
-            lambda: n_interruptions() > 1 or writer.n_saved > n_saved or is_empty(),
+            lambda: n_interruptions() > 1 or writer.n_finished > n_finished or is_empty(),
         )
         if is_empty():
             _tell(f"{_come(source)}; nothing to write: no point was placed")
             return ExitStatus.WRONG_USE
-        if writer.n_saved == n_saved:
+        if writer.n_finished == n_finished:
             _tell("left: the same command goes on from here")
             return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")

@@ -2,81 +2,77 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+from geometry_msgs.msg import PolygonInstanceStamped
+from sensor_msgs.msg import PointCloud2
+
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
-from lidar_buildings.nodes.configs import FootprintNodeConfig, MapFrameConfig
+from lidar_buildings.nodes.configs import NODE_CONFIGS, FootprintNodeConfig, MapFrameConfig
 from lidar_buildings.nodes.map_frames import FrameListener
-from lidar_buildings.nodes.pool_node import PoolNode
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
-from lidar_buildings.ros.clipped_tiles import ClippedTiles
-from lidar_buildings.ros.polygons import outline_rings
-from lidar_buildings.ros.tile_join import Parts, TileJoin
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.polygons import outline_rings, ring_messages
+from lidar_buildings.ros.qos import BUILDING, CLOUD
+from lidar_buildings.ros.stage_node import StageNode, publish_all
 
 _EDGES, _ALL = "edge_points", "classified_points"
 
 
-class BuildingTracer(PoolNode):
+class BuildingTracer(StageNode):
     """Traces the buildings of each tile, or takes given footprints; holds a tile back that cuts one off."""
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__("building_tracer", **kwargs)
-        self._building_points = self.create_tile_outlet("building_points")
-        self._traced = self.create_ring_outlet("traced_outlines")
+        super().__init__("building_tracer", NODE_CONFIGS["building_tracer"], **kwargs)
+        self._building_points = self.create_output(PointCloud2, "building_points", CLOUD)
+        self._traced = self.create_output(PolygonInstanceStamped, "traced_outlines", BUILDING)
         self._map: FrameListener | None = None
+        topics, work = (_EDGES,), self.trace
         if self.parameters[FootprintNodeConfig].file:
-            self._map = FrameListener(
-                self, lambda _: self._go_on(), self.parameters[MapFrameConfig].frame_patience
-            )
-        topics = (_EDGES,) if self._map is None else (_EDGES, _ALL)
-        self._join = TileJoin(topics, is_ready=lambda *_: self._knows_frame())
+            patience = self.parameters[MapFrameConfig].frame_patience
+            self._map = FrameListener(self, lambda _: self.look_again(), patience)
+            topics, work = (_EDGES, _ALL), self.take_footprints
+        self.take_tiles(topics, work, self.publish, clipped=lambda traced: traced.clipped)
         for topic in topics:
-            self.subscribe_tiles(topic, lambda tile, topic=topic: self.on_tile(topic, tile), is_part=True)
-        self._clipped = ClippedTiles(self)
+            self.subscribe_tiles(topic)
 
-    def on_tile(self, topic: str, tile: PointTile) -> None:
-        """Take one tile's points, and trace its buildings when all is there."""
-        parts = self._join.add(tile.stamp, topic, tile)
-        if parts is not None:
-            self._trace(tile.stamp, parts)
+    def is_ready(self) -> str:
+        """Footprints are given in coordinates of the map."""
+        return "" if self._map is None or self._map.expect() else "map_origin"
 
-    def _knows_frame(self) -> bool:
-        """Whether it is known where the map lies, if footprints are given."""
-        return self._map is None or self._map.expect()
+    def trace(self, roofs: PointTile) -> Future[TracedTile]:
+        """Trace one tile's buildings."""
+        segmentation = self.parameters[SegmentationConfig]
+        return self.submit_shared(trace_or_close, roofs, segmentation, self.parameters[BoundaryTracingConfig])
 
-    def _go_on(self) -> None:
-        """Trace the tiles that came before the map frame."""
-        for stamp, parts in self._join.take_ready():
-            self._trace(stamp, parts)
+    def take_footprints(self, roofs: PointTile, classified: PointTile) -> Future[TracedTile]:
+        """Find the points of one tile's footprints."""
+        frame = None if self._map is None else self._map.frame
+        config, labelling = self.parameters[FootprintNodeConfig], self.parameters[EdgeLabellingConfig]
+        return self.submit_here(_footprints, classified, roofs, config, labelling, frame)
 
-    def _trace(self, stamp: int, parts: Parts) -> None:
-        with self.reporting(stamp) as report:
-            report.n_points = len(parts[_EDGES])
-            traced = self._traced_tile(parts)
-            self._clipped.hand_on(stamp, traced.clipped, lambda: self._hand_on(stamp, traced))
-
-    def _hand_on(self, stamp: int, traced: TracedTile) -> None:
-        self._building_points.publish(stamp, traced.tile)
-        self._traced.publish(stamp, outline_rings(traced.outlines))
+    def publish(self, stamp: int, traced: TracedTile) -> None:
+        """Publish one tile's buildings."""
+        self.summary.passed_on(stamp, len(traced.tile))
+        self._building_points.publish(to_message(traced.tile))
+        publish_all(self._traced, ring_messages(stamp, outline_rings(traced.outlines)))
         self.summary.counts["buildings"] += len(traced.outlines)
 
-    def _traced_tile(self, parts: Parts) -> TracedTile:
-        config = self.parameters[FootprintNodeConfig]
-        frame = None if self._map is None else self._map.frame
-        if frame is None:
-            return trace_or_close(
-                parts[_EDGES],
-                self.parameters[SegmentationConfig],
-                self.parameters[BoundaryTracingConfig],
-                self._pool,
-            )
-        from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints  # loads slowly
 
-        given = read_footprints(FootprintSource(Path(config.file), config.layer), frame)
-        return trace_footprints(
-            parts[_ALL], parts[_EDGES], given.footprints, config, self.parameters[EdgeLabellingConfig]
-        )
+def _footprints(
+    classified: PointTile,
+    roofs: PointTile,
+    config: FootprintNodeConfig,
+    labelling: EdgeLabellingConfig,
+    frame: MapFrame,
+) -> TracedTile:
+    from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints  # loads slowly
+
+    given = read_footprints(FootprintSource(Path(config.file), config.layer), frame)
+    return trace_footprints(classified, roofs, given.footprints, config, labelling)

@@ -34,17 +34,16 @@ class SendingConfig(StageConfig):
         advanced=True,
     )
     tile_timeout: float = fixed(
-        60.0,
-        "Time after which a tile that no node has in hand is sent again if no node says anything, doubled at "
-        "each attempt; a longer one leaves more time to nodes that send no receipts.",
+        1.0,
+        "Time, beside 1 s for each 50 MB of it, after which a tile that no node has is sent again; a longer "
+        "one leaves more time to nodes of others that publish no `node_state`.",
         unit="s",
         within=(0.1, 86_400.0),
         advanced=True,
     )
     max_attempts: int = fixed(
         4,
-        "After so many attempts a tile is given up; one that was on its way when a node was restarted "
-        "has lost none.",
+        "A tile is given up when so many nodes have died while they worked on it.",
         within=(1, 100),
         advanced=True,
     )

@@ -10,7 +10,6 @@ from typing import Any
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.run_settings import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
@@ -24,16 +23,13 @@ def node_class(name: str) -> type[StageNode]:
 
 
 def make_node(
-    name: str, settings: Mapping[str, Mapping[str, Any]], pool: BuildingPool | None = None, **kwargs: Any
+    name: str, settings: Mapping[str, Mapping[str, Any]], pool: Any = None, **kwargs: Any
 ) -> StageNode:
     """
     Make a node; of the settings what is not named keeps its default, what is of other nodes is left out.
     """
-    # these work themselves; the others let processes work, to wait for no interpreter's lock in one process
-    shared = {} if name in ("scan_assembler", "recorder") else {"pool": pool}
-    return node_class(name)(
-        parameter_overrides=parameter_overrides(NODE_CONFIGS[name], settings), **shared, **kwargs
-    )
+    overrides = parameter_overrides(NODE_CONFIGS[name], settings)
+    return node_class(name)(parameter_overrides=overrides, pool=pool, **kwargs)
 
 
 def survey_nodes(
@@ -45,7 +41,7 @@ def survey_nodes(
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     overwrite: bool = False,
     identity: Mapping[str, Any] | None = None,
-    pool: BuildingPool | None = None,
+    pool: Any = None,
     **kwargs: Any,
 ) -> dict[str, StageNode]:
     """
@@ -62,6 +58,8 @@ def survey_nodes(
     kept = json.dumps(dict(given if identity is None else identity), sort_keys=True)
     own["model_writer"] |= {"overwrite": overwrite, "settings": kept}
     own["flow_control"] = {"publish_tile_done": not output}
+    if pool is not None and not pool.n_workers:  # one core: each node works in its own thread
+        pool = None
     if pool is not None and "max_tiles_in_flight" not in given.get(source, {}):
         own[source]["max_tiles_in_flight"] = min(max(2, pool.n_workers), MOST_TILES)
     merged = {stage: {**given.get(stage, {}), **own.get(stage, {})} for stage in given.keys() | own.keys()}

@@ -2,34 +2,46 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from typing import Any
 
+from geometry_msgs.msg import PolygonInstanceStamped
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
-from lidar_buildings.nodes.pool_node import PoolNode
+from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.ros.outline_quality import quality_message
-from lidar_buildings.ros.polygons import Rings, outline_rings
-from lidar_buildings.ros.qos import CLOUD
-from lidar_buildings.ros.ring_collector import outlines_of
+from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
+from lidar_buildings.ros.qos import CLOUD, MAP_RINGS
+from lidar_buildings.ros.stage_node import StageNode, publish_all
 from lidar_buildings.ros.withdrawals import Withdrawals
 
+Outlines = tuple[BuildingOutline, ...]
 
-class OutlineRegulariser(PoolNode):
+
+class OutlineRegulariser(StageNode):
     """Regularises the outlines of each tile, and withdraws those that a tile has no more."""
 
     def __init__(self, **kwargs: Any) -> None:
-        super().__init__("outline_regulariser", **kwargs)
+        super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
         self._withdrawals: Withdrawals[int] = Withdrawals()
-        self._outlines = self.create_ring_outlet("outlines")
-        self._quality = self.create_message_outlet(String, "outline_quality", CLOUD)
-        self.subscribe_rings("traced_outlines", self.on_rings)
+        self._outlines = self.create_output(PolygonInstanceStamped, "outlines", MAP_RINGS)
+        self._quality = self.create_output(String, "outline_quality", CLOUD)
+        self.take_tiles(("traced_outlines",), self.work, self.publish)
+        self.subscribe_rings("traced_outlines", outlines_of)
 
-    def on_rings(self, stamp: int, rings: Rings) -> None:
+    def work(self, traced: Outlines) -> Future[Outlines]:
         """Regularise one tile's outlines."""
-        outlines = regularise_outlines(outlines_of(rings), self.parameters[RegularisationConfig], self._pool)
+        return self.submit_shared(regularise_outlines, traced, self.parameters[RegularisationConfig])
+
+    def publish(self, stamp: int, outlines: Outlines) -> None:
+        """Publish one tile's outlines and how well they fit."""
         gone = self._withdrawals.of(stamp, (one.building_id for one in outlines))
-        self._quality.publish(stamp, [quality_message(stamp, outlines)])
-        self._outlines.publish(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})
+        self._quality.publish(quality_message(stamp, outlines))
+        publish_all(
+            self._outlines, ring_messages(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})
+        )
+        self.summary.passed_on(stamp, 0)
         self.summary.count_buildings(one.quality.status.value for one in outlines)

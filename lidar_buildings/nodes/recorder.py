@@ -7,7 +7,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-import rclpy
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from lidar_buildings.core.model.errors import ParameterError
@@ -16,7 +15,6 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.diagnostics import TOPIC as DIAGNOSTICS
-from lidar_buildings.ros.runner import run_node
 from lidar_buildings.ros.stage_node import StageNode
 
 #: Period of the search for topics that the graph does not have of itself [s].
@@ -44,7 +42,6 @@ class Recorder(StageNode):
         self._last_heard, self._lag = time.monotonic(), 0.0
         self.recording.start(self._on_written)
         self._sought = set(config.topics)
-        self._takers: list[tuple[Any, Callable[[bytes, dict[str, int]], None]]] = []
         self.summary.watch(self._gauges)
         for name in config.topics:
             for topic in topics_called(name):
@@ -53,11 +50,6 @@ class Recorder(StageNode):
         self.on_search()
         if self._sought:
             self._search = self.create_timer(_SEARCH, self.on_search)
-
-    @classmethod
-    def main(cls) -> int:
-        """Run the node as a process of its own."""
-        return run_node(cls)
 
     @property
     def is_silent(self) -> bool:
@@ -75,9 +67,8 @@ class Recorder(StageNode):
             self._search.cancel()
 
     def destroy_node(self) -> None:
-        """Record what has come and was not taken yet, and complete the bag."""
-        if hasattr(self, "_takers"):
-            self._take_the_rest()
+        """Complete the bag."""
+        if hasattr(self, "recording"):
             self.recording.close()
         super().destroy_node()
 
@@ -104,10 +95,9 @@ class Recorder(StageNode):
         wanted = QoSProfile(
             reliability=profile.reliability, durability=profile.durability, history=HistoryPolicy.KEEP_ALL
         )
-        subscription = self.create_subscription(
+        self.create_subscription(
             message_type, name, take, wanted, raw=True, event_callbacks=qos.SILENT_SUBSCRIPTION
         )
-        self._takers.append((subscription, take))
 
     def _record(self, name: str, data: bytes, info: dict[str, int]) -> None:
         self.recording.add(name, info["received_timestamp"] or time.time_ns(), data)
@@ -123,16 +113,10 @@ class Recorder(StageNode):
             self.summary.problem = self.recording.failure
             self.get_logger().error(self.recording.failure)
 
-    def _take_the_rest(self) -> None:
-        """Take what waits in the subscriptions, until nothing more comes; once ROS has ended nothing does."""
-        while rclpy.ok(context=self.context):
-            for subscription, take in self._takers:
-                while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-                    take(*taken)
-            if self.is_silent:
-                break
-            time.sleep(_SILENCE / 10)
-        self._takers.clear()
+    def interrupted(self, spin_once: Callable[[float], None]) -> None:
+        """Record what has come and was not taken yet."""
+        while not self.is_silent:
+            spin_once(_SILENCE / 10)
 
     def _gauges(self) -> dict[str, float]:
         recording = self.recording

@@ -20,7 +20,7 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter_names, 
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
 from lidar_buildings.nodes.topics import OF_EVERY_NODE, Topic
-from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH
 
 _COMMAND = "python -m lidar_buildings.nodes.reference"
 _PARAMETER_FILE = "pipeline.param.yaml"
@@ -146,8 +146,8 @@ def _profiles() -> str:
             "| BUILDING | reliable | keep all | volatile |",
             f"| EVENT | reliable | keep last {EVENT_DEPTH} | volatile |",
             "| LATCHED | reliable | keep last 1 | transient local |",
-            f"| LATCHED_TILE | reliable | keep last {CLOUD_DEPTH} | transient local |",
-            f"| LATCHED_EVENT | reliable | keep last {EVENT_DEPTH} | transient local |",
+            f"| MAP | reliable | keep last {CLOUD_DEPTH} | transient local |",
+            f"| MAP_RINGS | reliable | keep last {RING_DEPTH} | transient local |",
             f"| LATCHED_HISTORY | reliable | keep last {HISTORY_DEPTH} | transient local |",
         ]
     )
@@ -157,8 +157,8 @@ def _node_section(card: NodeCard) -> str:
     parts = [
         f"## {card.name}",
         card.summary,
-        _topic_table("Subscribed", card.subscribes),
-        _topic_table("Published", (*card.publishes, *OF_EVERY_NODE)),
+        _topic_table("Subscribed", [(one, one.listener_qos) for one in card.subscribes]),
+        _topic_table("Published", [(one, one.qos) for one in (*card.publishes, *OF_EVERY_NODE)]),
     ]
     if card.services:
         rows = [f"| **{name}** | {kind} | {meaning} |" for name, kind, meaning in card.services]
@@ -167,8 +167,8 @@ def _node_section(card: NodeCard) -> str:
     return "\n\n".join(parts)
 
 
-def _topic_table(title: str, topics: tuple[Topic, ...]) -> str:
-    rows = [f"| **{topic.name}** | {topic.type} | {topic.qos} | {topic.meaning} |" for topic in topics]
+def _topic_table(title: str, topics: list[tuple[Topic, str]]) -> str:
+    rows = [f"| **{topic.name}** | {topic.type} | {qos} | {topic.meaning} |" for topic, qos in topics]
     head = [f"### {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
     return "\n".join([*head, *rows])
 

@@ -19,8 +19,8 @@ from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.table import NODE_TABLE
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
+from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
-from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
 from lidar_buildings.ros.stamps import FRAME_ID, header_of
 
 #: A warning of lost scans is repeated no sooner [s].
@@ -52,7 +52,7 @@ class ScanAssembler(TileSender):
         self.create_service(Trigger, "~/reset", self.on_reset)
         FrameListener(self, self.tiles.add_frame, n_own=1)
         self._subscribe_sensors()
-        self.tiles.start(lambda: self.errands.put(self.on_tick))
+        self.tiles.start(lambda: self.call_soon(self.on_tick))
 
     def on_tick(self) -> None:
         """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
@@ -66,9 +66,15 @@ class ScanAssembler(TileSender):
             self._tell_place()
             self.publish_frame(self.tiles.frame)
         super().on_tick()
-        if self._n_flushed < self.tiles.n_flushed and not len(self._flow):
-            self._n_flushed = self.tiles.n_flushed
+        n_flushed = self.tiles.n_flushed
+        if self._n_flushed < n_flushed and self._is_empty:
+            self._n_flushed = n_flushed
             self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
+
+    @property
+    def _is_empty(self) -> bool:
+        """Whether no tile is in flight, waiting or spooled."""
+        return not (len(self._ledger) or self._next is not None or self.tiles.n_left)
 
     def note_done(self, stamp: int) -> None:
         """Note that a revision of a tile is done: it may come again."""
@@ -100,6 +106,11 @@ class ScanAssembler(TileSender):
         self.tiles.flush()
         response.success, response.message = True, "survey_done follows the last tile"
         return response
+
+    def finish(self) -> None:
+        """Send all tiles that have new points, also if sending was paused."""
+        self._playback.resume()
+        self.tiles.flush()
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget all points and tiles."""
@@ -158,7 +169,7 @@ def missing_scans(node: Node) -> str:
     published = {
         name: kinds for name, kinds in node.get_topic_names_and_types() if node.count_publishers(name)
     }
-    graphs = [name.removesuffix(RECEIPTS) for name in published if name.endswith(f"/{RECEIPTS}")]
+    graphs = [name.removesuffix(NODE_STATE) for name in published if name.endswith(f"/{NODE_STATE}")]
     own = {f"{one}{topic.name}" for one in graphs for card in NODE_TABLE for topic in card.publishes}
     others = [kind for kind in published.pop(scan, ()) if kind != _CLOUD]
     clouds = sorted(name for name, kinds in published.items() if _CLOUD in kinds and name not in own)

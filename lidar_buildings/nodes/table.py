@@ -23,6 +23,7 @@ from lidar_buildings.nodes.topics import (
     GROUND_POINTS,
     MAP_ORIGIN,
     MAP_UNITS,
+    NODE_STATE,
     ODOMETRY,
     OUTLINE_QUALITY,
     OUTLINES,
@@ -35,11 +36,9 @@ from lidar_buildings.nodes.topics import (
     SURVEY_DONE,
     TF,
     TF_STATIC,
-    TILE_CLIPPED,
     TILE_DONE,
     TILE_FAILED,
     TILE_INFO,
-    TILE_RECEIPT,
     TRACED_OUTLINES,
     Topic,
     topics_called,
@@ -65,7 +64,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "tile_player",
         "Cuts clouds into tiles and sends them into the graph. "
         "It keeps few tiles in flight, sends again what got lost, and larger what was too small.",
-        (TILE_DONE, TILE_CLIPPED, TILE_RECEIPT),
+        (TILE_DONE, NODE_STATE),
         (POINTS, TILE_INFO, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED, CLOCK),
         (
             ("~/pause", _TRIGGER, "send no more tiles"),
@@ -77,7 +76,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "scan_assembler",
         "Places the scans of a moving sensor in the map and gathers them on disk. "
         "A tile is sent when the sensor has left it, and again as a later revision when it has come back.",
-        (SCAN, ODOMETRY, TF, TF_STATIC, FIX, MAP_ORIGIN, MAP_UNITS, TILE_DONE, TILE_CLIPPED, TILE_RECEIPT),
+        (SCAN, ODOMETRY, TF, TF_STATIC, FIX, MAP_ORIGIN, MAP_UNITS, TILE_DONE, NODE_STATE),
         (POINTS, TILE_INFO, MAP_ORIGIN, MAP_UNITS, SURVEY_DONE, TILE_FAILED),
         (
             ("~/pause", _TRIGGER, "send no more tiles; scans are still gathered"),
@@ -91,9 +90,9 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "ground_filter",
         "Tells the ground from what stands on it, and low and high noise from both; gives every point its "
         "height above the ground. "
-        "A tile that cuts off what may be a wide roof is held back and asked for with a larger buffer.",
+        "A tile that cuts off what may be a wide roof is held back and sent again with a larger buffer.",
         (TILE_INFO, POINTS),
-        (GROUND_POINTS, TILE_CLIPPED, DTM),
+        (GROUND_POINTS, DTM),
     ),
     NodeCard(
         "roof_selector",
@@ -112,15 +111,15 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "building_tracer",
         "Gathers roof points into buildings and traces their outlines and courtyards, closes outlines behind "
         "walls whose roofs were not seen, or takes given footprints for which it listens to all points. "
-        "A tile that cuts one of its buildings off is held back and asked for with a larger buffer.",
+        "A tile that cuts one of its buildings off is held back and sent again with a larger buffer.",
         (TILE_INFO, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
-        (BUILDING_POINTS, TRACED_OUTLINES, TILE_CLIPPED),
+        (BUILDING_POINTS, TRACED_OUTLINES),
     ),
     NodeCard(
         "outline_regulariser",
         "Fits straight edges and the building's own directions to traced outlines. "
         "An outline that cannot be regularised goes on as it is.",
-        (TRACED_OUTLINES,),
+        (TILE_INFO, TRACED_OUTLINES),
         (OUTLINES, OUTLINE_QUALITY),
     ),
     NodeCard(
@@ -148,7 +147,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
             PLANE_POINTS,
             TRACED_OUTLINES,
             OUTLINES,
-            ROOF_FACES,
             CITY_MODEL,
             SURVEY_DONE,
             TILE_FAILED,
@@ -178,7 +176,6 @@ _OF_FILES = (
     (EDGE_POINTS, BUILDING_POINTS, PLANE_POINTS),
     (TRACED_OUTLINES,),
     (OUTLINES,),
-    (ROOF_FACES,),
     (CITY_MODEL,),
 )
 

@@ -17,7 +17,6 @@ from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.io.tiling.tiling import TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
-from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.stamps import header_of, to_time
 
@@ -25,7 +24,7 @@ from lidar_buildings.ros.stamps import header_of, to_time
 class TilePlayer(TileSender):
     """Cuts files into tiles and sends them into the graph."""
 
-    def __init__(self, pool: BuildingPool | None = None, *, keep: bool = False, **kwargs: Any) -> None:
+    def __init__(self, *, keep: bool = False, **kwargs: Any) -> None:
         super().__init__("tile_player", TilePlayerConfig, **kwargs)
         config = self.parameters[TilePlayerConfig]
         self._temporary: Path | None = None
@@ -34,15 +33,14 @@ class TilePlayer(TileSender):
             self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
         for problem in self._source.problems:
             self.get_logger().error(problem)
-        workers = pool or BuildingPool(0)
-        self.tiles = FileQueue(self._source, lambda tile: workers.call(SpooledTile.read, tile))
+        self.tiles = FileQueue(self._source, self._read)
         self._is_finished = False
         self._clock_publisher = None
         if config.publish_clock:
             self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
         self.begin()
         self.publish_frame(self._source.frame)
-        self.tiles.start(lambda: self.errands.put(self.on_tick))
+        self.tiles.start(lambda: self.call_soon(self.on_tick))
 
     @property
     def inputs(self) -> list[InputFile]:
@@ -63,7 +61,7 @@ class TilePlayer(TileSender):
         if self._is_finished:
             return
         super().on_tick()
-        if self.tiles.n_left or self._peek() is not None or len(self._flow):
+        if self.tiles.n_left or self._peek() is not None or len(self._ledger):
             return
         self._is_finished = True
         n_failed = f", {len(self._failed)} given up" if self._failed else ""
@@ -77,6 +75,10 @@ class TilePlayer(TileSender):
         if self._temporary is not None:
             remove_folder(self._temporary)
         super().destroy_node()
+
+    def _read(self, tile: SpooledTile) -> PointTile:
+        """Put a tile together, in a process of the pool where there is one; in the queue's thread."""
+        return tile.read() if self.pool is None else self.pool.submit(SpooledTile.read, tile).result()
 
     def _with_placed_bags(self, config: TilePlayerConfig) -> tuple[str, ...]:
         """Return the inputs with clouds instead of bags, whose scans are placed now."""

@@ -3,32 +3,40 @@
 from __future__ import annotations
 
 from collections import Counter
+from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
+from uuid import uuid4
 
 from geometry_msgs.msg import PointStamped, Vector3Stamped
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
+from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.tile_queue import TileQueue
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.map_frames import origin_message, units_message
-from lidar_buildings.ros.flow_control import FlowControl
-from lidar_buildings.ros.graph_watch import GraphWatch
-from lidar_buildings.ros.letterbox import Letterbox
+from lidar_buildings.ros.depths import CLOUD_DEPTH
+from lidar_buildings.ros.diagnostics import TileReport
+from lidar_buildings.ros.node_state import LISTENER_QOS, state_of
+from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
 from lidar_buildings.ros.playback import Playback
-from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, LATCHED_TILE
-from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
-from lidar_buildings.ros.receipts import receipt_of
-from lidar_buildings.ros.runner import run_node
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
-from lidar_buildings.ros.tile_info import CLIPPED, clipped_of, info_message, over_message
+from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
+from lidar_buildings.ros.tile_info import info_message
+from lidar_buildings.ros.tile_ledger import Flight, TileLedger
 
-#: Period of the checks of deadlines and subscribers, short against the time that a tile takes [s].
+#: Period of the checks of tiles and subscribers, short against the time that a tile takes [s].
 _TICK = 0.1
+#: The graph's nodes are looked up so often, which takes long [s].
+_LOOK = 0.5
 #: Period of the reminders of what is waited for [s].
 _REMIND = 10.0
 
@@ -38,35 +46,32 @@ class TileSender(StageNode):
 
     #: Set by the subclass before it calls `begin`.
     tiles: TileQueue
-    #: Whether scans come to it, of which none comes again.
-    carries_scans: ClassVar[bool] = False
 
     def __init__(self, name: str, config: type[SendingConfig], **kwargs: Any) -> None:
         super().__init__(name, NODE_CONFIGS[name], **kwargs)
         sending = self.sending = self.parameters[config]
-        # by ticks, so that silence is what the node has listened to, not what it was too busy to hear
+        # by ticks, so that time passes only while the node listens
         self._time = 0.0
-        self._flow = FlowControl(
+        self._ledger = TileLedger(
             sending.max_tiles_in_flight, sending.tile_timeout, sending.max_attempts, lambda: self._time
         )
-        self.summary.watch(self._flow.gauges)
-        self._watch = GraphWatch(self)
-        #: Tile → the last revision of it that is done; tiles that were given up, or sent again.
+        self.summary.watch(self._ledger.gauges)
+        self._life = uuid4().hex if self._ledger.is_counting else ""
+        #: Tile → the last revision of it that is done; tiles that were given up.
         self._done: dict[int, int] = {}
         self._failed: set[int] = set()
-        self._resent: set[int] = set()
+        #: Tiles whose larger revision is being read; those sent last, where none is waited for.
+        self._growing: set[int] = set()
+        self._uncounted: list[PointTile] = []
+        self._seen: set[str] = set()
+        self._looked = -_LOOK
         self._playback = Playback(is_paused=sending.start_paused)
         self._next: PointTile | None = None
 
-    @classmethod
-    def main(cls) -> int:
-        """Run the node as a process of its own."""
-        return run_node(cls, carries_scans=cls.carries_scans)
-
     def begin(self) -> None:
         """Make publishers, services and subscriptions, and send what is due from now on."""
-        self._points = self.create_tile_outlet("points")
-        self._info = self.create_publisher(String, "tile_info", LATCHED_TILE)
+        self._points = self.create_output(PointCloud2, "points", CLOUD)
+        self._info = self.create_publisher(String, TILE_INFO, LATCHED)
         self._survey_done = self.create_publisher(Header, "survey_done", LATCHED)
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
         self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
@@ -74,8 +79,9 @@ class TileSender(StageNode):
         self.create_service(Trigger, "~/pause", self.on_pause)
         self.create_service(Trigger, "~/resume", self.on_resume)
         self.create_service(Trigger, "~/step", self.on_step)
-        self.create_subscription(String, CLIPPED, self.on_clipped, EVENT)
-        self._receipt_box = Letterbox(self, String, RECEIPTS, self.on_receipt, LATCHED_EVENT)
+        self.create_subscription(
+            String, NODE_STATE, self.on_state, LISTENER_QOS, event_callbacks=SILENT_SUBSCRIPTION
+        )
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
 
@@ -93,9 +99,13 @@ class TileSender(StageNode):
         """Number of tiles that are done."""
         return len(self._done)
 
+    # what is heard
+
     def on_timer(self) -> None:
-        """Let time go on, and send what is due."""
+        """Let time go on, look who is there, and send what is due."""
         self._time += _TICK
+        if self._time - self._looked >= _LOOK:
+            self._look_around()
         self.on_tick()
 
     def on_tick(self) -> None:
@@ -103,21 +113,27 @@ class TileSender(StageNode):
         if self.tiles.error is not None:
             self.fail(self.tiles.error)
             return
-        self._receipt_box.look()
-        self._send_overdue()
+        self._give_up()
+        for tile, sides in self._ledger.wanted():
+            self._grow(tile, sides)
         while (tile := self._next_to_send()) is not None:
             self._send(tile)
 
+    def on_state(self, message: String) -> None:
+        """Note what a node has of each tile."""
+        self._ledger.hear(state_of(message))
+        if any(self._ledger.wanted()):
+            self.on_tick()
+
     def on_done(self, message: Header) -> None:
         """Take back a tile's credit; an earlier revision than the one under way is none."""
-        self._receipt_box.look()
         stamp = to_stamp(message.stamp)
-        sent = self._flow.tile(stamp)
+        sent = self._ledger.tile(stamp)
         if sent is not None and stamp < sent.stamp:
             return
         self.note_done(stamp)
-        if sent is not None and self._flow.done(stamp):
-            self._call_off(sent.stamp)
+        if self._ledger.done(stamp):
+            self._tell()
             self.on_tick()
 
     def note_done(self, stamp: int) -> None:
@@ -131,39 +147,11 @@ class TileSender(StageNode):
 
     def forget_tiles(self) -> None:
         """Forget all tiles, and have the copies of those dropped that are under way."""
-        for stamp in self._flow.forget():
-            self._info.publish(over_message(stamp))
+        self._ledger.forget()
+        self._tell()
         self._done.clear()
         self._failed.clear()
-        self._resent.clear()
         self._next = None
-
-    def on_receipt(self, message: String) -> None:
-        """Note what a node has in hand."""
-        receipt = receipt_of(message)
-        if self._watch.hear(receipt):
-            self._flow.started(receipt.node)
-        if not self._watch.is_past(receipt):
-            self._flow.hear(receipt)
-
-    def on_clipped(self, message: String) -> None:
-        """
-        Send the next revision of a tile, with a larger buffer; only say so if there is nothing more to send.
-        """
-        stamp, sides = clipped_of(message)
-        tile = self._flow.tile(stamp)
-        if tile is None or tile.stamp != stamp:
-            return  # of an earlier revision
-        with self.reporting(tile.stamp, quiet=True):
-            grown = self.tiles.grown(tile, sides)
-            if grown is not None:
-                grown = replace(grown, stamp=tile.stamp + 1)
-                self._info.publish(over_message(tile.stamp))
-                self._publish(grown)
-            else:
-                grown = replace(tile, bounds=sides.opened(tile.bounds))
-                self._info.publish(info_message(grown))
-            self._flow.sent(grown)
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Send no more tiles."""
@@ -183,9 +171,11 @@ class TileSender(StageNode):
         response.message = "one tile will be sent" if response.success else "not paused: call pause first"
         return response
 
+    # what is sent
+
     def _next_to_send(self) -> PointTile | None:
         """Return the next tile if there is a credit for it, someone to take it, and its time has come."""
-        tile = self._peek() if self._flow.has_room else None
+        tile = self._peek() if self._ledger.has_room else None
         if tile is None or not self.may_send(tile) or not self._has_listeners():
             return None
         self._next = None
@@ -200,6 +190,19 @@ class TileSender(StageNode):
                 return None
         return self._next
 
+    def _look_around(self) -> None:
+        """See which nodes are in the graph."""
+        self._looked = self._time
+        self._seen = {
+            one.node_name
+            for one in self.get_publishers_info_by_topic(NODE_STATE)
+            if one.node_namespace == self.get_namespace() and one.node_name != "_NODE_NAME_UNKNOWN_"
+        }
+        self._ledger.see(self._seen)
+        if len(self._ledger) and self._has_listeners():
+            for flight in self._ledger.lost():
+                self._send_again(flight)
+
     def _has_listeners(self) -> bool:
         """
         Whether topics have their subscribers, nodes that share tiles are all there, and one ends tiles.
@@ -209,53 +212,88 @@ class TileSender(StageNode):
         wanted = Counter(self.sending.wait_for)
         missing = [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]
         what = f"a subscriber of {', '.join(missing)}"
-        if not missing and self._flow.is_counting and not self.count_publishers("tile_done"):
+        if not missing and self._ledger.is_counting and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
-        if not missing and (missing := self._watch.missing_replicas()):
+        if not missing and (missing := self._ledger.missing_replicas()):
             what = f"{', '.join(missing)}: all share the tiles"
         if missing:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
-        return not missing and self._watch.is_settled
+            return False
+        return self._ledger.is_settled(self._seen, self.count_subscribers, len(self._done))
 
     def _send(self, tile: PointTile) -> None:
         """
-        Send a tile for the first time; what a node has from this one's life before is only told of again.
+        Send a tile for the first time; what nodes have from this one's life before is only listed again.
         """
-        if self._flow.is_held(tile.stamp):
-            self._info.publish(info_message(tile))
-        else:
-            self._publish(tile)
-        self._flow.sent(tile)
-        if not self._flow.is_counting:
+        latest = self._ledger.latest(tile.stamp) if self._ledger.is_counting else None
+        if latest is not None and latest >= tile.stamp:
+            self._ledger.sent(replace(tile, stamp=latest), is_adopted=True)
+            self._tell()
+            return
+        self._publish(tile)
+        if not self._ledger.is_counting:
             self.note_done(tile.stamp)
 
+    def _send_again(self, flight: Flight) -> None:
+        """Send a tile that is lost; one of which the nodes know other bounds as a new revision."""
+        tile = replace(flight.tile, stamp=flight.tile.stamp + flight.is_adopted)
+        self.warn(f"tile {tile.stamp} is lost: sent again ({flight.n_resent})")
+        self._publish(tile)
+
     def _publish(self, tile: PointTile) -> None:
-        """Publish what holds for a tile as a whole, and its points."""
-        with self.reporting(tile.stamp) as report:
-            report.n_points = len(tile)
-            self.before(tile)
-            self._info.publish(info_message(tile))
-            self._points.publish(tile.stamp, tile)
+        """List a tile, and publish its points."""
+        report = TileReport(tile.stamp, len(tile))
+        self._diagnostics.begin_tile(tile.stamp)
+        self.before(tile)
+        self._ledger.sent(tile)
+        if not self._ledger.is_counting:
+            self._uncounted = [*self._uncounted[1 - CLOUD_DEPTH :], tile]
+        self._tell()
+        self._points.publish(to_message(tile))
+        self._ledger.sent(tile)  # publishing takes its time
+        self.summary.passed_on(tile.stamp, len(tile))
+        self._diagnostics.end_tile(report, "", 0.0)
+
+    def _tell(self) -> None:
+        """Publish which tiles are in flight."""
+        listed = self._uncounted or self._ledger.listed()
+        adopted = self._ledger.adopted()
+        self._info.publish(info_message(*listed, adopted=adopted, life=self._life))
 
     def before(self, tile: PointTile) -> None:
         """Do what comes before a tile's points; nothing if not said otherwise."""
 
-    def _send_overdue(self) -> None:
-        """Send again what is lost as soon as the nodes are there, and give up what was lost too often."""
-        if self._flow.has_losses and self._has_listeners():
-            for flight in self._flow.overdue():
-                stamp = flight.tile.stamp
-                self.warn(f"tile {stamp} was lost: sent again ({flight.attempt})")
-                self._resent.add(tile_of(stamp))
-                self._publish(flight.tile)
-        for stamp in self._flow.given_up():
-            self.get_logger().error(f"tile {stamp} was never done: given up")
-            self.summary.failed(f"tile {stamp} was never done: given up")
+    def _grow(self, tile: PointTile, sides: Sides) -> None:
+        """Read a tile with a larger buffer, beside the executor."""
+        if tile.stamp in self._growing:
+            return
+        self._growing.add(tile.stamp)
+        self.when_done(
+            self.submit_here(self.tiles.grown, tile, sides), lambda work: self._grown(tile, sides, work)
+        )
+
+    def _grown(self, tile: PointTile, sides: Sides, work: Future[PointTile | None]) -> None:
+        """Send the next revision of a tile; only say so if there is nothing more to send."""
+        self._growing.discard(tile.stamp)
+        now = self._ledger.tile(tile.stamp)
+        if now is None or now.stamp != tile.stamp or work.cancelled():
+            return
+        if (error := work.exception()) is not None:
+            self.fail(error)
+        elif (grown := work.result()) is not None:
+            self._publish(replace(grown, stamp=tile.stamp + 1))
+        else:
+            self._ledger.sent(replace(now, bounds=sides.opened(now.bounds)))
+            self._tell()
+
+    def _give_up(self) -> None:
+        """Give up what a node cannot handle."""
+        given_up = self._ledger.given_up()
+        for stamp, reason in given_up.items():
+            text = f"tile {stamp} is given up: {reason}"
+            self.get_logger().error(text)
+            self.summary.failed(text)
             self.note_failed(stamp)
             self._tile_failed.publish(header_of(stamp))
-            self._call_off(stamp)
-
-    def _call_off(self, stamp: int) -> None:
-        """Have the copies of a tile dropped that may still be under way."""
-        if tile_of(stamp) in self._resent:
-            self._info.publish(over_message(stamp))
+        if given_up:
+            self._tell()

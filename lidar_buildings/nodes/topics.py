@@ -21,6 +21,11 @@ class Topic:
     qos: str  #: the profile's name in `lidar_buildings.ros.qos`
     meaning: str  #: what it carries
 
+    @property
+    def listener_qos(self) -> str:
+        """The profile by which our nodes subscribe: what a viewer may see later is volatile for a stage."""
+        return {"MAP": "CLOUD", "MAP_RINGS": "BUILDING"}.get(self.qos, self.qos)
+
 
 DIAGNOSTICS = Topic(
     "diagnostics",
@@ -29,15 +34,15 @@ DIAGNOSTICS = Topic(
     "per tile (named as the node): seconds, points, what else the node counts, status, parameters as JSON; "
     "once a second (`NODE: summary`): how the node gets on",
 )
-TILE_RECEIPT = Topic(
-    "tile_receipt",
+NODE_STATE = Topic(
+    "node_state",
     "std_msgs/String",
-    "LATCHED_EVENT",
-    "JSON: `node`, its `life` (another one after a restart), `state`: `ready`, or of tile `stamp` `taken`, "
-    "`done` or `failed`",
+    "LATCHED",
+    "JSON, a few times a second and when it changes: `node`, its `life` (another one after a restart), "
+    "`sequence`, and `tiles`: by stamp `waiting` with the missing parts, `in_hand`, `passed_on` or `failed`",
 )
 #: What every node publishes beside its own.
-OF_EVERY_NODE = (DIAGNOSTICS, TILE_RECEIPT)
+OF_EVERY_NODE = (DIAGNOSTICS, NODE_STATE)
 POINTS = Topic(
     "points",
     _CLOUD,
@@ -100,7 +105,7 @@ TRACED_OUTLINES = Topic(
 OUTLINES = Topic(
     "outlines",
     _RINGS,
-    "BUILDING",
+    "MAP_RINGS",
     "regularised outlines, a ring a message, holes after their outline; a building that a tile had in an "
     f"earlier revision and has no more comes without vertices{_END}",
 )
@@ -111,7 +116,9 @@ OUTLINE_QUALITY = Topic(
     "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from the traced ring, and "
     "why it is the traced one, if it is",
 )
-ROOF_FACES = Topic("roof_faces", _RINGS, "BUILDING", f"the models' roofs in 3D; ids are the buildings'{_END}")
+ROOF_FACES = Topic(
+    "roof_faces", _RINGS, "MAP_RINGS", f"the models' roofs in 3D; ids are the buildings'{_END}"
+)
 CITY_MODEL = Topic(
     "city_model",
     "std_msgs/String",
@@ -123,7 +130,7 @@ CITY_MODEL_HEADER = Topic("city_model", "std_msgs/String", "LATCHED", "CityJSON 
 BUILDING_MARKERS = Topic(
     "building_markers",
     "visualization_msgs/MarkerArray",
-    "CLOUD",
+    "MAP",
     "the solids' edges, for RViz: a marker per building, deleted when its tile has it no more",
 )
 MAP_ORIGIN = Topic(
@@ -138,17 +145,10 @@ MAP_UNITS = Topic(
 TILE_INFO = Topic(
     "tile_info",
     "std_msgs/String",
-    "LATCHED_TILE",
-    "JSON of a tile: `stamp`, `bounds` (west, south, east, north of it with its buffer; each or all "
-    "null where nothing lies beyond), `point_spacing` [m], `dark_limit` (parts the two modes of the ground, "
-    "if it has two)",
-)
-TILE_CLIPPED = Topic(
-    "tile_clipped",
-    "std_msgs/String",
-    "EVENT",
-    "JSON: `stamp` of a tile, whether a building, or what may be one, reaches beyond its `west`, "
-    "`south`, `east`, `north` side",
+    "LATCHED",
+    "JSON: the source's `life` and its `tiles` in flight: `stamp`, `bounds` (west, south, east, north of the "
+    "tile with its buffer; each or all null where nothing lies beyond), `point_spacing` [m], `dark_limit` "
+    "(parts the two modes of the ground, if it has two)",
 )
 TILE_DONE = Topic(
     "tile_done", _HEADER, "LATCHED_HISTORY", "this revision of a tile is done, or safely on disk"

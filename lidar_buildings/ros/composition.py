@@ -1,18 +1,17 @@
-"""Several nodes in one process: an executor for each, and threads."""
+"""Several nodes in one process: an executor and a thread for each."""
 
 from __future__ import annotations
 
 import math
 import threading
 import time
-from collections.abc import Callable
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from lidar_buildings.ros.stage_node import StageNode
 
-#: Time that a node gets to finish its callback at the end; wide margin: a tile takes seconds [s].
+#: Time that a node gets to finish its callback at the end; wide margin: work is done beside callbacks [s].
 _JOIN_TIMEOUT = 60.0
 
 
@@ -21,18 +20,13 @@ class Composition:
     Runs nodes of one context side by side; `stop` destroys them.
 
     One MultiThreadedExecutor for all would be several times slower than a SingleThreadedExecutor for each,
-    and the nodes rely on their callbacks not running at once. A second thread does a node's errands.
+    and the nodes rely on their callbacks not running at once.
     """
 
     def __init__(self, *nodes: StageNode) -> None:
         self._nodes = nodes
-        works: list[tuple[StageNode, Callable[[], None]]] = []
-        for node in nodes:
-            executor = SingleThreadedExecutor(context=node.context)
-            executor.add_node(node)
-            works += [(node, executor.spin), (node, node.errands.run)]
         self._threads = [
-            threading.Thread(target=_do, args=work, name=work[0].get_name(), daemon=True) for work in works
+            threading.Thread(target=_spin, args=(node,), name=node.get_name(), daemon=True) for node in nodes
         ]
         #: Something has happened that may end a `wait`.
         self._news = threading.Event()
@@ -67,8 +61,6 @@ class Composition:
         """Shut ROS down, wait for the threads, and destroy the nodes."""
         for node in self._nodes:
             rclpy.try_shutdown(context=node.context)
-        for node in self._nodes:
-            node.errands.stop()
         for thread in self._threads:
             if thread.ident is not None:
                 thread.join(_JOIN_TIMEOUT)
@@ -76,10 +68,12 @@ class Composition:
             node.destroy_node()
 
 
-def _do(node: StageNode, work: Callable[[], None]) -> None:
-    """Do a node's work; the node tells what keeps it from going on."""
+def _spin(node: StageNode) -> None:
+    """Spin a node; what it raises ends it, as its outcome."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
     try:
-        work()
+        executor.spin()
     except ExternalShutdownException:
         pass
     except Exception as error:

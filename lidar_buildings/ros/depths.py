@@ -10,6 +10,10 @@ FEW_POINTS = 300_000
 #: Clouds of a topic; wide margin: each tile in flight is sent at most a few times.
 CLOUD_DEPTH = 32
 
+#: Rings of outlines or roof faces that late viewers see; wide margin over those of a tile in flight, of which
+#: none may be overwritten: 300 bytes each.
+RING_DEPTH = 20_000
+
 #: Headers and diagnostics, small; wide margin: a few per tile and node.
 EVENT_DEPTH = 1000
 

@@ -18,8 +18,6 @@ from std_msgs.msg import String
 _MAX_FEATURES = 100_000
 #: Characters that they may have; wide margin: a building takes 10,000.
 _MAX_CHARACTERS = 500_000_000
-#: How many closed tiles are remembered; wide margin: at most 8 are in flight.
-_MAX_TILES = 1_000
 #: Stands before the stamp in the name of the feature that closes a tile.
 _TILE = "tile-"
 #: How a feature without city objects ends, and how one that closes a tile reads.
@@ -53,7 +51,6 @@ class FeaturePool:
 
     def __init__(self) -> None:
         self._lines: OrderedDict[int, str] = OrderedDict()
-        self._closed: OrderedDict[int, None] = OrderedDict()
         self._n_characters = 0
 
     def add(self, building_id: int, line: str) -> None:
@@ -63,16 +60,9 @@ class FeaturePool:
         while len(self._lines) > _MAX_FEATURES or self._n_characters > _MAX_CHARACTERS:
             self._n_characters -= len(self._lines.popitem(last=False)[1])
 
-    def close(self, stamp: int) -> None:
-        """Note that all features of a tile are there; what is held of an earlier revision is outdated."""
-        self._closed[stamp] = None
-        self._closed.move_to_end(stamp)
-        if len(self._closed) > _MAX_TILES:
-            self._closed.popitem(last=False)
-
-    def has(self, stamp: int, building_ids: Iterable[int]) -> bool:
-        """Whether a tile's features are there, and not only those of an earlier revision."""
-        return stamp in self._closed and all(number in self._lines for number in building_ids)
+    def has(self, building_ids: Iterable[int]) -> bool:
+        """Whether the features of some buildings are there."""
+        return all(number in self._lines for number in building_ids)
 
     def take(self, building_ids: Iterable[int]) -> tuple[str, ...]:
         """Remove and return a tile's features, in the order of the ids."""

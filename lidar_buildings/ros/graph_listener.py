@@ -14,9 +14,9 @@ from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.ros.diagnostics import SUMMARY
 from lidar_buildings.ros.diagnostics import TOPIC as DIAGNOSTICS
 from lidar_buildings.ros.graph_view import GraphView
-from lidar_buildings.ros.qos import EVENT, LATCHED_EVENT
-from lidar_buildings.ros.receipts import TAKEN, receipt_of
-from lidar_buildings.ros.receipts import TOPIC as RECEIPTS
+from lidar_buildings.ros.node_state import LISTENER_QOS, state_of
+from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
+from lidar_buildings.ros.qos import EVENT
 
 #: Period of the search for graphs [s].
 _SEARCH = 0.2
@@ -35,31 +35,30 @@ class GraphListener:
     def search(self) -> None:
         """Listen to graphs that are new."""
         for topic, _ in self._node.get_topic_names_and_types():
-            namespace = topic.removesuffix(f"/{RECEIPTS}")
-            is_meant = topic.endswith(f"/{RECEIPTS}") and self._only in ("", namespace)
+            namespace = topic.removesuffix(f"/{NODE_STATE}")
+            is_meant = topic.endswith(f"/{NODE_STATE}") and self._only in ("", namespace)
             if is_meant and namespace not in self.views and self._node.count_publishers(topic):
                 self._listen(namespace)
 
     def has_ended(self) -> bool:
         """Whether all nodes of all graphs have gone."""
         return bool(self.views) and not any(
-            self._node.count_publishers(f"{namespace}/{RECEIPTS}") for namespace in self.views
+            self._node.count_publishers(f"{namespace}/{NODE_STATE}") for namespace in self.views
         )
 
     def _listen(self, namespace: str) -> None:
         view = self.views[namespace] = GraphView(self._order)
-        on_receipt, on_status = _takers(view)
-        self._node.create_subscription(String, f"{namespace}/{RECEIPTS}", on_receipt, LATCHED_EVENT)
+        on_state, on_status = _takers(view)
+        self._node.create_subscription(String, f"{namespace}/{NODE_STATE}", on_state, LISTENER_QOS)
         self._node.create_subscription(DiagnosticArray, f"{namespace}/{DIAGNOSTICS}", on_status, EVENT)
 
 
 def _takers(view: GraphView) -> tuple[Callable[[String], None], Callable[[DiagnosticArray], None]]:
     """Return what takes the messages of one graph; what is not understood says nothing of it."""
 
-    def on_receipt(message: String) -> None:
+    def on_state(message: String) -> None:
         with suppress(MessageError):
-            one = receipt_of(message)
-            view.hear_receipt(one.node, one.life, one.stamp, takes=one.state == TAKEN, now=time.monotonic())
+            view.hear_state(state_of(message), time.monotonic())
 
     def on_status(message: DiagnosticArray) -> None:
         for status in message.status:
@@ -70,4 +69,4 @@ def _takers(view: GraphView) -> tuple[Callable[[String], None], Callable[[Diagno
                     level = min(int.from_bytes(status.level, "little"), 2)
                     view.hear_summary(name, level, status.message, values, time.monotonic())
 
-    return on_receipt, on_status
+    return on_state, on_status

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from lidar_buildings.ros.node_summary import OK
+from lidar_buildings.ros.tile_ledger import IN_HAND, NodeState
 
 #: A node that has not been heard for so long is said to be silent [s]; wide margin: each speaks once a second
 #: unless it is at work.
@@ -20,7 +21,6 @@ _WORDS = {"node", "state", "level", "message"}
 class _Node:
     """What is known of a node."""
 
-    life: str = ""
     in_hand: set[int] = field(default_factory=set)
     heard: float = 0.0
     told: float = 0.0
@@ -41,12 +41,10 @@ class GraphView:
         """Whether every node that has been heard of has said how it gets on."""
         return bool(self._nodes) and all(one.values for one in self._nodes.values())
 
-    def hear_receipt(self, node: str, life: str, stamp: int, *, takes: bool, now: float) -> None:
-        """Note that a node is there, and has taken a tile in hand or ended it."""
-        one = self._nodes.setdefault(node, _Node())
-        if life != one.life:
-            one.life, one.in_hand = life, set()
-        (one.in_hand.add if takes else one.in_hand.discard)(stamp)
+    def hear_state(self, state: NodeState, now: float) -> None:
+        """Note that a node is there, and which tiles it has in hand."""
+        one = self._nodes.setdefault(state.node, _Node())
+        one.in_hand = {stamp for stamp, of in state.tiles.items() if of.status == IN_HAND}
         one.heard = now
 
     def hear_summary(

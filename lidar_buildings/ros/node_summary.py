@@ -74,8 +74,8 @@ class NodeSummary:
         self._last_seconds = seconds + (self._last_seconds if stamp == self._last_tile else 0.0)
         self._last_tile = stamp
 
-    def handed_on(self, stamp: int, n_points: int) -> None:
-        """Note that a tile was handed on, or a part of it."""
+    def passed_on(self, stamp: int, n_points: int) -> None:
+        """Note that the results of a tile were published, or a part of it."""
         self._count_once("tiles_out", stamp)
         self._totals["points_out"] += n_points
 

@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import (
+    ADVANCED,
     StageConfig,
     checked_value,
     parameter_names,
@@ -80,14 +81,14 @@ class NodeParameters:
     """
     A node's parameters, kept as the config dataclasses of its stages and declared at it.
 
-    `parameter_names` says how their members are called; start values may leave ``advanced.`` out.
+    `parameter_names` says how their members are called; start values may leave ``advanced.`` out, and may
+    have the stage's name in front. The node declares its start values by itself.
     ParameterError, in one line, if one has the wrong type or is out of range, or a name is unknown.
     """
 
     def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:
         self._node = node
-        # rclpy shows overrides that nobody declared nowhere else; the only use of the private name
-        given = {name: one.value for name, one in node._parameter_overrides.items()}
+        given = _undeclared(node)
         self._fields = parameter_names(configs)
         members = self._members(self._by_name(given))
         self._configs = {stage: kind(**members.get(stage, {})) for stage, kind in configs.items()}
@@ -115,7 +116,14 @@ class NodeParameters:
 
     def _by_name(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Return our parameters among the start values; refuse an unknown name and suggest the nearest."""
-        known = spellings(self._fields)
+        known = {
+            **{
+                f"{stage}.{spelling}": name
+                for name, (stage, one) in self._fields.items()
+                for spelling in (one.name, f"{ADVANCED}{one.name}")
+            },
+            **spellings(self._fields),
+        }
         for name in given:
             if name in known or name in _BUILT_IN or name.startswith("qos_overrides."):
                 continue
@@ -145,3 +153,12 @@ class NodeParameters:
         """Return the configs that new values make, which check them against one another."""
         members = self._members({one.name: one.value for one in parameters if one.name in self._fields})
         return {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
+
+
+def _undeclared(node: Node) -> dict[str, Any]:
+    """Return the start values that a node has declared by itself, and leave their names to be declared."""
+    given = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
+    for name in given:
+        if name not in _BUILT_IN and not name.startswith("qos_overrides."):
+            node.undeclare_parameter(name)
+    return given

@@ -3,7 +3,7 @@
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, SENSOR_DEPTH
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH, SENSOR_DEPTH
 
 
 def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
@@ -19,14 +19,17 @@ def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
 #: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
 CLOUD = _profile(CLOUD_DEPTH)
 
+#: One message per tile that a viewer shows, also one that comes late (REP-2003).
+MAP = _profile(CLOUD_DEPTH, latched=True)
+
+#: The same of rings, of which a tile has many.
+MAP_RINGS = _profile(RING_DEPTH, latched=True)
+
 #: Many messages per tile, one per ring or building.
 BUILDING = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
 
 #: The last message is given to late joiners.
 LATCHED = _profile(1, latched=True)
-
-#: One message per tile, given to late joiners as long as the tile can be under way.
-LATCHED_TILE = _profile(CLOUD_DEPTH, latched=True)
 
 #: All messages are given to late joiners.
 LATCHED_HISTORY = _profile(HISTORY_DEPTH, latched=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 import sys
@@ -83,55 +84,65 @@ def _wake_whenever(receiver: socket.socket, wake: Callable[[], None]) -> None:
         wake()
 
 
-def run_node(node_class: Callable[[], StageNode], *, carries_scans: bool = False) -> int:
+def run_node(node_class: type[StageNode]) -> int:
     """
     Run one node until it is done or interrupted by SIGINT or SIGTERM; return its exit status.
 
-    That is 2 with one line on stderr where a user's mistake keeps it from running.
+    That is 2 with one line on stderr where a user's mistake keeps it from running. Work that has begun and
+    cannot be interrupted is left: the process ends at once.
     """
     interruption = Interruption()
+    status, is_at_work = int(ExitStatus.DONE), False
     try:
-        return _run(node_class, interruption, carries_scans)
+        status, is_at_work = _run(node_class, interruption)
     except KeyboardInterrupt:
-        return ExitStatus.DONE
+        pass
     finally:
         interruption.disregard_signals()
         rclpy.try_shutdown()
         interruption.ignore_signals()
+    if is_at_work:
+        sys.stderr.flush()
+        os._exit(status)
+    return status
 
 
-def _run(node_class: Callable[[], StageNode], interruption: Interruption, carries_scans: bool) -> int:
+def _run(node_class: type[StageNode], interruption: Interruption) -> tuple[int, bool]:
     """Start ROS and spin the node; print a user's mistake in one line."""
     try:
-        prepare_middleware(carries_scans=carries_scans)
+        prepare_middleware(carries_scans=node_class.carries_scans)
         check_parameter_files(sys.argv)
         if (compiling := start_compiling()) is not None:
             compiling.wait()
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         return _spin(node_class(), interruption)
     except ExternalShutdownException:
-        return ExitStatus.DONE
+        return ExitStatus.DONE, False
     except LidarBuildingsError as error:
-        return _print_error(error)
+        return _print_error(error), False
     except RuntimeError as error:  # rclpy's own, for instance a parameter file that is no YAML
         if rclpy.ok() and "rgument" not in str(error):
             raise
-        return _print_error(error)
+        return _print_error(error), False
     finally:
         interruption.disregard_signals()
 
 
-def _spin(node: StageNode, interruption: Interruption) -> int:
-    """Spin until the node has its outcome; return its exit status."""
+def _spin(node: StageNode, interruption: Interruption) -> tuple[int, bool]:
+    """Spin until the node has its outcome; return its exit status, and whether it is still at work."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         node.announce()
-        with interruption.waking(executor.wake):
-            executor.spin_until_future_complete(node.outcome)
+        try:
+            with interruption.waking(executor.wake):
+                executor.spin_until_future_complete(node.outcome)
+        except KeyboardInterrupt:
+            interruption.disregard_signals()
+            node.interrupted(lambda seconds: executor.spin_once(timeout_sec=seconds))
         if node.outcome.done():
             node.outcome.result()
-        return node.exit_status
+        return node.exit_status, node.is_at_work
     finally:
         interruption.disregard_signals()
         executor.shutdown()

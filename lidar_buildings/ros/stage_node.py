@@ -1,19 +1,22 @@
-"""What every node does alike: parameters, diagnostics, and one bad tile that does not end the node."""
+"""What every node does alike: parameters, diagnostics, state, and one bad tile that does not end the node."""
 
 from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future as Work
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
@@ -23,21 +26,30 @@ from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.replicas import ReplicaConfig
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
-from lidar_buildings.ros.errands import Errands, Turns
-from lidar_buildings.ros.hand_over import Inbox, Outlet
+from lidar_buildings.ros.node_state import StatePublisher
 from lidar_buildings.ros.parameters import NodeParameters
-from lidar_buildings.ros.point_cloud import from_message, to_message
-from lidar_buildings.ros.polygons import Rings, ring_messages
+from lidar_buildings.ros.point_cloud import from_message
+from lidar_buildings.ros.polygons import RingCollector, Rings
 from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER, SILENT_SUBSCRIPTION
-from lidar_buildings.ros.receipts import DONE, FAILED, READY, TAKEN, ReceiptSender
-from lidar_buildings.ros.ring_collector import RingCollector
 from lidar_buildings.ros.stamps import to_stamp
+from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
 from lidar_buildings.ros.tile_info import TileInfos
+from lidar_buildings.ros.tile_intake import Parts, TileJoin
 
 #: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
 _MEMORY_PERIOD = 10.0
+
+
+@dataclass
+class _InHand:
+    """A tile on which the node works."""
+
+    report: TileReport
+    started: float
+    result: Any = None  #: of the work, where the tile is held back
 
 
 class StageNode(Node):
@@ -46,25 +58,49 @@ class StageNode(Node):
 
     ``parameters[GroundFilterConfig]`` is that stage's config as it is now. `outcome` is done when the node
     has nothing more to do, or cannot go on; `exit_status` is what its process ends with. `summary` is how it
-    gets on, as `diagnostics` tells once a second. ParameterError if a start value or a parameter's name is
-    wrong.
+    gets on, as `diagnostics` says once a second. What takes long is done in the processes of `pool`, or in a
+    thread of the node, so that its executor is free for messages and timers. ParameterError if a start value
+    or a parameter's name is wrong.
     """
 
-    def __init__(self, name: str, configs: Mapping[str, type[StageConfig]], **kwargs: Any) -> None:
-        super().__init__(name, **kwargs)
+    #: Whether scans come to the node, of which none comes again.
+    carries_scans: ClassVar[bool] = False
+
+    def __init__(
+        self, name: str, configs: Mapping[str, type[StageConfig]], pool: Any = None, **kwargs: Any
+    ) -> None:
+        super().__init__(
+            name,
+            automatically_declare_parameters_from_overrides=True,
+            **kwargs,
+        )
         self.outcome: Future = Future()
         self.exit_status = 0
-        self._inboxes: list[Inbox] = []
-        self.errands = Errands(self)
+        self._is_destroyed = False
+        self.pool = pool
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix=name)
+        self._later: deque[Callable[[], object]] = deque()
+        self._woken = self.create_guard_condition(self._do_later)
         with self.starting():
             self.parameters = NodeParameters(self, configs)
         self._diagnostics = Diagnostics(self, self.parameters.as_dict)
         self.summary = self._diagnostics.summary
         shares = ReplicaConfig.stage in configs
         self._share = self.parameters[ReplicaConfig] if shares else ReplicaConfig()
-        self._receipts = ReceiptSender(self, name, self._share)
-        self.tile_infos: TileInfos | None = None
+        self._outputs: list[Publisher] = []
+        self.state = StatePublisher(self, name, self._share, self._matched)
+        self._infos: TileInfos  # of nodes that take tiles
+        self._join = TileJoin(())
+        self._in_hand: dict[int, _InHand] = {}
+        self._warnings: dict[int, list[str]] = {}
         self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD))
+
+    @classmethod
+    def main(cls) -> int:
+        """Run the node as a process of its own."""
+        from lidar_buildings.ros.runner import run_node
+
+        return run_node(cls)
 
     @contextmanager
     def starting(self) -> Iterator[None]:
@@ -75,20 +111,21 @@ class StageNode(Node):
             self.destroy_node()
             raise
 
+    # rclpy, with errors that end nothing
+
     def create_publisher(self, *args: Any, **kwargs: Any) -> Publisher:
-        """Create a publisher; of profiles that do not match the subscriber's node tells."""
+        """Create a publisher; a subscriber whose profile does not match is warned by its own node."""
         return super().create_publisher(*args, **{"event_callbacks": SILENT_PUBLISHER, **kwargs})
 
     def create_subscription(
         self, kind: Any, topic: str, callback: Callable[..., None], *args: Any, **kwargs: Any
     ) -> Subscription:
         """Subscribe; a message on which the callback fails is left out, and the node goes on."""
-        in_turn = self._in_turn(callback)
 
         @functools.wraps(callback)  # rclpy looks whether it takes the message's times, too
         def guarded(*received: Any) -> None:
             try:
-                in_turn(*received)
+                callback(*received)
             except Exception as error:
                 if not self.context.ok():
                     raise
@@ -100,174 +137,243 @@ class StageNode(Node):
 
     def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Timer:
         """Create a timer, which goes on when the clock of a recording (`use_sim_time`) stands still."""
-        named = {"clock": Clock(clock_type=ClockType.STEADY_TIME), **kwargs}
-        return super().create_timer(period, self._in_turn(callback), *args, **named)
+        return super().create_timer(
+            period, callback, *args, **{"clock": Clock(clock_type=ClockType.STEADY_TIME), **kwargs}
+        )
 
-    def create_service(
-        self, kind: Any, name: str, callback: Callable[..., Any], *args: Any, **kwargs: Any
-    ) -> Service:
-        """Offer a service."""
-        return super().create_service(kind, name, self._in_turn(callback), *args, **kwargs)
+    def create_output(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
+        """Create a publisher of what other nodes wait for; the state says who listens to it."""
+        self._outputs.append(self.create_publisher(kind, topic, qos))
+        return self._outputs[-1]
+
+    def _matched(self) -> dict[str, int]:
+        return {one.topic_name: one.get_subscription_count() for one in self._outputs}
+
+    # work beside the executor
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Work[Any]:
+        """Call a function, as for a whole tile, in the pool's processes, or in the node's thread."""
+        return (self._worker if self.pool is None else self.pool).submit(function, *arguments)
+
+    def submit_shared(self, function: Callable[..., Any], *arguments: Any) -> Work[Any]:
+        """Call a function in the node's thread that shares a tile's buildings over the `pool`."""
+        return self._worker.submit(function, *arguments, pool=self.pool)
+
+    def submit_here(self, function: Callable[..., Any], *arguments: Any) -> Work[Any]:
+        """Call a function in the node's thread."""
+        return self._worker.submit(function, *arguments)
+
+    def when_done(self, work: Work[Any], callback: Callable[[Work[Any]], object]) -> None:
+        """Have a function called in the executor's thread when some work is done."""
+        work.add_done_callback(lambda done: self.call_soon(lambda: callback(done)))
+
+    def call_soon(self, callback: Callable[[], object]) -> None:
+        """Have a function called in the executor's thread; from any thread."""
+        self._later.append(callback)
+        if self.context.ok() and not self._is_destroyed:
+            self._woken.trigger()
+
+    def _do_later(self) -> None:
+        for _ in range(len(self._later)):
+            self._later.popleft()()
+
+    @property
+    def is_at_work(self) -> bool:
+        """Whether some work has begun that cannot be interrupted."""
+        return any(one.result is None for one in self._in_hand.values())
+
+    # tiles
+
+    def take_tiles(
+        self,
+        topics: Sequence[str],
+        work: Callable[..., Work[Any]],
+        publish: Callable[[int, Any], Mapping[str, int] | None],
+        fits: Callable[[Parts], bool] = lambda parts: True,
+        clipped: Callable[[Any], Sides] = lambda result: NONE,
+    ) -> None:
+        """
+        Have `work` called with a tile's parts of these topics, and `publish` with the stamp and its result.
+
+        Each topic has still to be subscribed to. What either raises ends that tile alone; what `publish`
+        returns are counts for `diagnostics`. A tile of which something reaches beyond the sides that
+        `clipped` returns is held back until the source has sent a larger revision, or says that there is no
+        more.
+        """
+        self._join = TileJoin(topics, fits)
+        self._work_on, self._publish_result, self._clipped = work, publish, clipped
+        self._part_order = tuple(topics)
+        self.state.is_stage = True
+        self._infos = TileInfos(self, self.look_again)
+        self.create_timer(1.0, self.look_again)
+
+    def subscribe_tiles(self, topic: str) -> None:
+        """Take the points of tiles, with their limits and spacing if the source says them."""
+
+        def read(message: PointCloud2) -> tuple[int, PointTile]:
+            reading = from_message(message)
+            if reading.n_dropped:
+                text = f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
+                self._warnings.setdefault(reading.tile.stamp, []).append(text)
+            return reading.tile.stamp, reading.tile
+
+        self.subscribe_parts(PointCloud2, topic, CLOUD, read, lambda one: to_stamp(one.header.stamp))
+
+    def subscribe_rings(self, topic: str, read: Callable[[Rings], Any]) -> None:
+        """Take what `read` makes of all rings of each tile that a topic closes."""
+        collector = RingCollector()
+
+        def gather(message: PolygonInstanceStamped) -> tuple[int, Any] | None:
+            rings = collector.add(message)
+            return None if rings is None else (to_stamp(message.header.stamp), read(rings))
+
+        self.subscribe_parts(
+            PolygonInstanceStamped, topic, BUILDING, gather, lambda one: to_stamp(one.header.stamp)
+        )
+
+    def subscribe_parts(
+        self,
+        kind: Any,
+        topic: str,
+        qos: QoSProfile,
+        read: Callable[[Any], tuple[int, Any] | None],
+        stamp_of: Callable[[Any], int] | None = None,
+    ) -> None:
+        """Take what `read` makes of a topic's messages with the stamp of its tile, None if nothing yet."""
+
+        def on_message(message: Any) -> None:
+            stamp = None if stamp_of is None else stamp_of(message)
+            if stamp is not None and (not self.takes(stamp) or self.drops(stamp, topic)):
+                return
+            try:
+                found = read(message)
+            except Exception as error:
+                if stamp is None or not self.context.ok():
+                    raise
+                self._fail_tile(TileReport(stamp), error, 0.0)
+                return
+            if found is not None and (stamp is not None or self.takes(found[0])):
+                self.add_part(found[0], topic, found[1])
+
+        self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
 
     def takes(self, stamp: int) -> bool:
         """Whether a tile is this node's, where nodes of one kind share them [ns]."""
         return self._share.takes(stamp)
 
-    def announce(self) -> None:
-        """Say that the node is there; called when it begins to spin."""
-        self._receipts.send(READY)
+    def drops(self, stamp: int, topic: str) -> bool:
+        """Whether a topic's part of a tile is dropped: the tile is in hand, or the source says it is over."""
+        return self.state.has_in_hand(stamp) or self._infos.is_over(stamp)
 
-    def subscribe_tiles(
-        self,
-        topic: str,
-        work: Callable[[PointTile], Turns | Mapping[str, int] | None],
-        *,
-        is_part: bool = False,
-    ) -> None:
-        """
-        Have `work` called with every tile of a topic; what it raises ends that tile alone.
+    def is_ready(self) -> str:
+        """Return what the node waits for beside a tile's parts, empty if nothing."""
+        return ""
 
-        Where that is only a part of what the node waits for, `work` tells itself when it is `reporting`. The
-        tile has its limits and spacing if the source tells them. What `work` returns, if anything, are
-        counts for `diagnostics`; what yields lets the next tile begin before it has come to its end.
-        """
-        infos = self.tile_infos = self.tile_infos or TileInfos(self)
+    def add_part(self, stamp: int, topic: str, part: Any) -> None:
+        """Take a part of a tile, and begin to work on the tile if it is complete."""
+        self._join.add(stamp, topic, part)
+        self._look_at(stamp)
 
-        def on_message(message: PointCloud2) -> None:
-            stamp = to_stamp(message.header.stamp)
-            if self.takes(stamp) and not inbox.has_had(stamp):
-                is_ours = any(one.name == "index" for one in message.fields)
-                work_on = turns(stamp, lambda report: read(message, report))
-                infos.when_known(stamp, lambda: self.errands.begin(work_on), is_promised=is_ours)
+    def look_again(self) -> None:
+        """Begin with the tiles that have become complete, pass on those held back, and drop what is over."""
+        infos = self._infos
+        self.state.forget(infos.is_over)
+        for stamp in self._join.stamps():
+            if infos.is_over(stamp):
+                self._join.take(stamp)
+            else:
+                self._look_at(stamp)
+        for stamp, one in list(self._in_hand.items()):
+            if one.result is None:
+                continue
+            if infos.is_over(stamp):
+                del self._in_hand[stamp]
+                self._end_tile(one, "")
+            elif not infos.can_grow(stamp, self._clipped(one.result)):
+                self._publish_tile(stamp, one)
 
-        def on_tile(stamp: int, tile: PointTile) -> None:
-            if not infos.is_over(stamp):
-                self.errands.begin(turns(stamp, lambda _: tile))
+    def _look_at(self, stamp: int) -> None:
+        """Work on a tile if it is complete, else say what is missing."""
+        missing = set(self._join.missing(stamp))
+        if not missing:
+            clouds = [one for one in self._join.parts(stamp).values() if isinstance(one, PointTile)]
+            is_promised = any(one.index is not None for one in clouds)
+            if clouds and not self._infos.is_known(stamp, is_promised=is_promised):
+                missing.add(TILE_INFO)
+            if what := self.is_ready():
+                missing.add(what)
+        if missing:
+            self.state.waits(stamp, missing)
+        else:
+            self._begin_tile(stamp, self._join.take(stamp))
 
-        def read(message: PointCloud2, report: TileReport) -> PointTile:
-            reading = from_message(message)
-            if reading.n_dropped:
-                report.warnings.append(
-                    f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
-                )
-            return infos.complete(reading.tile)
-
-        def turns(stamp: int, get: Callable[[TileReport], PointTile]) -> Turns:
-            with self.reporting(stamp, quiet=is_part) as report:
-                tile = get(report)
-                report.n_points = len(tile)
-                counts = work(tile)
-                if isinstance(counts, Generator):
-                    counts = yield from counts
-                report.counts.update(counts or {})
-
-        inbox = self._inbox(self.create_subscription(PointCloud2, topic, on_message, CLOUD), on_tile)
-
-    def subscribe_rings(
-        self, topic: str, work: Callable[[int, Rings], None], *, is_part: bool = False
-    ) -> None:
-        """
-        Have `work` called with the stamp and all rings of every tile that a topic closes.
-
-        They may be a part, as tiles of `subscribe_tiles`. Where a node takes tiles as well, rings of a tile
-        that is over are dropped as its points are.
-        """
-        collector = RingCollector()
-
-        def on_message(message: PolygonInstanceStamped) -> None:
-            stamp = to_stamp(message.header.stamp)
-            if not self.takes(stamp):
-                return
-            with self.reporting(stamp, quiet=True):
-                closed = collector.add(message)
-            if closed is not None and not inbox.has_had(stamp):
-                on_rings(stamp, closed)
-
-        def on_rings(stamp: int, rings: Rings) -> None:
-            if self.tile_infos is not None and self.tile_infos.is_over(stamp):
-                return
-            with self.reporting(stamp, quiet=is_part):
-                work(stamp, rings)
-
-        subscription = self.create_subscription(PolygonInstanceStamped, topic, on_message, BUILDING)
-        inbox = self._inbox(subscription, on_rings)
-
-    def subscribe_messages(self, kind: Any, topic: str, work: Callable[[Any], None], qos: QoSProfile) -> None:
-        """Have `work` called with every message of a topic for which others have an outlet."""
-
-        def on_messages(_: int, messages: Iterable[Any]) -> None:
-            for message in messages:
-                subscription.callback(message)
-
-        subscription = self.create_subscription(kind, topic, work, qos, event_callbacks=SILENT_SUBSCRIPTION)
-        self._inbox(subscription, on_messages)
-
-    def create_tile_outlet(self, topic: str) -> Outlet:
-        """Return what hands tiles on under a topic."""
-        publisher = self.create_publisher(PointCloud2, topic, CLOUD)
-        return Outlet(
-            self,
-            publisher,
-            lambda _, tile: [to_message(tile)],
-            lambda stamp, tile: self.summary.handed_on(stamp, len(tile)),
-        )
-
-    def create_ring_outlet(self, topic: str) -> Outlet:
-        """Return what hands the rings of tiles on under a topic."""
-        publisher = self.create_publisher(PolygonInstanceStamped, topic, BUILDING)
-        return Outlet(self, publisher, ring_messages, lambda stamp, _: self.summary.handed_on(stamp, 0))
-
-    def create_message_outlet(self, kind: Any, topic: str, qos: QoSProfile) -> Outlet:
-        """Return what hands messages on under a topic."""
-        return Outlet(self, self.create_publisher(kind, topic, qos))
-
-    def destroy_node(self) -> None:
-        """Let nothing more be handed to the node."""
-        self.errands.stop()
-        for inbox in self._inboxes:
-            inbox.close()
-        self._inboxes.clear()
-        super().destroy_node()
-
-    def _inbox(self, subscription: Subscription, take: Callable[[int, Any], None]) -> Inbox:
-        self._inboxes.append(Inbox(self, self.errands, subscription, take, self.takes))
-        return self._inboxes[-1]
-
-    def _in_turn(self, callback: Callable[..., Any]) -> Callable[..., Any]:
-        """Return a callback that the executor calls while no errand of the node is being done."""
-
-        @functools.wraps(callback)
-        def called(*received: Any) -> Any:
-            with self.errands.turn:
-                return callback(*received)
-
-        return called
-
-    @contextmanager
-    def reporting(self, stamp: int, *, quiet: bool = False) -> Iterator[TileReport]:
-        """
-        Have a tile in hand, and publish what became of it; an exception is reported and goes no further.
-
-        Nothing but an exception is reported if `quiet`.
-        """
-        report = TileReport(stamp)
-        if not quiet:
-            self._receipts.send(TAKEN, stamp)
-            self._diagnostics.begin_tile(stamp)
-        started = time.perf_counter()
-        failure = ""
+    def _begin_tile(self, stamp: int, parts: Parts) -> None:
+        if stamp in self._in_hand:  # held back, and sent again
+            self._end_tile(self._in_hand[stamp], "")
+        one = self._in_hand[stamp] = _InHand(TileReport(stamp), time.perf_counter())
+        one.report.warnings = self._warnings.pop(stamp, [])
+        self.state.takes(stamp)
+        self._diagnostics.begin_tile(stamp)
         try:
-            yield report
+            for topic, part in parts.items():
+                if isinstance(part, PointTile):
+                    parts[topic] = self._infos.complete(part)
+                    one.report.n_points = one.report.n_points or len(part)
+            work = self._work_on(*(parts[topic] for topic in self._part_order))
+        except Exception as error:
+            work = Work()
+            work.set_exception(error)
+        self.when_done(work, lambda done: self._finish_tile(stamp, one, done))
+
+    def _finish_tile(self, stamp: int, one: _InHand, work: Work[Any]) -> None:
+        """Publish a tile's results, or hold them back."""
+        if self._in_hand.get(stamp) is not one or work.cancelled():
+            return
+        if (error := work.exception()) is not None:
+            del self._in_hand[stamp]
+            self._fail_tile(one.report, error, time.perf_counter() - one.started)
+            return
+        one.result = work.result()
+        sides = self._clipped(one.result)
+        if sides and self._infos.can_grow(stamp, sides):
+            self.state.asks_for(stamp, [name for name, is_it in sides._asdict().items() if is_it])
+            return
+        self._publish_tile(stamp, one)
+
+    def _publish_tile(self, stamp: int, one: _InHand) -> None:
+        del self._in_hand[stamp]
+        try:
+            one.report.counts.update(self._publish_result(stamp, one.result) or {})
         except Exception as error:
             if not self.context.ok():
-                raise
-            failure = _reason(error)
-            self.get_logger().error(f"tile {stamp}: {failure}: the tile is not handed on")
-        if report.warnings:
-            self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
-        if failure or not quiet:
-            self._diagnostics.end_tile(report, failure, time.perf_counter() - started)
-            self._receipts.send(FAILED if failure else DONE, stamp)
+                return
+            self._fail_tile(one.report, error, time.perf_counter() - one.started)
+            return
+        self._end_tile(one, "")
+        self.state.passes_on(stamp)
+
+    def _end_tile(self, one: _InHand, failure: str) -> None:
+        if one.report.warnings:
+            self.get_logger().warning(f"tile {one.report.stamp}: {'; '.join(one.report.warnings)}")
+        self._diagnostics.end_tile(one.report, failure, time.perf_counter() - one.started)
+
+    def _fail_tile(self, report: TileReport, error: BaseException, seconds: float) -> None:
+        """Say that the node cannot handle a tile."""
+        if not self.context.ok():
+            return
+        failure = _reason(error)
+        self.get_logger().error(f"tile {report.stamp}: {failure}: the tile is not passed on")
+        self._diagnostics.end_tile(report, failure, seconds)
+        self.state.fails(report.stamp, failure)
+
+    # life
+
+    def announce(self) -> None:
+        """Say that the node is there; called when it begins to spin."""
+        self.state.publish()
+
+    def interrupted(self, spin_once: Callable[[float], None]) -> None:
+        """Do what a node has still to do when its process is interrupted; most have nothing."""
 
     def warn(self, text: str) -> None:
         """Say in the log and in `diagnostics` what is wrong beside any tile."""
@@ -275,15 +381,27 @@ class StageNode(Node):
         self.summary.warned(text)
         self._diagnostics.publish_summary()
 
-    def fail(self, error: Exception) -> None:
+    def fail(self, error: BaseException) -> None:
         """End the node: it cannot go on."""
         self.summary.problem = _reason(error)
         self._diagnostics.publish_summary()
         if not self.outcome.done():
             self.outcome.set_exception(error)
 
+    def destroy_node(self) -> None:
+        """Begin no more work."""
+        self._is_destroyed = True
+        self._worker.shutdown(wait=False, cancel_futures=True)
+        super().destroy_node()
 
-def _reason(error: Exception) -> str:
+
+def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:
+    """Publish messages one after the other."""
+    for message in messages:
+        publisher.publish(message)
+
+
+def _reason(error: BaseException) -> str:
     """Say in one line what went wrong."""
     words = " ".join(str(error).split())
     return words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"

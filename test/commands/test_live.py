@@ -19,7 +19,7 @@ def source(counts, topics):
 def test_topics_with_clouds_are_named_where_no_scan_has_come():
     topics = {"/uav/scan": CLOUD, "/os/points": CLOUD, "/silent": CLOUD, "/tf": ["x"]}
     for graph in ("/uav", "/of_another"):
-        topics |= {f"{graph}/points": CLOUD, f"{graph}/tile_receipt": ["std_msgs/msg/String"]}
+        topics |= {f"{graph}/points": CLOUD, f"{graph}/node_state": ["std_msgs/msg/String"]}
     none = {"scans": 0, "points": 0}
     wanted = "no scan has come on /uav/scan; clouds are published on /os/points: --scan TOPIC"
     assert _come(source(none, topics)) == wanted

@@ -19,12 +19,14 @@ def graph(context):
     """Two nodes of a graph that run in this process; the second has failed on a tile."""
     from support.node_bench import running
 
+    from lidar_buildings.ros.diagnostics import TileReport
     from lidar_buildings.ros.stage_node import StageNode
 
     nodes = [StageNode(name, {}, context=context, namespace="site/north") for name in ("first", "second")]
-    with nodes[1].reporting(1_000_000_000):
-        raise ZeroDivisionError("made to fail")
     with running(*nodes):
+        nodes[1].call_soon(
+            lambda: nodes[1]._fail_tile(TileReport(10**9), ZeroDivisionError("made to fail"), 0.0)
+        )
         yield nodes
 
 

@@ -14,6 +14,7 @@ from lidar_buildings.io.clouds.cloud import open_reader
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.tile_player import TilePlayer
 from lidar_buildings.ros.stamps import tile_of
+from lidar_buildings.ros.tile_ledger import IN_HAND
 
 pytestmark = pytest.mark.graph
 
@@ -66,12 +67,18 @@ class SlowedGraph:
             self.calls[node, stamp, len(tile) if stamp is not None else tuple(tile)] += 1
             player = self.nodes["tile_player"]
             with self._ticks:
-                assert self._ticks.wait_for(lambda: player._flow._at_work.get(node), 60.0)
+                assert self._ticks.wait_for(lambda: node in has_in_hand(player), 60.0)
                 player._time += LONG
                 assert all(self._ticks.wait(60.0) for _ in range(2))
             return work(tile, *more, **named)
 
         return slow
+
+
+def has_in_hand(player):
+    """Nodes that have a tile in hand, as the player knows."""
+    states = [one.state for one in list(player._ledger._nodes.values())]
+    return {one.node for one in states if any(at.status == IN_HAND for at in one.tiles.values())}
 
 
 @pytest.fixture

@@ -50,7 +50,7 @@ DESIGN = {
         {"roof_faces", "city_model", "building_markers", "tile_done"},
     ),
     "model_writer": (
-        {"classified_points", "plane_points", "traced_outlines", "outlines", "roof_faces", "city_model"},
+        {"classified_points", "plane_points", "traced_outlines", "outlines", "city_model"},
         {"tile_done"},
     ),
     "recorder": ({"points", "map_origin", "outlines", "city_model", "diagnostics"}, set()),
@@ -101,12 +101,12 @@ def is_latched(profile: QoSProfile):
     return profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def promised(topics):
+def promised(topics, profile="qos"):
     return {
         (
             topic.name if topic.name.startswith("/") else f"/contract/{topic.name}",
             topic.type,
-            is_latched(getattr(qos, topic.qos)),
+            is_latched(getattr(qos, getattr(topic, profile))),
         )
         for topic in topics
         if find_spec(topic.type.split("/")[0])  # tf2_msgs is no wheel
@@ -120,7 +120,9 @@ def test_every_node_has_the_topics_types_and_durabilities_of_the_table(start, na
     assert endpoints(node, node.get_publishers_info_by_topic) == promised(
         {*CARDS[name].publishes, *OF_EVERY_NODE}
     )
-    assert endpoints(node, node.get_subscriptions_info_by_topic) == promised(CARDS[name].subscribes)
+    assert endpoints(node, node.get_subscriptions_info_by_topic) == promised(
+        CARDS[name].subscribes, "listener_qos"
+    )
 
 
 @pytest.mark.graph

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import laspy
 import pytest
-from std_msgs.msg import String
 from support.cloud_files import random_cloud
 from support.node_bench import (
     FRAME,
@@ -25,8 +24,6 @@ from support.results import building_ids
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import LATCHED_EVENT
-from lidar_buildings.ros.receipts import DONE, TAKEN, TOPIC, receipt_of
 from lidar_buildings.ros.stamps import header_of
 
 pytestmark = pytest.mark.graph
@@ -57,21 +54,6 @@ def test_files_are_made_as_often_as_asked_while_tiles_stay(live, tmp_path):
     assert building_ids(tmp_path / "out") == [SHED]
     assert len(fragments(tmp_path)) == 1
     assert not list((tmp_path / "out").glob(".partial/features*"))
-
-
-def test_while_it_makes_files_the_writer_says_that_it_is_at_work(live):
-    _, other = live
-    receipts = []
-    other.create_subscription(
-        String, TOPIC, lambda message: receipts.append(receipt_of(message)), LATCHED_EVENT
-    )
-    call(other, "save")
-
-    def of_writer():
-        return [one.state for one in receipts if one.node == "model_writer"]
-
-    wait_until(lambda: of_writer()[-1:] == [DONE])
-    assert of_writer()[-2:] == [TAKEN, DONE]
 
 
 def test_at_the_end_of_the_survey_files_are_made_and_the_writer_goes_on(live, tmp_path):

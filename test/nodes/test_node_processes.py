@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from lidar_buildings.ros.receipts import TOPIC, state_of
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
@@ -15,8 +16,7 @@ from support.cloud_files import random_cloud
 from support.node_bench import wait_until
 from support.ros_domain import use_own_domain
 
-from lidar_buildings.ros.qos import LATCHED_EVENT
-from lidar_buildings.ros.receipts import TOPIC, receipt_of
+from lidar_buildings.ros.qos import LISTENER_QOS
 
 pytestmark = pytest.mark.graph
 
@@ -93,7 +93,7 @@ def wait_until_it_spins(name, context):
     executor.add_node(listener)
     heard = set()
     listener.create_subscription(
-        String, TOPIC, lambda message: heard.add(receipt_of(message).node), LATCHED_EVENT
+        String, TOPIC, lambda message: heard.add(state_of(message).node), LISTENER_QOS
     )
     wait_until(lambda: executor.spin_once(timeout_sec=0.1) or name in heard)
     executor.shutdown()

@@ -42,12 +42,13 @@ from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.features import tile_closing_message
+from lidar_buildings.ros.node_state import state_of
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.tile_info import clipped_of, info_message
+from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
 
@@ -59,6 +60,13 @@ LATER, BARN = 2 * STAMP, 13
 
 def info_of_tile(bounds):
     return info_message(replace(roof(HOUSE), stamp=STAMP, bounds=bounds))
+
+
+def asked_for(other):
+    """Tiles that nodes find too small, and on which sides, by the last state."""
+    states = [state_of(message) for message in list(other.heard["node_state"])]
+    tiles = [one.tiles for one in states if one.node != "bench"][-1:]
+    return {stamp: at.missing for of in tiles for stamp, at in of.items() if "east" in at.missing}
 
 
 # the ground filter
@@ -99,11 +107,10 @@ def filtering(monkeypatch):
 
 
 def test_a_tile_that_cuts_a_wide_roof_off_waits_for_the_word_that_this_is_all(context, bench, filtering):
-    other = bench(GroundFilter(context=context), "points tile_info", "ground_points tile_clipped")
+    other = bench(GroundFilter(context=context), "points tile_info", "ground_points node_state")
     other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     other.send("points", to_message(roof(HOUSE)))
-    wait_until(lambda: other.heard["tile_clipped"])
-    assert clipped_of(other.heard["tile_clipped"][0]) == (STAMP, EAST)
+    wait_until(lambda: asked_for(other) == {STAMP: ("east",)})
     assert not other.heard["ground_points"]
     other.send("tile_info", info_of_tile((0.0, 0.0, np.inf, 9.0)))
     wait_until(lambda: other.heard["ground_points"])
@@ -123,7 +130,7 @@ def tracer(context, bench):
     return bench(
         BuildingTracer(context=context),
         "edge_points tile_info",
-        "building_points traced_outlines tile_clipped",
+        "building_points traced_outlines node_state",
     )
 
 
@@ -143,15 +150,13 @@ def tracing(monkeypatch):
 def test_a_clipped_tile_is_held_back_and_asked_for(tracing, tracer):
     tracer.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
     tracer.send("edge_points", to_message(roof(HOUSE)))
-    wait_until(lambda: tracer.heard["tile_clipped"])
-    assert clipped_of(tracer.heard["tile_clipped"][0]) == (STAMP, EAST)
+    wait_until(lambda: asked_for(tracer) == {STAMP: ("east",)})
     assert tracing == [(0.0, 0.0, 9.0, 9.0)]
     tracer.send("tile_info", info_of_tile(None))
     time.sleep(0.2)
     tracer.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: len(tracer.heard["traced_outlines"]) == 2)
     assert len(tracer.heard["building_points"]) == 1
-    assert len(tracer.heard["tile_clipped"]) == 1
 
 
 def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(tracing, tracer):

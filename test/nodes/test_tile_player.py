@@ -1,6 +1,5 @@
 """The player against the end of a graph that is slow, forgets tiles, or asks for more of them."""
 
-import json
 import threading
 import time
 from collections import Counter
@@ -11,29 +10,31 @@ import pytest
 from geometry_msgs.msg import PointStamped
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from support.cloud_files import random_cloud
 from support.node_bench import call, made, running, wait_until
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.sides import ALL, Sides
+from lidar_buildings.core.model.sides import ALL, NONE, Sides
 from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.nodes.tile_player import TilePlayer
-from lidar_buildings.ros import flow_control
+from lidar_buildings.ros import tile_ledger
 from lidar_buildings.ros.node_summary import ERROR
-from lidar_buildings.ros.point_cloud import from_message
-from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_HISTORY, LATCHED_TILE
-from lidar_buildings.ros.receipts import ReceiptSender
+from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
-from lidar_buildings.ros.tile_info import clipped_message
+from lidar_buildings.ros.tile_info import infos_of
 
 pytestmark = pytest.mark.graph
 
 
 class GraphEnd(StageNode):
-    """Stands for a whole graph: takes tiles and says when they are done; if it holds them, after `let_go`."""
+    """
+    Stands for a whole graph: takes tiles and says when they are done; if it holds them, after `let_go`.
+
+    It has a tile in hand for `delay`, forgets tiles by their number so many times, and finds others too
+    small.
+    """
 
     def __init__(self, *, delay=0.0, holds=False, forgets=(), clips=(), sides=ALL, **kwargs):
         super().__init__("graph_end", {}, **kwargs)
@@ -42,42 +43,40 @@ class GraphEnd(StageNode):
         if not holds:
             self.let_go.set()
         self.received, self.done, self.failed, self.bounds, self.survey_done = [], [], [], {}, []
-        self._numbers, self._held, self.over = {}, set(), []
+        self._numbers = {}
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
-        self._clipped = self.create_publisher(String, "tile_clipped", EVENT)
-        self.create_subscription(String, "tile_info", self.on_info, LATCHED_TILE)
+        self.take_tiles(("points",), self.work, self.publish, clipped=lambda sides: sides)
+        self.create_subscription(String, "tile_info", self.on_info, LATCHED)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
-        self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
+        self.subscribe_tiles("points")
 
-    def on_points(self, message):
-        tile = from_message(message).tile
-        number = self._numbers.setdefault(tile_of(tile.stamp), len(self._numbers) + 1)
+    def add_part(self, stamp, topic, part):
+        number = self._numbers.setdefault(tile_of(stamp), len(self._numbers) + 1)
+        if self.forgets[number] > 0 or self.is_silent:
+            self.received.append(part)
+            self.forgets[number] -= 1
+        else:
+            super().add_part(stamp, topic, part)
+
+    def work(self, tile):
         self.received.append(tile)
+        return self.submit(self._kept, self._numbers[tile_of(tile.stamp)])
+
+    def _kept(self, number):
         time.sleep(self.delay)
         assert self.let_go.wait(120.0)
-        if self.forgets[number] > 0 or self.is_silent:
-            self.forgets[number] -= 1
-        elif self.clips[number] > 0:
-            self.clips[number] -= 1
-            self._held.add(tile.stamp)
-            self._clipped.publish(clipped_message(tile.stamp, self._sides))
-        else:
-            self._finish(tile.stamp)
+        self.clips[number] -= 1
+        return self._sides if self.clips[number] >= 0 else NONE
 
-    def _finish(self, stamp):
+    def publish(self, stamp, _):
         self.done.append(stamp)
         self._tile_done.publish(header_of(stamp))
 
     def on_info(self, message):
-        info = json.loads(message.data)
-        if info.get("is_over"):
-            self.over.append(info["stamp"])
-            return
-        self.bounds.setdefault(tile_of(info["stamp"]), []).append(info["bounds"])
-        said = info["bounds"] or [None] * 4
-        if info["stamp"] in self._held and all(said[k] is None for k in np.flatnonzero(self._sides)):
-            self._finish(info["stamp"])
+        for stamp, info in infos_of(message)[1].items():
+            if self.bounds.get(stamp, [0])[-1] != info["bounds"]:
+                self.bounds.setdefault(stamp, []).append(info["bounds"])
 
     def on_failed(self, message):
         self.failed.append(to_stamp(message.stamp))
@@ -132,11 +131,11 @@ def test_every_point_comes_once_as_a_core_point(play):
 
 
 def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play, monkeypatch):
-    monkeypatch.setattr(flow_control, "FEW_POINTS", 0)
+    monkeypatch.setattr(tile_ledger, "FEW_POINTS", 0)
     player, end = play({"delay": 0.2}, max_tiles_in_flight=2)
     most = 0
     while not end.survey_done:
-        most = max(most, len(player._flow))
+        most = max(most, len(player._ledger))
         time.sleep(0.01)
     assert len(end.received) == 5
     assert most == 2
@@ -144,24 +143,23 @@ def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play, monkeypatch):
 
 def test_more_tiles_are_in_flight_while_they_have_few_points(play):
     player, end = play({"holds": True}, max_tiles_in_flight=2)
-    wait_until(lambda: len(player._flow) == 5)
+    wait_until(lambda: len(player._ledger) == 5)
     end.let_go.set()
     wait_until(lambda: end.survey_done)
     assert len(end.received) == 5
 
 
 def test_a_tile_that_got_lost_is_sent_again(play):
-    _, end = play({"forgets": {2: 1, 4: 2}}, tile_timeout=2.0)
+    _, end = play({"forgets": {2: 1, 4: 2}})
     wait_until(lambda: end.survey_done)
-    assert len(set(end.over)) == 2, "copies that are still under way are called off"
     counts = Counter(tile.stamp for tile in end.received)
     assert sorted(counts.values()) == [1, 1, 1, 2, 3]
     assert sorted(end.done) == sorted(counts)
     assert end.failed == []
 
 
-def test_a_graph_that_answers_nothing_gets_a_tile_again_when_its_time_is_up(play):
-    _, end = play({}, tile_timeout=2.0, max_tiles_in_flight=1)
+def test_a_graph_that_loses_everything_for_a_while_gets_all_of_it_in_the_end(play):
+    _, end = play({}, max_tiles_in_flight=1)
     wait_until(lambda: end.received)
     end.is_silent = True
     wait_until(lambda: Counter(tile.stamp for tile in end.received).most_common(1)[0][1] >= 2)
@@ -170,95 +168,80 @@ def test_a_graph_that_answers_nothing_gets_a_tile_again_when_its_time_is_up(play
     assert len(set(end.done)) == 5
 
 
-class SlowStage(StageNode):
-    """Keeps the first tile in hand until it is let go, or until another one takes its place."""
-
-    def __init__(self, **kwargs):
-        super().__init__("slow_stage", {}, **kwargs)
-        self.let_go, self.taken = threading.Event(), []
-        self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
-        self.subscribe_tiles("points", self.on_tile)
-
-    def on_tile(self, tile):
-        self.taken.append(tile.stamp)
-        assert self.let_go.wait(120.0)
-        self._tile_done.publish(header_of(tile.stamp))
-
-
-@pytest.fixture
-def play_slowly(context, make_player):
-    """Play the survey to a slow stage, and let the player's clock run on by itself."""
-    player = make_player(max_tiles_in_flight=1)
-    stage, bystander = SlowStage(context=context), StageNode("bystander", {}, context=context)
-    with running(player, stage, bystander):
-        yield player, stage, bystander
-        stage.let_go.set()
-
-
 def let_a_day_pass(player):
     """Let the player look at its tiles a few times."""
     for _ in range(3):
         player._time += 86_400.0
         seen = player._time
-        wait_until(lambda seen=seen: player._time >= seen + 0.1)
+        wait_until(lambda seen=seen: player._time >= seen + 1.0)
 
 
-def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play_slowly):
-    player, stage, bystander = play_slowly
-    wait_until(lambda: stage.taken and player._flow.is_held(stage.taken[0]))
-    let_a_day_pass(player)
-    # another node was started anew
-    bystander._receipts = ReceiptSender(bystander)
-    bystander.announce()
-    let_a_day_pass(player)
-    assert len(player._resent) == 0
-    stage.let_go.set()
+def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play, context):
+    player, end = play({"holds": True}, max_tiles_in_flight=1)
+    wait_until(lambda: end.is_at_work)
+    bystander = StageNode("bystander", {}, context=context)
+    bystander.state.is_stage = True
+    with running(bystander):
+        let_a_day_pass(player)
+        bystander.state._life = "started anew"
+        let_a_day_pass(player)
+        end.let_go.set()
+        wait_until(lambda: player.n_done == 5)
+    assert sorted(Counter(tile.stamp for tile in end.received).values()) == [1] * 5
+
+
+def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play):
+    player, end = play({"holds": True}, max_tiles_in_flight=1)
+    wait_until(lambda: end.is_at_work)
+
+    def start_anew():  # as if the process were another one; what the first one holds is its own affair
+        end.state._life = "started anew"
+        end.state._tiles.clear()
+        end._in_hand.clear()
+
+    end.call_soon(start_anew)
+    wait_until(lambda: len(end.received) == 2)
+    end.let_go.set()
     wait_until(lambda: player.n_done == 5)
-    assert sorted(Counter(stage.taken).values()) == [1] * 5
+    assert sorted(Counter(tile.stamp for tile in end.received).values()) == [1, 1, 1, 1, 2]
 
 
-def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play_slowly):
-    player, stage, _ = play_slowly
-    wait_until(lambda: stage.taken and player._flow.is_held(stage.taken[0]))
-    # as if the process were another one; what the first one holds is its own affair
-    stage._receipts = ReceiptSender(stage)
-    stage.announce()
-    wait_until(lambda: player._resent == {stage.taken[0]})
-    stage.let_go.set()
-    wait_until(lambda: player.n_done == 5)
-    assert player._resent == {stage.taken[0]}
-
-
-def test_a_player_that_is_started_anew_only_tells_of_what_a_node_has_in_hand(context, make_player):
-    stage, first = SlowStage(context=context), make_player(max_tiles_in_flight=1)
-    with running(stage):
+def test_a_player_that_is_started_anew_only_lists_what_a_node_has_in_hand(context, make_player):
+    end, first = GraphEnd(context=context, holds=True), make_player(max_tiles_in_flight=1)
+    with running(end):
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(first)
         first.announce()
-        while not stage.taken:
+        while not end.is_at_work:
             executor.spin_once(timeout_sec=0.1)
         executor.remove_node(first)
         first.destroy_node()
-        stage.tile_infos._known.clear()
         second = make_player(max_tiles_in_flight=1)
         with running(second):
-            wait_until(lambda: len(second._flow) == 1)
-            assert second._flow.is_held(stage.taken[0])
-            stage.let_go.set()
-            wait_until(lambda: stage.taken[0] in stage.tile_infos._known)
+            wait_until(lambda: len(second._ledger) == 1)
+            assert second._ledger.adopted() == [end.received[0].stamp]
+            end.let_go.set()
             wait_until(lambda: second.n_done == 5)
-            assert sorted(Counter(stage.taken).values()) == [1] * 5
+            assert sorted(Counter(tile.stamp for tile in end.received).values()) == [1] * 5
 
 
-def test_a_tile_that_is_never_done_is_given_up_and_the_others_are_done(play):
-    player, end = play({"forgets": {3: 99}}, tile_timeout=2.0, max_attempts=2)
+def test_a_tile_that_a_node_cannot_handle_is_given_up_and_the_others_are_done(play, monkeypatch):
+    kept = GraphEnd._kept
+
+    def failing(end, number):
+        if number == 3:
+            raise ZeroDivisionError("no")
+        return kept(end, number)
+
+    monkeypatch.setattr(GraphEnd, "_kept", failing)
+    player, end = play()
     wait_until(lambda: end.survey_done)
     assert len(end.failed) == 1
     assert len(set(end.done)) == 4
     assert end.failed[0] not in end.done
     level, message, values = player.summary.state()
     assert (level, values["tiles_given_up"], values["tiles_done"]) == (ERROR, 1, 4)
-    assert message.endswith("was never done: given up")
+    assert message.endswith("is given up: ZeroDivisionError: no")
 
 
 def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
@@ -267,12 +250,11 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     stamp = end.received[1].stamp
     copies = [tile for tile in end.received if tile_of(tile.stamp) == stamp]
     assert [tile.stamp - stamp for tile in copies] == [0, 1, 2, 3, 4], "each is a revision of its own"
-    assert [one for one in end.over if tile_of(one) == stamp] == list(range(stamp, stamp + 4))
     sizes = [len(tile) for tile in copies]
     assert sizes == sorted(set(sizes))
     assert len(sizes) == 5, "that there is no more of it needs no points"
     assert len({n_core([tile]) for tile in copies}) == 1
-    *bounds, last = end.bounds[stamp]
+    *bounds, last = [one for revision in range(5) for one in end.bounds[stamp + revision]]
     widths = [east - west for west, _, east, _ in bounds]
     west = (2.0 / 3.0, 4.0 / 3.0, 8.0 / 3.0, 16.0 / 3.0, 8.0)
     assert widths == pytest.approx(20.0 + np.add(west, (2.0, 4.0, 8.0, 8.0, 8.0)), abs=1e-4)
@@ -346,7 +328,7 @@ def test_nothing_is_sent_before_someone_listens(context, make_player):
     player = make_player()
     with running(player):
         time.sleep(0.5)
-        assert len(player._flow) == 0
+        assert len(player._ledger) == 0
         end = GraphEnd(context=context)
         with running(end):
             wait_until(lambda: end.survey_done)

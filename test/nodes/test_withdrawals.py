@@ -15,9 +15,9 @@ from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.outline_regulariser import OutlineRegulariser
 from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.polygons import outline_rings, ring_messages
+from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.tile_info import over_message
+from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
 
@@ -87,15 +87,21 @@ class Taker(StageNode):
     def __init__(self, **kwargs):
         super().__init__("taker", {}, **kwargs)
         self.taken = []
-        self.subscribe_tiles("plane_points", lambda tile: None)
-        self.subscribe_rings("outlines", lambda stamp, _: self.taken.append(stamp))
+        self.take_tiles(("outlines",), self.submit_nothing, self.publish)
+        self.subscribe_rings("outlines", outlines_of)
+
+    def submit_nothing(self, outlines):
+        return self.submit(len, outlines)
+
+    def publish(self, stamp, _):
+        self.taken.append(stamp)
 
 
 def test_rings_of_a_revision_that_is_over_are_dropped_as_its_points_are(context, bench):
     node = Taker(context=context)
     other = bench(node, "outlines tile_info", "")
-    other.send("tile_info", over_message(STAMP))
-    wait_until(lambda: node.tile_infos.is_over(STAMP))
+    other.send("tile_info", info_message(roof(HOUSE), life="a"), info_message(life="a"))
+    wait_until(lambda: node.drops(STAMP, "outlines"))
     for stamp in (STAMP, STAMP + 1):
         other.send("outlines", *rings(stamp, HOUSE))
     wait_until(lambda: node.taken)

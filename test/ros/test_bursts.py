@@ -14,10 +14,10 @@ import rclpy
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-from lidar_buildings.ros.hand_over import publish_all
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.polygons import closing_message, ring_message
 from lidar_buildings.ros.qos import BUILDING
+from lidar_buildings.ros.stage_node import publish_all
 
 N_RINGS = 12_000
 BUSY = 3.0

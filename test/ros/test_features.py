@@ -14,33 +14,16 @@ from lidar_buildings.ros.features import (
 )
 
 
-def test_a_tile_has_its_features_when_they_and_their_end_have_come():
+def test_a_tile_takes_its_features_when_all_have_come():
     pool = FeaturePool()
     pool.add(1, "one")
     pool.add(3, "three")
-    assert not pool.has(50, {1, 3})
-    pool.close(50)
-    assert pool.has(50, {1, 3})
-    assert not pool.has(50, {1, 2, 3})
-    assert pool.take([1, 3]) == ("one", "three")
-
-
-def test_features_of_an_earlier_revision_do_not_complete_a_tile():
-    pool = FeaturePool()
-    pool.add(1, "old")
-    pool.close(50)
-    assert not pool.has(51, {1})
+    assert pool.has(())
+    assert not pool.has({1, 2, 3})
+    assert pool.has({1, 3})
     pool.add(1, "new")
-    pool.close(51)
-    assert pool.has(51, {1})
-    assert pool.take([1]) == ("new",)
-
-
-def test_a_tile_without_buildings_waits_for_the_end_too():
-    pool = FeaturePool()
-    assert not pool.has(50, ())
-    pool.close(50)
-    assert pool.has(50, ())
+    assert pool.take([1, 3]) == ("new", "three")
+    assert not pool.has({1})
 
 
 def test_a_withdrawal_is_a_feature_of_cityjson_without_objects():

@@ -2,8 +2,13 @@
 
 from lidar_buildings.ros.graph_view import GraphView
 from lidar_buildings.ros.node_summary import ERROR, OK, WARN
+from lidar_buildings.ros.tile_ledger import IN_HAND, NodeState, TileState
 
 WORK = {"tiles_in": 3, "tiles_out": 2, "points_in": 3000, "seconds": 1.5, "seconds_last_tile": 0.5}
+
+
+def state(node, life, *stamps):
+    return NodeState(node, life, 1, {stamp: TileState(IN_HAND) for stamp in stamps})
 
 
 def cells(view, now, node):
@@ -13,11 +18,11 @@ def cells(view, now, node):
 
 def test_a_node_is_at_work_from_taking_a_tile_to_ending_it():
     view = GraphView()
-    view.hear_receipt("plane_fitter", "life", 0, takes=False, now=0.0)
+    view.hear_state(state("plane_fitter", "life"), 0.0)
     assert not view.has_all
     view.hear_summary("plane_fitter", OK, "idle", WORK | {"input_age": 2.0}, 0.0)
     assert view.has_all
-    view.hear_receipt("plane_fitter", "life", 7, takes=True, now=1.0)
+    view.hear_state(state("plane_fitter", "life", 7), 1.0)
     expected = [
         "plane_fitter",
         "at",
@@ -36,14 +41,14 @@ def test_a_node_is_at_work_from_taking_a_tile_to_ending_it():
     ]
     assert cells(view, 1.0, "plane_fitter") == expected
     assert cells(view, 90.0, "plane_fitter")[1:3] == ["at", "work"], "who works cannot speak"
-    view.hear_receipt("plane_fitter", "life", 7, takes=False, now=91.0)
+    view.hear_state(state("plane_fitter", "life"), 91.0)
     assert cells(view, 91.0, "plane_fitter")[1] == "idle"
 
 
 def test_a_node_that_died_with_a_tile_has_it_no_more_when_it_is_back():
     view = GraphView()
-    view.hear_receipt("model_builder", "life", 7, takes=True, now=0.0)
-    view.hear_receipt("model_builder", "another", 0, takes=False, now=1.0)
+    view.hear_state(state("model_builder", "life", 7), 0.0)
+    view.hear_state(state("model_builder", "another"), 1.0)
     assert cells(view, 1.0, "model_builder")[1:5] == ["idle", "-", "-", "0"]
     assert "silent 9 s" in view.lines(10.0)[1]
 

@@ -3,15 +3,16 @@ import pytest
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.ros import ring_collector
+from lidar_buildings.ros import polygons
 from lidar_buildings.ros.polygons import (
+    RingCollector,
     closing_message,
     outline_rings,
+    outlines_of,
     ring_message,
     ring_messages,
     roof_rings,
 )
-from lidar_buildings.ros.ring_collector import RingCollector, outlines_of
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 HOLE = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
@@ -114,7 +115,7 @@ def test_a_ring_without_a_vertex_is_none():
 
 
 def test_tiles_that_are_never_closed_take_no_memory_without_end(monkeypatch):
-    monkeypatch.setattr(ring_collector, "_MAX_VERTICES", 100)
+    monkeypatch.setattr(polygons, "_MAX_VERTICES", 100)
     collector = RingCollector()
     ring = np.array([[0, 0, 0], [1, 0, 0], [0, 1.0, 0]])
     for number in range(200):

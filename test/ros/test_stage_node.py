@@ -13,11 +13,19 @@ from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.ros.node_state import LISTENER_QOS, TOPIC, state_of
 from lidar_buildings.ros.point_cloud import from_message, to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED_TILE
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED
 from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.tile_ledger import FAILED, IN_HAND, PASSED_ON, TileState
 
 pytestmark = pytest.mark.graph
+
+
+def doubled(tile):
+    if len(tile) == 3:
+        raise ZeroDivisionError("three\nis too much")
+    return PointTile(tile.points * 2, stamp=tile.stamp)
 
 
 class Doubler(StageNode):
@@ -25,13 +33,15 @@ class Doubler(StageNode):
 
     def __init__(self, **kwargs):
         super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)
-        self._out = self.create_publisher(PointCloud2, "doubled", CLOUD)
-        self.subscribe_tiles("points", self.on_tile)
+        self._out = self.create_output(PointCloud2, "doubled", CLOUD)
+        self.take_tiles(("points",), self.work, self.publish)
+        self.subscribe_tiles("points")
 
-    def on_tile(self, tile):
-        if len(tile) == 3:
-            raise ZeroDivisionError("three\nis too much")
-        self._out.publish(to_message(PointTile(tile.points * 2, stamp=tile.stamp)))
+    def work(self, tile):
+        return self.submit(doubled, tile)
+
+    def publish(self, stamp, tile):
+        self._out.publish(to_message(tile))
         return {"doubled": len(tile)} if len(tile) > 4 else None
 
 
@@ -137,9 +147,13 @@ def test_no_message_ends_a_node(graph):
     message.fields = []
     publisher.publish(message)
     publisher.publish(PointCloud2(height=2**32 - 1, width=2**32 - 1))
-    infos = listener.create_publisher(String, "tile_info", LATCHED_TILE)
+    infos = listener.create_publisher(String, "tile_info", LATCHED)
     diagnostics = listener.create_publisher(DiagnosticArray, "diagnostics", EVENT)
-    for text in ('{"stamp":1e999}', "[" * 100_000, '{"stamp":3000000000}'):
+    for text in (
+        '{"stamp":1e999}',
+        "[" * 100_000,
+        '{"life":"","tiles":[{"stamp":3000000000,"bounds":null}]}',
+    ):
         infos.publish(String(data=text))
     listener.on_diagnostics = None  # fails on each from now on
     diagnostics.publish(DiagnosticArray())
@@ -157,34 +171,25 @@ def test_a_composition_ends_with_the_error_that_a_node_cannot_go_on_from(context
 
 
 def test_what_fails_since_ros_has_ended_is_no_failure_of_the_tile(context, capfd):
-    node = Doubler(context=context)
-
-    def work():
-        with node.reporting(1):
-            rclpy.shutdown(context=context)
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        work()
-    assert "not handed on" not in "".join(capfd.readouterr())
+    node, work = Doubler(context=context), Future()
+    node.take_tiles(("points",), lambda tile: work, node.publish)
+    node.add_part(1, "points", tile(2, 0))
+    rclpy.shutdown(context=context)
+    work.set_exception(ZeroDivisionError())
+    node._do_later()
+    assert "not passed on" not in "".join(capfd.readouterr())
     node.destroy_node()
 
 
-class Patient(StageNode):
-    """Hands on what waits for something only once that has come."""
+class Patient(Doubler):
+    """Passes on what waits for something only once that has come."""
 
     def __init__(self, **kwargs):
-        super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)
         self.awaited = {}
-        self._out = self.create_publisher(PointCloud2, "doubled", CLOUD)
-        self.subscribe_tiles("points", self.on_tile)
+        super().__init__(**kwargs)
 
-    def on_tile(self, tile):
-        yield self.awaited.setdefault(len(tile), Future())
-        if len(tile) == 3:
-            raise ZeroDivisionError("three is too much")
-        self._out.publish(to_message(tile))
-        return {"waited": len(tile)}
+    def work(self, tile):
+        return self.awaited.setdefault(len(tile), Future())
 
 
 def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
@@ -194,30 +199,63 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
             publisher.publish(to_message(tile(n, second)))
         wait_until(lambda: patient.awaited.keys() == {2, 3, 4})
         assert patient.summary.is_at_work
+        assert patient.is_at_work
         assert not listener.tiles
-        for n in (4, 3, 2):
-            patient.awaited[n].set_result(None)
-            wait_until(lambda n=n: len(listener.statuses) == 5 - n)
-        wait_until(lambda: len(listener.tiles) == 2)
+        patient.awaited[4].set_result(tile(4, 3))
+        wait_until(lambda: len(listener.statuses) == 1)
+        patient.awaited[3].set_exception(ZeroDivisionError("three is too much"))
+        wait_until(lambda: len(listener.statuses) == 2)
+        patient.awaited[2].set_result(tile(2, 1))
+        wait_until(lambda: len(listener.statuses) == 3 and len(listener.tiles) == 2)
     assert [len(one) for one in listener.tiles] == [4, 2]
     assert [status.message for status in listener.statuses] == [
         "done",
         "ZeroDivisionError: three is too much",
         "done",
     ]
-    assert [{pair.key: pair.value for pair in one.values}.get("waited") for one in listener.statuses] == [
-        "4",
-        None,
-        "2",
-    ]
     assert not patient.summary.is_at_work
 
 
-def test_what_a_destroyed_node_has_waited_for_may_still_come(context):
-    patient = Patient(context=context)
-    patient.errands.begin(patient.on_tile(tile(2, 1)))
-    patient.destroy_node()
-    patient.awaited[2].set_result(None)
+def test_a_copy_of_a_tile_in_hand_is_dropped_and_one_that_comes_later_is_not(context):
+    patient, listener = Patient(context=context), Listener(context=context)
+    with sender_of_tiles(patient, listener, context) as publisher:
+        for _ in range(2):
+            publisher.publish(to_message(tile(2, 1)))
+        publisher.publish(to_message(tile(3, 2)))
+        wait_until(lambda: patient.awaited.keys() == {2, 3})
+        patient.awaited.pop(2).set_result(tile(2, 1))
+        wait_until(lambda: len(listener.tiles) == 1)
+        publisher.publish(to_message(tile(2, 1)))
+        wait_until(lambda: 2 in patient.awaited)
+
+
+def test_the_state_says_what_a_node_has_of_each_tile(context):
+    patient, listener = Patient(context=context), Listener(context=context)
+    states = []
+    listener.create_subscription(
+        String, TOPIC, lambda message: states.append(state_of(message)), LISTENER_QOS
+    )
+
+    def last():
+        return [one.tiles for one in states if one.node == "doubler"][-1:]
+
+    with sender_of_tiles(patient, listener, context) as publisher:
+        wait_until(lambda: last() == [{}])
+        for n, second in ((2, 1), (3, 2)):
+            publisher.publish(to_message(tile(n, second)))
+        wait_until(lambda: patient.awaited.keys() == {2, 3})
+        wait_until(lambda: last() == [dict.fromkeys((10**9, 2 * 10**9), TileState(IN_HAND))])
+        patient.awaited[2].set_result(tile(2, 1))
+        patient.awaited[3].set_exception(ZeroDivisionError("no"))
+        wait_until(
+            lambda: (
+                last()
+                == [{10**9: TileState(PASSED_ON), 2 * 10**9: TileState(FAILED, (), "ZeroDivisionError: no")}]
+            )
+        )
+        numbers = [one.sequence for one in states if one.node == "doubler"]
+        assert numbers == sorted(set(numbers))
+        wait_until(lambda: len([one for one in states if one.node == "doubler"]) > len(numbers) + 2)
 
 
 def test_timers_go_on_while_the_clock_of_a_recording_stands_still(context):
