@@ -68,9 +68,7 @@ class StatePublisher:
             self._set(stamp, TileState(WAITING, tuple(sorted(missing))))
 
     def takes(self, stamp: int) -> None:
-        """Say that the node works on a tile; it waits for no earlier revision of it."""
-        for other in [one for one in self._tiles if one < stamp and tile_of(one) == tile_of(stamp)]:
-            del self._tiles[other]
+        """Say that the node works on a tile."""
         self._set(stamp, TileState(IN_HAND))
 
     def asks_for(self, stamp: int, sides: Iterable[str]) -> None:
@@ -96,6 +94,9 @@ class StatePublisher:
     def _set(self, stamp: int, state: TileState) -> None:
         if self._tiles.get(stamp) == state:
             return
+        for other in [one for one in self._tiles if one < stamp and tile_of(one) == tile_of(stamp)]:
+            if not self.has_in_hand(other):
+                del self._tiles[other]
         self._tiles[stamp] = state
         self._tiles.move_to_end(stamp)
         idle = [one for one, at in self._tiles.items() if at.status != IN_HAND]

@@ -272,7 +272,8 @@ class StageNode(Node):
     def add_part(self, stamp: int, topic: str, part: Any) -> None:
         """Take a part of a tile, and begin to work on the tile if it is complete."""
         self._join.add(stamp, topic, part)
-        self._look_at(stamp)
+        if stamp in self._join.stamps():
+            self._look_at(stamp)
 
     def look_again(self) -> None:
         """Begin with the tiles that have become complete, pass on those held back, and drop what is over."""

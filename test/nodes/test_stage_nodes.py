@@ -170,14 +170,6 @@ def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(tracing, trac
     assert [to_stamp(one.header.stamp) for one in tracer.heard["building_points"]] == [LATER, STAMP]
 
 
-def test_a_clipped_tile_is_handed_on_where_nobody_can_send_more(context, bench, tracing):
-    other = bench(BuildingTracer(context=context), "edge_points tile_info", "building_points traced_outlines")
-    other.send("tile_info", info_of_tile((0.0, 0.0, 9.0, 9.0)))
-    time.sleep(0.2)
-    other.send("edge_points", to_message(roof(HOUSE)))
-    wait_until(lambda: other.heard["building_points"] and len(other.heard["traced_outlines"]) == 2)
-
-
 # the builder
 
 
@@ -288,7 +280,7 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     empty = PointTile(np.zeros((0, 3)), building_id=np.zeros(0), stamp=STAMP)
     for topic in ("classified_points", "plane_points"):
         other.send(topic, to_message(empty))
-    for topic in ("traced_outlines", "outlines", "roof_faces"):
+    for topic in ("traced_outlines", "outlines"):
         other.send(topic, *ring_messages(STAMP, outline_rings(())))
     other.send("city_model", tile_closing_message(STAMP))
     wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])

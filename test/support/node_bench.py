@@ -69,7 +69,7 @@ class Bench(StageNode):
         for topic, messages in self.heard.items():
             kind, profile = kind_and_profile(topic)
             self.create_subscription(kind, topic, messages.append, profile)
-        self.told, self.info = set(), None
+        self.told, self.info = {}, None
 
     def publisher_of(self, topic):
         kind, profile = kind_and_profile(topic)
@@ -84,9 +84,9 @@ class Bench(StageNode):
     def tell(self, stamp):
         """Tell of a tile what a source tells, unless the test does."""
         if "tile_info" not in self.to and stamp not in self.told:
-            self.told.add(stamp)
+            self.told[stamp] = PointTile(np.zeros((1, 3)), stamp=stamp)
             self.info = self.info or self.publisher_of("tile_info")
-            self.info.publish(info_message(PointTile(np.zeros((1, 3)), stamp=stamp)))
+            self.info.publish(info_message(*self.told.values()))
 
 
 def roof(*building_ids, stamp=STAMP):
@@ -119,7 +119,7 @@ def outlines(*building_ids):
 
 
 #: What the writer waits for of every tile, and what else it takes.
-OF_A_TILE = "classified_points plane_points traced_outlines outlines roof_faces city_model"
+OF_A_TILE = "classified_points plane_points traced_outlines outlines city_model"
 TO_WRITER = f"{OF_A_TILE} survey_done tile_failed"
 FRAME = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
 
@@ -137,7 +137,6 @@ def send_tile(other, *ids, without=(), stamp=STAMP):
         "plane_points": [to_message(roof(*ids, stamp=stamp))],
         "traced_outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
         "outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
-        "roof_faces": ring_messages(stamp, outline_rings(())),
         "city_model": [*(feature(number) for number in ids), tile_closing_message(stamp)],
     }
     for topic, content in messages.items():
