@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline
@@ -69,6 +69,22 @@ def _without_repetitions(ring: FloatArray) -> FloatArray:
             del kept[tip]
         corners = kept
     return ring if len(corners) == len(ring) else np.array(corners).reshape(-1, 2)
+
+
+def made_valid(polygons: NDArray[np.object_]) -> NDArray[np.object_]:
+    """
+    Return polygons with those that are not valid repaired by structure: exteriors less their holes.
+
+    As GEOS' `make_valid` by structure, which shapely has from 2.1 on.
+    """
+    repaired = polygons.copy()
+    for k in np.flatnonzero(~shapely.is_valid(polygons)):
+        inside, *holes = (
+            shapely.union_all(polygons_of(shapely.make_valid(shapely.Polygon(ring))))
+            for ring in (polygons[k].exterior, *polygons[k].interiors)
+        )
+        repaired[k] = shapely.difference(inside, shapely.union_all(holes))
+    return repaired
 
 
 def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:

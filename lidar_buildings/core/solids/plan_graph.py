@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import sort_rows
-from lidar_buildings.core.solids.output_grid import GRID, polygons_of
+from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_of
 from lidar_buildings.core.solids.validity import n_joints, weld
 
 
@@ -47,9 +47,7 @@ def cut_at(
 
     The face's exterior and holes may be unsound; its plane, z = a·x + b·y + c, is not level.
     """
-    polygon = shapely.make_valid(
-        shapely.Polygon(rings[0], rings[1:]), method="structure", keep_collapsed=False
-    )
+    (polygon,) = made_valid(np.array([shapely.Polygon(rings[0], rings[1:])], dtype=object))
     upper = polygon.intersection(_half_plane(rings[0], np.asarray(plane), elevation))
     return _rings(upper), _rings(polygon.difference(upper))
 
@@ -346,7 +344,7 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     noded = shapely.union_all(shapely.boundary(polygons), grid_size=grid)
     faces = shapely.get_parts(shapely.polygonize([noded]))
     # Holes stay holes even where they have come to cross their exterior.
-    sound = shapely.make_valid(polygons, method="structure", keep_collapsed=False)
+    sound = made_valid(polygons)
     labels = _labels(faces, sound, numbers[rings.owner[rings.is_exterior]])
     shells, face = shapely.get_rings(faces[labels != OUTSIDE], return_index=True)
     corners, ring = shapely.get_coordinates(shells, return_index=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.ids import CELL, building_id
 from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.solids.output_grid import polygons_of
+from lidar_buildings.core.solids.output_grid import made_valid, polygons_of
 
 #: Grid of the vertices [m]: finer than any survey, coarser than what another projection adds.
 _GRID = 1e-3
@@ -93,7 +93,7 @@ def _repaired(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.P
     for _ in range(_MAX_ROUNDS):
         if shapely.is_valid(pieces).all():
             break
-        whole = shapely.make_valid(pieces, method="structure", keep_collapsed=False)
+        whole = made_valid(pieces)
         pieces = _rounded(np.array([part for one in whole for part in polygons_of(one)], dtype=object))
     sound = pieces[_is_sound(pieces)].tolist()
     largest = max((piece.area for piece in sound), default=0.0)
