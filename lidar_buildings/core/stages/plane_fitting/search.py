@@ -100,11 +100,13 @@ def propose(
             best = support
             for k in range(4):
                 plane[k] = trial[k]
-    return best > 0.0 and fit_near(cloud, limits, near[:n], seed, plane)
+    if best > 0.0:
+        fit_near(cloud, limits, near[:n], seed, plane)
+    return best > 0.0
 
 
 @kernel
-def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> bool:
+def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> None:
     """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
     origin, points = cloud.points[seed], cloud.points
     x, y, z = origin[0], origin[1], origin[2]
@@ -113,16 +115,14 @@ def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: Flo
     for j in near:
         if distance_of(plane, points, j) <= limits.distance:
             add_point(moments, points[j, 0] - x, points[j, 1] - y, points[j, 2] - z)
-    return refit(moments, origin, plane) and belongs(cloud, limits, plane, seed)
+    refit(moments, origin, plane)
 
 
 @kernel
-def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> bool:
-    """Write the plane of sums taken about `origin` to `plane`."""
-    if fitted_plane(moments, plane) < 0.0:
-        return False
-    plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
-    return True
+def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> None:
+    """Write the plane of sums taken about `origin` to `plane`, unless they are of points on a line."""
+    if fitted_plane(moments, plane) >= 0.0:
+        plane[3] -= plane[0] * origin[0] + plane[1] * origin[1] + plane[2] * origin[2]
 
 
 @kernel
@@ -193,7 +193,7 @@ class Pool(NamedTuple):
     n_points: IntArray
     #: Per point the last hypothesis that it belonged to, −1 = none.
     holder: IntArray
-    #: One cell: the number of hypotheses.
+    #: Numbers of hypotheses, and of points of the order that have had their turn as seeds.
     size: IntArray
 
 
@@ -218,8 +218,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
         np.zeros(4, np.int64),
     )
     scratch.counter[1] = n
-    n_planes: int = np.int64(0)  # type: ignore[assignment] # a plain 0 is a type of its own for numba
-    before: int = np.int64(-1)  # type: ignore[assignment]
+    n_planes, before = 0, -1
     while n_planes > before:
         before = n_planes
         pool = Pool(
@@ -228,13 +227,12 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
             np.zeros(n),
             np.zeros(n, np.int64),
             np.full(n, -1, np.int64),
-            np.zeros(1, np.int64),
+            np.zeros(2, np.int64),
         )
-        cursor: int = np.int64(0)  # type: ignore[assignment]
         scratch.drawn[:] = False
         scratch.counter[2] = 0
         while True:
-            cursor = draw_seeds(cloud, limits, labels, order, samples, cursor, pool, scratch)
+            draw_seeds(cloud, limits, labels, order, samples, pool, scratch)
             best = best_of(pool)
             known = pool.score[best]
             if known <= 0.0:
@@ -271,19 +269,18 @@ def draw_seeds(
     labels: NDArray[np.int32],
     order: IntArray,
     samples: FloatArray,
-    cursor: int,
     pool: Pool,
     scratch: Scratch,
-) -> int:
-    """Draw seeds until the best hypothesis is likely the largest of all; return the place in `order`."""
+) -> None:
+    """Draw seeds until the best hypothesis is likely the largest of all."""
     best = best_of(pool)
-    while cursor < len(order):
+    while pool.size[1] < len(order):
         if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
             limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), 1
         ):
             break
-        seed = order[cursor]
-        cursor += 1
+        seed = order[pool.size[1]]
+        pool.size[1] += 1
         if labels[seed] != 0:
             continue
         scratch.drawn[seed] = True
@@ -294,7 +291,6 @@ def draw_seeds(
         added = add_hypothesis(cloud, limits, labels, seed, samples[seed % len(samples)], pool, scratch)
         if added >= 0 and pool.score[added] > pool.score[best]:
             best = added
-    return cursor
 
 
 @kernel
