@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support import model_survey
 
-from lidar_buildings.core.solids.shell import area_vector, face_shape
+from lidar_buildings.core.solids.shell import area_vector, face_plane, face_shape
 from lidar_buildings.core.solids.triangulation import face_pieces, triangles_of
 
 PLAN = np.array([(0, 0), (4, 0), (8, 0), (8, 4), (8, 8), (0, 8), (2, 2), (6, 2), (6, 6), (2, 6)], dtype=float)
@@ -88,6 +88,8 @@ def test_a_face_looks_down_its_slope(direction, azimuth):
     assert shape.slope_deg == pytest.approx(30.0)
     assert shape.azimuth_deg == pytest.approx(azimuth, abs=1e-6)
     assert shape.area == pytest.approx(6.0 / np.cos(np.radians(30.0)))
+    a, b, c = face_plane([ring])
+    assert plan @ (a, b) + c == pytest.approx(ring[:, 2])
 
 
 def test_a_level_face_has_no_azimuth_and_holes_count():

@@ -156,17 +156,20 @@ def test_vertices_in_the_middle_of_a_neighbours_edge_are_found():
     assert solid.volume == pytest.approx(volume_below(pieces))
 
 
-def test_gaps_and_overlaps_of_millimetres_are_closed():
+def test_gaps_and_overlaps_of_millimetres_are_closed_and_nothing_else_is_coarser():
     pieces = [
-        flat(rectangle(0, 0, 10, 5), 3.0),
-        flat(rectangle(0, 5.002, 6.001, 10), 8.0),
-        flat(rectangle(6, 4.999, 10, 10), 5.0),
+        flat(rectangle(0.002, 0.003, 10, 5), 3.0),
+        flat(rectangle(0.002, 5.002, 6.001, 10.001), 8.0),
+        flat(rectangle(6, 4.999, 10, 10.001), 5.0),
     ]
     solid = roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert count(solid, GROUND_SURFACE) == 1
     assert len(solid.faces[0]) == 1
     assert solid.volume == pytest.approx(volume_below(pieces), rel=1e-3)
+    # A simpler plan is on a grid of five millimetres.
+    assert solid.vertices[:, :2].min(axis=0) == pytest.approx([0.002, 0.003], abs=1e-9)
+    assert solid.vertices[:, :2].max(axis=0) == pytest.approx([10.0, 10.001], abs=1e-9)
 
 
 @pytest.mark.parametrize("low", [3.0, 0.0])
