@@ -135,6 +135,20 @@ def test_a_step_that_continues_a_wall_lies_on_its_line_wherever_points_begin(gap
     assert sorted(step.segment.round(9).tolist()) == [[7.0, 0.0], [7.0, 6.0]]
 
 
+def test_a_step_far_from_the_centre_turns_with_its_wall_and_keeps_its_ends():
+    slope = np.tan(np.radians(1.5))
+    ring = np.array([(0, 0), (8, 0), (8, 54), (20, 54 + 12 * slope), (20, 62), (0, 62.0)])
+    outline = Outline(ring)
+    xy = np.stack(np.meshgrid(np.arange(0.125, 20.0, 0.25), np.arange(0.125, 62.0, 0.25)), axis=-1)
+    xy = xy.reshape(-1, 2)
+    xy = xy[shapely.contains_xy(outline.polygon, *xy.T)]
+    upper = xy[:, 1] > 54 + (xy[:, 0] - 8) * slope
+    points = np.column_stack([xy, np.where(upper, 9.0, 4.0)])
+    (step,) = find_topology(points, upper + 1, outline).steps
+    ends = np.array(sorted(step.segment.tolist()))
+    assert ends == pytest.approx(np.array([(0.0, 54 - 8 * slope), (8.0, 54.0)]), abs=1e-6)
+
+
 def test_the_line_of_two_planes_is_found_over_a_gap_without_points():
     scene = model_scene("gable")
     east = scene.select((scene.points[:, 0] < 44) & (np.abs(scene.points[:, 1] - 30) > 1.0))
