@@ -36,7 +36,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line and exit."""
-        self.exit(ExitStatus.WRONG_USE, f"{self.prog}: {message} (--help says what there is)\n")
+        self.exit(ExitStatus.WRONG_USE, f"{self.prog}: {message} (see --help)\n")
 
 
 def console() -> NoReturn:
@@ -84,13 +84,13 @@ def main(arguments: list[str] | None = None) -> int:
     except ImportError as error:  # for instance numba's, of a numpy that it does not know
         if options.debug:
             traceback.print_exc()
-        print(f"lidar-buildings: cannot be imported: {error} (--debug shows where)", file=sys.stderr)
+        print(f"lidar-buildings: import failed: {error} (--debug shows the traceback)", file=sys.stderr)
         return ExitStatus.WRONG_USE
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitStatus.DONE
     except KeyboardInterrupt:
-        print("lidar-buildings: interrupted; the same command goes on from here", file=sys.stderr)
+        print("lidar-buildings: interrupted; run the same command to resume", file=sys.stderr)
         return ExitStatus.INTERRUPTED
 
 
@@ -99,25 +99,25 @@ def command_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    run = commands.add_parser("run", help="point clouds to classified points, outlines and models")
+    run = commands.add_parser("run", help="turn point clouds into classified points, outlines and models")
     add_run_arguments(run)
     run.set_defaults(command=_run)
-    plan = commands.add_parser("plan", help="say what a run will take, from headers alone")
+    plan = commands.add_parser("plan", help="estimate what a run will take, from headers alone")
     add_plan_arguments(plan)
     plan.set_defaults(command=_later("plan"))
-    _add_inspect(commands.add_parser("inspect", help="say what files and bags hold"))
-    _add_live(commands.add_parser("live", help="listen to a scanner, until it is interrupted"))
-    _add_simulate(commands.add_parser("simulate", help="make a virtual survey with its truth"))
+    _add_inspect(commands.add_parser("inspect", help="describe files and bags"))
+    _add_live(commands.add_parser("live", help="process the feed of a scanner until interrupted"))
+    _add_simulate(commands.add_parser("simulate", help="simulate a survey with ground truth"))
     _add_score(commands.add_parser("score", help="compare a result with a reference"))
-    _add_compare(commands.add_parser("compare", help="say what has changed between two results of one place"))
-    _add_report(commands.add_parser("report", help="make the page about a result anew"))
-    _add_view(commands.add_parser("view", help="show a result in a window, or draw it (extra [view])"))
-    _add_explain(commands.add_parser("explain", help="say why a building has its outline and its roof"))
-    _add_top(commands.add_parser("top", help="watch the running graphs"))
+    _add_compare(commands.add_parser("compare", help="report what changed between two results"))
+    _add_report(commands.add_parser("report", help="rebuild the report of a result"))
+    _add_view(commands.add_parser("view", help="show a result in a window, or save a picture (extra [view])"))
+    _add_explain(commands.add_parser("explain", help="explain the outline and roof of a building"))
+    _add_top(commands.add_parser("top", help="monitor running graphs"))
     _add_node(commands.add_parser("node", help="run one node of the graph in this process"))
-    _add_warm_up(commands.add_parser("warm-up", help="compile now what else the first run compiles"))
+    _add_warm_up(commands.add_parser("warm-up", help="compile now what the first run would compile"))
     for one in commands.choices.values():
-        one.add_argument("--debug", action="store_true", help="show where an error comes from")
+        one.add_argument("--debug", action="store_true", help="show tracebacks")
     return parser
 
 
@@ -149,28 +149,31 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
         dest="topic",
         metavar="TOPIC",
         action=Once,
-        help="the scans (default: scan; a bag's only one)",
+        help="topic of the scans (default: scan; for a bag its only one)",
     )
     parser.add_argument(
         "--odometry",
         metavar="TOPIC",
         action=Once,
-        help="the poses (default: odometry; a bag's only one; /tf beside it)",
+        help="topic of the poses (default: odometry; for a bag its only one); /tf is read, too",
     )
-    parser.add_argument("--fix", metavar="TOPIC", action=Once, help="positions of satellites (default: fix)")
+    parser.add_argument("--fix", metavar="TOPIC", action=Once, help="topic of GNSS positions (default: fix)")
     parser.add_argument(
-        "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and end with it"
+        "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and stop at its end"
     )
     parser.add_argument(
-        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: 1; 0: at once)"
+        "--rate",
+        type=float,
+        metavar="R",
+        help="play at R times the recorded speed (default: 1; 0: as fast as possible)",
     )
     add_part_of_bag(parser)
     parser.add_argument(
-        "--reliable", action="store_true", help="have lost scans sent again: their publisher must be reliable"
+        "--reliable", action="store_true", help="subscribe reliably: the publisher must be reliable, too"
     )
     add_record(parser)
     add_settings(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
     parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
     parser.set_defaults(command=_later("live"), **UNTOLD)
 
@@ -185,17 +188,20 @@ def _add_inspect(parser: argparse.ArgumentParser) -> None:
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
     switch = argparse.BooleanOptionalAction
-    parser.add_argument("--output", type=Path, metavar="DIR", help="folder for the survey and its truth")
-    parser.add_argument("--scene", default="village", metavar="NAME", help="which scene (default: village)")
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of everything random (default: 0)"
+        "--output", type=Path, metavar="DIR", help="folder for the survey and its ground truth"
     )
+    parser.add_argument("--scene", default="village", metavar="NAME", help="scene (default: village)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: 0)")
     parser.add_argument("--density", type=float, metavar="D", help="points per square metre")
-    parser.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    parser.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
     parser.add_argument("--live", action="store_true", help="publish scans and poses in real time")
-    parser.add_argument("--bag", type=Path, metavar="DIR", help="write scans and poses into a bag of ROS 2")
+    parser.add_argument("--bag", type=Path, metavar="DIR", help="write scans and poses to a ROS 2 bag")
     parser.add_argument(
-        "--bag-storage", choices=("mcap", "sqlite3"), default="mcap", help="kind of the bag (default: mcap)"
+        "--bag-storage",
+        choices=("mcap", "sqlite3"),
+        default="mcap",
+        help="storage format of the bag (default: mcap)",
     )
     parser.add_argument(
         "--bag-compression",
@@ -207,17 +213,20 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
         "--scanner",
         choices=("airborne", "vehicle"),
         default="airborne",
-        help="what carries the scanner (default: airborne)",
+        help="platform of the scanner (default: airborne)",
     )
-    parser.add_argument("--pulse-rate", type=float, metavar="N", help="pulses a second of the live scanner")
+    parser.add_argument("--pulse-rate", type=float, metavar="N", help="pulses per second of the live scanner")
     parser.add_argument(
-        "--tf", action=switch, default=True, help="live: tell poses and mounting by /tf and /tf_static, too"
+        "--tf",
+        action=switch,
+        default=True,
+        help="live: publish poses and mounting on /tf and /tf_static, too",
     )
     parser.add_argument("--fix", action="store_true", help="live: publish NavSatFix instead of map_origin")
     parser.add_argument(
-        "--wait", action=switch, default=True, help="live: begin when somebody subscribes to the scans"
+        "--wait", action=switch, default=True, help="live: wait for a subscriber to the scans"
     )
-    parser.add_argument("--reliable", action="store_true", help="live: send scans again that got lost")
+    parser.add_argument("--reliable", action="store_true", help="live: publish scans reliably")
     parser.add_argument("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
     parser.set_defaults(command=_simulate)
 
@@ -249,25 +258,25 @@ def _add_explain(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "building",
         metavar="BUILDING",
-        help="its readable_id or building_id, or a place X,Y, also one where a building is missing",
+        help="readable_id, building_id, or coordinates X,Y (also where a building is missing)",
     )
     parser.add_argument(
-        "--page", type=Path, metavar="FILE", help="write a page of it with the text, to look at"
+        "--page", type=Path, metavar="FILE", help="also write an HTML page about the building"
     )
     parser.set_defaults(command=_later("explain"))
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--namespace", metavar="NAME", help="look at this graph alone (default: at all)")
-    parser.add_argument("--once", action="store_true", help="print one table and end")
+    parser.add_argument("--namespace", metavar="NAME", help="show only this graph (default: all)")
+    parser.add_argument("--once", action="store_true", help="print one table and exit")
     parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="wait so long for a graph [s] (default: 10)"
+        "--wait", type=float, default=10.0, metavar="S", help="time to wait for a graph [s] (default: 10)"
     )
     parser.set_defaults(command=_later("top"))
 
 
 def _add_node(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", metavar="NAME", help="such as ground_filter; see doc/nodes.md")
+    parser.add_argument("name", metavar="NAME", help="name such as ground_filter (see doc/nodes.md)")
     ros = "as `ros2 run` takes them, such as --ros-args -p output:=result"
     parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help=ros)
     parser.set_defaults(command=_later("node"))
@@ -290,9 +299,9 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     add("old", type=Path, metavar="OLD", help="output folder of the earlier run")
     add("new", type=Path, metavar="NEW", help="output folder of the later one")
     add("--output", type=Path, metavar="FILE", help="GeoPackage of the changes (default: NEW/changes.gpkg)")
-    height = "least change of a roof's elevation, or four standard deviations of what has not changed"
+    height = "smallest elevation change of a roof, or four standard deviations of what did not change"
     add("--min-height", type=float, default=0.5, metavar="M", help=f"{height} [m] (default: 0.5)")
-    add("--min-area", type=float, default=4.0, metavar="M2", help="least part of a roof [m²] (default: 4)")
+    add("--min-area", type=float, default=4.0, metavar="M2", help="smallest part of a roof [m²] (default: 4)")
     add("--json", action="store_true", help="print JSON with a row per change")
     parser.set_defaults(command=_compare)
 

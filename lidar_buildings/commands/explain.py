@@ -17,7 +17,7 @@ def explain_command(options: argparse.Namespace) -> int:
     found = find_building(result, options.building)
     if not isinstance(found, ReportedBuilding):
         if options.page:
-            raise ParameterError(f"--page: no building stands at {options.building}: leave --page out")
+            raise ParameterError(f"--page: there is no building at {options.building}: remove --page")
         print(explain_place(result, found))
         return 0
     text = explain_building(result, found)

@@ -101,7 +101,9 @@ def _named(path: Path) -> list[Path]:
     kinds = is_cloud_file, is_bag_file, is_bag
     found = sorted(one for one in within if one == path or any(is_kind(one) for is_kind in kinds))
     if not found:
-        raise InputError(f"{path}: holds no cloud (.las, .laz) and no bag: name a folder that does, or files")
+        raise InputError(
+            f"{path}: contains no point cloud (.las, .laz) and no bag: give another folder, or files"
+        )
     return found
 
 

@@ -52,7 +52,7 @@ def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:
     if options.replay is not None:
         return Replay(options.replay, request.choice, 1.0 if options.rate is None else options.rate)
     if given := [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]:
-        raise ParameterError(f"{', '.join(given)}: says how a bag is played: add --replay BAG")
+        raise ParameterError(f"{', '.join(given)}: applies only to bags: add --replay BAG")
     return None
 
 
@@ -73,14 +73,14 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
     source: ScanAssembler = nodes[_NODE]
     writer: ModelWriter = nodes["model_writer"]
     with _interruptions() as n_interruptions:
-        _tell("listening: Ctrl-C finishes what has come and makes the files")
+        _tell("listening: press Ctrl-C to finish received points and write the files")
         if replay is None:
             _watch(composition, source, writer, lambda: n_interruptions() > 0)
         else:
             with replay.playing_to(source.tiles):
                 _watch(composition, source, writer, lambda: n_interruptions() > 0 or replay.is_over)
             _tell(f"played {replay}")
-        _tell("finishing: Ctrl-C again leaves the rest for the next time")
+        _tell("finishing: press Ctrl-C again to leave the rest for the next run")
         n_finished = writer.n_finished
         source.call_soon(source.finish)
 
@@ -97,7 +97,7 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
             _tell(f"{_come(source)}; nothing to write: no point was placed")
             return ExitStatus.WRONG_USE
         if writer.n_finished == n_finished:
-            _tell("left: the same command goes on from here")
+            _tell("stopped: run the same command to resume")
             return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")
     return ExitStatus.WRONG_USE if replay is not None and replay.problem else ExitStatus.DONE

@@ -76,7 +76,7 @@ def compare_with_plan(
 
 def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
     if bags := bags_among(request.inputs):
-        raise InputError(f"{bags[0]}: is a bag, and only a run places its scans: plan clouds")
+        raise InputError(f"{bags[0]}: is a bag: only point clouds can be planned")
     clouds, problems = open_each(request.inputs, read_extent)
     plan = plan_survey(clouds, request.tiling, request.bounds)
     return plan, [*problems, *filter(None, [excess_of(len(clouds))])]

@@ -88,7 +88,7 @@ def run_local(
             note_survey(folder.path, asdict(source.known))
             if not request.is_quiet:
                 n_tiles = counted(len(source.stamps), "tile")
-                print(f"{tiles.n_unchanged} of {n_tiles} had the same points as before")
+                print(f"{tiles.n_unchanged} of {n_tiles} unchanged")
         from lidar_buildings.report.page_file import write_report
 
         seconds = {"wall": time.perf_counter() - started, **tiles.seconds}

@@ -29,7 +29,7 @@ class Once(argparse.Action):
     ) -> None:
         """Take its value."""
         if (before := getattr(namespace, self.dest, None)) is not None:
-            parser.error(f"{option} {values}: {before} is given already, and one topic of a kind is read")
+            parser.error(f"{option} {values}: {before} was already given; only one topic can be read")
         setattr(namespace, self.dest, values)
 
 
@@ -39,7 +39,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "input",
         nargs="+",
         metavar="INPUT",
-        help="LAS, LAZ or COPC files, folders or globs, also as URLs (https://, s3://); bags of ROS 2 or 1",
+        help="LAS, LAZ or COPC files, folders or globs, also as URLs (https://, s3://); ROS 2 or ROS 1 bags",
     )
     folder = parser.add_mutually_exclusive_group(required=True)
     folder.add_argument("--output", type=Path, metavar="DIR", help="folder for the results")
@@ -47,7 +47,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "--update",
         type=Path,
         metavar="DIR",
-        help="… that is kept up to date, without ROS: only tiles whose points have changed are done",
+        help="… to keep up to date, without ROS: only tiles whose points changed are processed",
     )
     parser.add_argument(
         "--topic", metavar="NAME", action=Once, help="bags: topic of the scans (default: the only one)"
@@ -60,31 +60,38 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_part_of_bag(parser)
     parser.add_argument(
-        "--georeferenced", action="store_true", help="bags: the scans are in the map already, without poses"
+        "--georeferenced",
+        action="store_true",
+        help="bags: the scans are already in map coordinates; no poses are needed",
     )
     parser.add_argument(
-        "--rate", type=float, metavar="R", help="play at R times the recorded speed (default: at once)"
+        "--rate",
+        type=float,
+        metavar="R",
+        help="play at R times the recorded speed (default: as fast as possible)",
     )
     add_record(parser)
     add_settings(parser)
     parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     add_bounds(parser)
     parser.add_argument(
-        "--crs", metavar="EPSG:N", help="reference system of inputs that name none (3D Tiles need one)"
+        "--crs",
+        metavar="EPSG:N",
+        help="coordinate reference system of inputs without one (3D Tiles need one)",
     )
     parser.add_argument(
         "--footprints",
         type=Path,
         metavar="FILE",
-        help="take the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
+        help="use the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
     )
     parser.add_argument(
-        "--footprints-layer", metavar="NAME", help="the file's layer, where it has several of polygons"
+        "--footprints-layer", metavar="NAME", help="polygon layer to use, if the file has several"
     )
     parser.add_argument(
         "--footprint-id",
         metavar="COLUMN",
-        help="column that names a footprint in the results (default: one that looks like it)",
+        help="column with the footprint ids (default: chosen by its name)",
     )
     parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
     where = parser.add_mutually_exclusive_group()
@@ -93,7 +100,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         type=at_least_one,
         default=0,
         metavar="N",
-        help="without ROS, on N processes of dask.distributed",
+        help="without ROS, on N dask.distributed processes",
     )
     where.add_argument(
         "--scheduler",
@@ -102,33 +109,27 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         help="… on the workers of a dask scheduler (tcp://…:8786)",
     )
     before = parser.add_mutually_exclusive_group()
-    before.add_argument("--overwrite", action="store_true", help="replace what is in DIR")
+    before.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
     before.add_argument(
-        "--retry-failed", action="store_true", help="do the tiles again that failed in DIR, without ROS"
+        "--retry-failed", action="store_true", help="reprocess the failed tiles in DIR, without ROS"
     )
     parser.add_argument(
-        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: one of its own)"
+        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: a unique one)"
     )
     words = parser.add_mutually_exclusive_group()
-    words.add_argument("--quiet", action="store_true", help="print nothing but what went wrong")
+    words.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
 
 
 def add_record(parser: argparse.ArgumentParser) -> None:
     """Add what of the graph is recorded."""
-    parser.add_argument(
-        "--record", metavar="BAG", help="record topics of the graph in a bag (MCAP), a folder to be made"
-    )
+    parser.add_argument("--record", metavar="BAG", help="record topics of the graph to a new bag (MCAP)")
 
 
 def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
     """Add which time of a bag is wanted."""
-    parser.add_argument(
-        "--start", type=float, metavar="S", help="bags: begin so many seconds after their start"
-    )
-    parser.add_argument(
-        "--duration", type=float, metavar="S", help="bags: read so many seconds (default: all)"
-    )
+    parser.add_argument("--start", type=float, metavar="S", help="bags: skip the first S seconds")
+    parser.add_argument("--duration", type=float, metavar="S", help="bags: read S seconds (default: all)")
 
 
 def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
@@ -137,7 +138,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
         "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs, also as URLs"
     )
     parser.add_argument(
-        "--workers", type=at_least_one, default=0, metavar="N", help="on N processes of dask.distributed"
+        "--workers", type=at_least_one, default=0, metavar="N", help="with N dask.distributed processes"
     )
     parser.add_argument("--no-ros", action="store_true", help="without ROS, on the cores of this machine")
     add_settings(parser)
@@ -154,7 +155,7 @@ def add_bounds(parser: argparse.ArgumentParser) -> None:
         type=float,
         nargs=4,
         metavar=("WEST", "SOUTH", "EAST", "NORTH"),
-        help="only the points in these, in the coordinates of the inputs; of COPC little else is read",
+        help="use only points within these bounds, in input coordinates; COPC files are read only there",
     )
 
 
@@ -166,7 +167,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset",
         metavar="NAME",
-        help="the whole chain as a paper has it: santos, villalba or sampath_shan; --params and --set win",
+        help="parameters of a published method: santos, villalba or sampath_shan; --params and --set win",
     )
     parser.add_argument(
         "--set",
@@ -175,7 +176,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         metavar="STAGE.NAME=VALUE",
         help="set one parameter (repeatable)",
     )
-    parser.add_argument("--until", metavar="STAGE", help="end with this stage")
+    parser.add_argument("--until", metavar="STAGE", help="stop after this stage")
 
 
 def at_least_one(text: str) -> int:

@@ -21,8 +21,8 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
     ]
     if summary.n_unclassified and (outcome.failed or not summary.problems):
         lines.append(
-            f"{counted(summary.n_unclassified, 'point')} kept the class from before: the same command with "
-            f"{again} tries again"
+            f"{counted(summary.n_unclassified, 'point')} kept their previous class: repeat the command with "
+            f"{again}"
         )
     if summary.why_no_building and not outcome.failed:
         lines.append(summary.why_no_building)

@@ -150,9 +150,7 @@ def _bounds(given: list[float] | None) -> tuple[float, ...] | None:
 def _new_bag(options: argparse.Namespace) -> Path:
     """Return the folder of the bag to be recorded."""
     if options.no_ros:
-        raise ParameterError(
-            "--record: without ROS there is nothing to record: leave out --no-ros, or --record"
-        )
+        raise ParameterError("--record: recording needs ROS: remove --no-ros or --record")
     from lidar_buildings.io.bags.bag_writer import Recording, bag_folder  # takes time to import
 
     return Recording(bag_folder(options.record)).path
@@ -161,7 +159,7 @@ def _new_bag(options: argparse.Namespace) -> Path:
 def _short_forms(options: argparse.Namespace) -> list[str]:
     """Return the assignments that options of their own stand for."""
     if options.rate is not None and options.no_ros:
-        raise ParameterError("--rate: only the node graph plays at a speed: leave out --no-ros, or --rate")
+        raise ParameterError("--rate: needs ROS: remove --no-ros or --rate")
     forms = [f"{ScanConfig.stage}.georeferenced=true"] if options.georeferenced else []
     named = {name: getattr(options, name) for name in ("rate", *(one.name for one in fields(BagConfig)))}
     told = {name: value for name, value in named.items() if value is not None}
@@ -174,9 +172,7 @@ def _footprints(options: argparse.Namespace) -> FootprintSource | None:
     if options.footprints is None:
         if layer is not None or column is not None:
             option = "--footprints-layer" if layer is not None else "--footprint-id"
-            raise ParameterError(
-                f"{option}: says something of a file that is not named: add --footprints FILE"
-            )
+            raise ParameterError(f"{option}: needs --footprints FILE")
         return None
     if not options.footprints.exists():
         raise InputError(f"{options.footprints}: no such file: check the path of --footprints")
@@ -198,21 +194,18 @@ def _check_own(settings: Settings) -> None:
     for (stage, name), option in _OWN.items():
         default = next(member.default for member in fields(CONFIGS[stage]) if member.name == name)
         if settings.get(stage, {}).pop(name, default) != default:
-            raise ParameterError(
-                f"{stage}.{name} follows from {option} of the command line: leave the parameter out"
-            )
+            raise ParameterError(f"{stage}.{name} is set by {option}: remove the parameter")
     if settings.get(_TILING, {}).get("max_tiles_in_flight") == 0:
         raise ParameterError(
-            f"{_TILING}.max_tiles_in_flight = 0: a run that writes files has to wait for its tiles: "
-            "give at least 1"
+            f"{_TILING}.max_tiles_in_flight = 0: must be at least 1 for a run that writes files"
         )
 
 
 def _check_namespace(namespace: str | None) -> None:
     if namespace is not None and not _NAMESPACE.fullmatch(namespace):
         raise ParameterError(
-            f"--namespace {namespace!r}: must be words of letters, digits and _, beginning with no digit, "
-            "with / between them"
+            f"--namespace {namespace!r}: must be names of letters, digits and _, not starting with a digit, "
+            "separated by /"
         )
 
 

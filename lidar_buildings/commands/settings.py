@@ -61,8 +61,8 @@ def _read_file(path: Path | None) -> Settings:
     for stage, name, value in _from_file(path):
         if settings.setdefault(stage, {}).setdefault(name, value) != value:
             raise ParameterError(
-                f"{path}: {stage}.{name} is both {settings[stage][name]!r} and {value!r}, since two nodes "
-                "use it: give one value, or leave one of them out"
+                f"{path}: two nodes set {stage}.{name}, to {settings[stage][name]!r} and {value!r}: "
+                "give one value"
             )
     return settings
 
@@ -166,7 +166,7 @@ def preset_file(name: str) -> Path:
         raise ParameterError(f"--preset {name}: must be one of {', '.join(PRESETS)}")
     found = shared_file(f"{name}.param.yaml")
     if found is None:
-        raise InputError(f"{name}.param.yaml: not installed beside pipeline.param.yaml: give it as --params")
+        raise InputError(f"{name}.param.yaml: not found next to pipeline.param.yaml: give it with --params")
     return found
 
 

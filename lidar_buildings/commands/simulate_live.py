@@ -61,7 +61,7 @@ def survey_of(options: argparse.Namespace) -> MovingSurvey:
     if options.scanner == "vehicle":
         if options.density is not None:
             raise ParameterError(
-                "--density: is that of an airborne survey, a vehicle's follows from --pulse-rate"
+                "--density applies only to the airborne scanner: use --pulse-rate for a vehicle"
             )
         return drive(scene, options.seed, VehicleConfig() if rate is None else VehicleConfig(pulse_rate=rate))
     config = SimulationConfig() if options.density is None else SimulationConfig(density=options.density)
@@ -76,7 +76,7 @@ def _announce(options: argparse.Namespace, survey: MovingSurvey) -> None:
         f"{len(survey.legs)} legs, {duration:.1f} s at {survey.legs[0].speed:.1f} m/s"
     )
     needed = " ".join(f"--set {name}={value}" for name, value in survey.settings.items())
-    print(f"  a reader needs: {needed}")
+    print(f"  parameters for the reader: {needed}")
 
 
 def _recorded(survey: MovingSurvey, recorders: Iterable[SurveyBag | SurveyFiles]) -> Iterator[Event]:
@@ -103,7 +103,7 @@ def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator
             print("  tf2_msgs is not installed: /tf and /tf_static are not published")
         with suppress(KeyboardInterrupt):
             if options.wait:
-                print(f"waiting for a subscriber of {publisher.scan_topic}", flush=True)
+                print(f"waiting for a subscriber to {publisher.scan_topic}", flush=True)
                 publisher.wait()
             publisher.play(events)
         print(publisher.report, flush=True)
@@ -119,6 +119,8 @@ def _ros() -> Iterator[Any]:
     try:
         import rclpy  # after the middleware was prepared
     except ImportError as error:
-        raise ParameterError("--live: ROS 2 (rclpy) is not installed: --bag does without it") from error
+        raise ParameterError(
+            "--live: needs ROS 2 (rclpy), which is not installed: --bag works without it"
+        ) from error
     with rclpy.Context() as context:
         yield context

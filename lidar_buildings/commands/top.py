@@ -50,7 +50,7 @@ def top_command(options: argparse.Namespace) -> int:
         _print(listener.views)
         while not options.once:
             if listener.has_ended():
-                print("all nodes have gone")
+                print("all nodes have exited")
                 break
             _listen(executor, _PERIOD)
             _print(listener.views)
@@ -62,8 +62,8 @@ def _wait_for_graph(executor, listener, options: argparse.Namespace) -> None:
     if not listener.views:
         where = f" in namespace {options.namespace}" if options.namespace else ""
         raise LidarBuildingsError(
-            f"no graph of lidar_buildings was heard{where} within {options.wait:g} s: start one first, and "
-            "compare ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE"
+            f"no lidar_buildings graph was found{where} within {options.wait:g} s: start one first, and "
+            "check ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE"
         )
 
 

@@ -14,7 +14,7 @@ _PICTURES = (".png", ".jpg")
 def add_view_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what is to be drawn, and where."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="write a PNG instead, without a display")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="write a PNG instead (needs no display)")
     for what, choices, default in (("roofs", OF_ROOFS, OF_ROOFS[0]), ("points", OF_POINTS, NOTHING)):
         parser.add_argument(
             f"--{what}",
@@ -46,9 +46,7 @@ def view_command(options: argparse.Namespace) -> int:
     contents = contents_of(read_result(options.folder))
     shown = (options.roofs, options.points)
     if not parts_of(contents, *shown):
-        raise LidarBuildingsError(
-            f"{options.folder}: has nothing of this to draw: give other --roofs or --points"
-        )
+        raise LidarBuildingsError(f"{options.folder}: contains nothing to draw: change --roofs or --points")
     if options.picture is None:
         open_window(cache(partial(parts_of, contents)), shown, options.eye)
         return 0

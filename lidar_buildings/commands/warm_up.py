@@ -37,7 +37,7 @@ def compile_loops() -> None:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not complete.exists():
                 if not kernel_cache.is_installed():
-                    _say(f"the installation cannot be written: compiled loops are kept in {complete.parent}")
+                    _say(f"the installation is not writable: compiled loops are kept in {complete.parent}")
                 _call_all()
                 complete.touch()
                 kernel_cache.remove_earlier_folders()

@@ -172,7 +172,7 @@ class MapFrameConfig(StageConfig):
     frame_patience: float = fixed(
         10.0,
         "Time that a tile waits for `map_origin` while nobody publishes it; then the map frame is taken as "
-        "it is, with origin 0 and without a reference system. A longer one suits sources that start late.",
+        "it is, with origin 0 and no reference system. A longer one suits sources that start late.",
         unit="s",
         within=(0.1, 86_400.0),
         advanced=True,

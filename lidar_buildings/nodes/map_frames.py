@@ -75,11 +75,11 @@ class FrameListener:
         if silent:
             self._told = silent
             if silent != told:
-                self._node.warn(f"{' and '.join(silent)} is published but says nothing: tiles wait for it")
+                self._node.warn(f"{' and '.join(silent)} is advertised but silent: tiles wait for it")
         elif self._origin is None:
             self._node.warn(
-                f"nobody has published map_origin for {self._patience:g} s: the map frame is taken as it is, "
-                "with origin 0 and without a reference system"
+                f"no map_origin was published for {self._patience:g} s: assuming a map frame "
+                "with origin 0 and no reference system"
             )
             self._on_origin(origin_message(MapFrame()))
         else:

@@ -176,7 +176,7 @@ class ModelWriter(StageNode):
             self.fail(error)
             return
         if not is_taken:
-            self.warn("map_origin has changed: files stay in the frame of the tiles on disk until ~/reset")
+            self.warn("map_origin has changed: files keep the frame of the tiles on disk until ~/reset")
         if before is None:
             self._report_tiles_on_disk()
             self.look_again()

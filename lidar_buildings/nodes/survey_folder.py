@@ -138,7 +138,7 @@ class SurveyFolder:
 
     def _opened(self) -> OutputFolder:
         if self._folder is None:
-            raise ParameterError("no tile has come yet: nobody has told where the map frame lies")
+            raise ParameterError("no tile has arrived yet: the map frame is unknown")
         return self._folder
 
     def _claim(self, inputs: list[InputFile], frame: MapFrame, *, overwrite: bool) -> None:
@@ -161,7 +161,7 @@ def _settings(text: str) -> dict[str, Any]:
     try:
         settings = json.loads(text or "{}")
     except ValueError as error:
-        raise ParameterError(f"model_writer.settings is no JSON: {error}") from error
+        raise ParameterError(f"model_writer.settings is not JSON: {error}") from error
     if not isinstance(settings, dict):
         raise ParameterError("model_writer.settings must be a JSON object")
     return settings

@@ -122,13 +122,13 @@ def _record(folder: Path) -> dict[str, Any]:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder: give the output folder of lidar-buildings run")
     if not path.is_file():
-        raise InputError(f"{folder}: holds no {RUN}: give the output folder of a finished run")
+        raise InputError(f"{folder}: contains no {RUN}: give the output folder of a finished run")
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}): run it again") from error
     if not isinstance(run, dict):
-        raise InputError(f"{path}: is no record of a run: give the output folder of a finished run")
+        raise InputError(f"{path}: is not the record of a run: give the output folder of a finished run")
     return run
 
 

@@ -61,7 +61,7 @@ def early_end(run: Mapping[str, Any]) -> str:
     """Say that a run was told to end before the last stage; empty if it was not."""
     if run.get("until") in (None, STAGES[-1]):
         return ""
-    return f"The run ended with {run['until']}, as it was told: there is nothing of later stages."
+    return f"The run ended after {run['until']} (--until): there are no results of later stages."
 
 
 def notes(result: Result) -> list[str]:
@@ -73,7 +73,7 @@ def notes(result: Result) -> list[str]:
     elif not result.buildings:
         lines.append("No building was found.")
     if result.buildings and not result.has(GPKG):
-        lines.append("There is no buildings.gpkg, so there are no outlines, and none on the map.")
+        lines.append("There is no buildings.gpkg, so the map shows no outlines.")
     if not run.get("rasters"):
         lines.append("There are no rasters, so the terrain is not shown.")
     return lines

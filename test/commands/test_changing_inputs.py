@@ -41,7 +41,7 @@ def replaced(path):
 
 
 def said_of(path):
-    return f"lidar-buildings: {path}: has changed during the run: run it again with --overwrite"
+    return f"lidar-buildings: {path}: changed during the run: run it again with --overwrite"
 
 
 def test_a_file_that_is_replaced_before_it_is_read_is_left_out(command, house, pair, tmp_path, monkeypatch):

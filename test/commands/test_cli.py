@@ -293,7 +293,7 @@ def test_an_interrupted_run_goes_on_from_its_finished_tiles(command, roofs, resu
     monkeypatch.setattr(run_local, "do_tile", interrupted)
     spoken = command(*arguments)
     assert spoken.status == 130
-    assert spoken.err == ["lidar-buildings: interrupted; the same command goes on from here"]
+    assert spoken.err == ["lidar-buildings: interrupted; run the same command to resume"]
     assert not {*FILES} & {*files_in(tmp_path / "out")}
     assert command(*arguments).status == 0
     assert not set(seen[:3]) & set(seen[4:]), "finished tiles are not done again"

@@ -95,7 +95,7 @@ def test_clouds_without_extent_are_legal_and_come_out_as_they_were(
     # what the logger says goes to stderr where pytest does not hold it
     lines = [*spoken.err, *caplog.messages]
     assert len(lines) == 1
-    said = f"no building was found: of {n_points} points " if n_points else f"{path}: holds no points"
+    said = f"no building was found: of {n_points} points " if n_points else f"{path}: contains no points"
     assert said in lines[0]
     assert ("no roof seen" in lines[0]) == (n_points > 0)
     files = FILES[:-1] if n_points else WITHOUT_POINTS  # no reference system, no 3D Tiles
@@ -191,7 +191,7 @@ def test_a_parameter_file_that_cannot_be_read_is_named(command, house, tmp_path)
         ("--tile-size", "1", "tile_size = 1.0: must be 0 or within 10 to 10000 [m]"),
         ("--tile-size", "-1", "tile_size = -1.0: must be within 0 to 10000 [m]"),
         ("--tile-size", "inf", "tile_size = inf: must be within"),
-        ("--namespace", "1st floor", "--namespace '1st floor': must be words"),
+        ("--namespace", "1st floor", "--namespace '1st floor': must be names"),
     ],
 )
 def test_a_wrong_option_gives_one_line_before_anything_is_read(

@@ -36,7 +36,7 @@ def test_what_says_where_tiles_are_done_is_checked(command, house, tmp_path, mon
     assert both.status == 2
     assert "not allowed with" in both.err[-1]
     record = command.refused("run", house, *output, "--workers", "2", "--record", tmp_path / "bag")
-    assert "leave out --no-ros" in record
+    assert "remove --no-ros" in record
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "pip install 'lidar_buildings[cluster]'" in command.refused(
         "run", house, *output, "--workers", "2"

@@ -129,7 +129,7 @@ def test_footprints_that_cannot_be_used_are_refused_before_anything_is_written(h
         (["--footprints", text], "cannot be read as a file of polygons"),
         (column, "has no column 'nr': there is name"),
         (layer, "has no layer 'trees': there are given"),
-        (["--footprint-id", "nr"], "add --footprints FILE"),
+        (["--footprint-id", "nr"], "needs --footprints FILE"),
         (["--set", "footprints.file=a.gpkg"], "follows from --footprints"),
     ):
         assert words in command.refused("run", cloud, "--output", out, *options)

@@ -55,7 +55,7 @@ def test_a_finished_run_is_replaced_only_on_request(command, house, result, tmp_
     out = tmp_path / "out"
     shutil.copytree(result, out)
     line = command.refused("run", house, "--output", out)
-    assert "holds a finished run: give --overwrite" in line
+    assert "contains a finished run: give --overwrite" in line
     assert contents(out) == contents(result)
     spoken = command("run", house, "--output", out, "--overwrite", "--until", "ground_filter")
     assert spoken.status == 0
@@ -69,7 +69,7 @@ def test_an_unfinished_run_of_other_parameters_is_not_mixed_in(command, house, r
         cloud_files.fill_the_disk(full, "run.part", 0)
         assert command("run", house, "--output", out).status == 2
     other = ["run", house, "--output", out, "--set", "roof_selection.min_height=2.5"]
-    assert "unfinished run of other inputs or parameters" in command.refused(*other)
+    assert "unfinished run with other inputs or parameters" in command.refused(*other)
     assert command(*other, "--overwrite").status == 0
     assert json.loads((out / "run.json").read_text())["parameters"]["roof_selection"]["min_height"] == 2.5
 
@@ -106,7 +106,7 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
     assert len(spoken.err) == 1
     assert spoken.err[0].startswith(f"lidar-buildings: {out}")
     assert "No space left on device" in spoken.err[0]
-    assert ("give the same command again" in spoken.err[0]) == (name != "identity")  # nothing is done then
+    assert ("repeat the command" in spoken.err[0]) == (name != "identity")  # nothing is done then
     final = [path for path in files_in(out) if not path.startswith(".partial/")]
     assert not set(final) & set(FULL[name])
     same = [path for path in final if path not in (TILES3D, "report.html")]  # it tells seconds

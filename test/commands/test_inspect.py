@@ -57,7 +57,7 @@ def test_clouds_that_no_run_takes_together_are_named(command, tmp_path):
         cloud_files.saved(cloud_files.random_cloud(50, corner=(east, 447000.0, 0.0)), tmp_path / name)
     (line,) = [line for line in command("inspect", tmp_path).out if "refused" in line]
     assert "a.laz and " in line
-    assert "run them apart" in line
+    assert "run them separately" in line
 
 
 def test_a_folder_has_a_block_for_each_file_and_the_sum(command, tmp_path):
@@ -110,7 +110,7 @@ def test_a_bag_of_every_storage_has_a_line_for_each_topic(command, tmp_path, sto
         "  /tf_static: tf2_msgs/msg/TFMessage, 1 message, frame base → lidar",
         "  a run takes: scans /points, poses /tf, /tf_static",
         "  the scans are placed in frame odom",
-        "  no map_origin: the outputs carry no reference system",
+        "  no map_origin: the outputs have no reference system",
     ]
 
 
@@ -134,7 +134,7 @@ def test_clouds_without_any_pose_are_told_of_and_what_helps(tmp_path):
     (bare, _) = summarise_bag(write_drive(tmp_path / "bare", poses="none").path).notes
     assert bare == (
         "no pose leads from the scans' frame 'lidar' to another one: record its odometry or /tf; "
-        "or --georeferenced, if the points are in the map already"
+        "or --georeferenced, if the points are already in map coordinates"
     )
     (loose, _) = summarise_bag(write_drive(tmp_path / "drive").path).notes
     assert "or --set scan_assembler.mounting=…, if it is fixed to one of base, odom; or" in loose
@@ -161,7 +161,7 @@ def test_of_a_bag_that_was_cut_off_what_is_whole_is_listed(command, tmp_path, sh
     for path in (drive.path, cut):
         spoken = command("inspect", path)
         assert spoken.status == 2
-        assert "read is what is whole" in spoken.err[0]
+        assert "only complete chunks are read" in spoken.err[0]
         assert spoken.out[-2] == "  " + whole.notes[0]
         found = summarise_bag(path)
         assert [one.name for one in found.topics] == [one.name for one in whole.topics]

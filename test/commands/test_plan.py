@@ -77,7 +77,7 @@ def test_a_plan_says_when_one_run_does_not_take_all_files(command, headers, monk
     spoken = command("plan", headers, "--no-ros")
     assert spoken.status == 2
     assert spoken.out[0].startswith("1,440,000 points in 144 files")
-    assert spoken.err == ["lidar-buildings: 144 input files: at most 143 in one run: run them in parts"]
+    assert spoken.err == ["lidar-buildings: 144 input files: at most 143 per run: split the survey"]
     with pytest.raises(InputError, match="144 input files"):
         TileSource([*headers.glob("*.las")])
 

@@ -28,7 +28,7 @@ def test_a_rate_is_the_players(tmp_path):
 def test_a_rate_without_the_graph_or_that_is_none_is_refused(command, tmp_path):
     run = ("run", saved(random_cloud(), tmp_path / "a.laz"), "--output", tmp_path / "out")
     line = command.refused(*run, "--rate", "2", "--no-ros")
-    assert "--rate: only the node graph plays at a speed" in line
+    assert "--rate: needs ROS" in line
     assert "tile_player.rate = -1.0: must be within 0 to 1e+06" in command.refused(*run, "--rate", "-1")
     assert "must be of type float" in command.refused(*run, "--rate", "nan")
 

@@ -71,7 +71,7 @@ def test_what_cannot_be_simulated_gives_one_line(command, tmp_path, monkeypatch,
 def test_a_bag_or_folder_that_is_there_is_kept(command, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "file").write_text("mine")
-    assert "is there already" in command.refused("simulate", *SMALL, "--bag", tmp_path / "mine")
+    assert "already exists" in command.refused("simulate", *SMALL, "--bag", tmp_path / "mine")
     assert "is not empty" in command.refused("simulate", *SMALL, "--live", "--output", tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["file"]
 

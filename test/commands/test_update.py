@@ -57,7 +57,7 @@ def outlines_of(folder):
 
 
 def n_of_before(spoken):
-    (line,) = (line for line in spoken.out if line.endswith("had the same points as before"))
+    (line,) = (line for line in spoken.out if line.endswith("unchanged"))
     same, _, total, *_ = line.split()
     return int(same), int(total)
 
@@ -115,15 +115,15 @@ def test_a_building_keeps_its_id_when_its_westernmost_points_are_others(command,
 def test_what_was_made_otherwise_is_not_brought_up_to_date(command, survey, tmp_path):
     kept = tmp_path / "kept"
     (kept / "mine").mkdir(parents=True)
-    assert "holds no run" in command.refused("run", survey, "--update", kept, *TILES)
+    assert "contains no run" in command.refused("run", survey, "--update", kept, *TILES)
     (kept / "mine").rmdir()
     until = ("--until", "ground_filter")
     assert command("run", survey, "--update", kept, *TILES, *until).status == 0
     said = command.refused(
         "run", survey, "--update", kept, *TILES, *until, "--set", "ground_filter.method=none"
     )
-    assert "--update: its run was made with other parameters: give the same, or --overwrite" in said
-    assert "holds no run of which a tile failed" in command.refused(
+    assert "--update: its run used other parameters: give the same, or --overwrite" in said
+    assert "contains no run with failed tiles" in command.refused(
         "run", survey, "--output", tmp_path / "other", "--retry-failed", *TILES
     )
 

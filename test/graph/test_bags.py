@@ -62,7 +62,7 @@ def test_of_a_bag_that_was_cut_off_the_rest_is_read_and_it_is_said(command, tmp_
     for words in (("run", cut, "--no-ros", "--output", tmp_path / "read"), play):
         spoken = command(*words)
         assert spoken.status == 2
-        (line,) = [one for one in spoken.err if "read is what is whole: " in one]
+        (line,) = [one for one in spoken.err if "only complete chunks are read: " in one]
         assert " of the file, the first 0." in line
     (record,) = json.loads((tmp_path / "read" / "run.json").read_text())["parameters"]["bags"]
     read = laspy.read(tmp_path / "read" / "classified" / f"{cut.stem}.laz").xyz
@@ -75,7 +75,7 @@ def test_of_a_bag_that_was_cut_off_the_rest_is_read_and_it_is_said(command, tmp_
 def test_a_part_in_which_no_scan_lies_is_not_played(command, drive, tmp_path):
     spoken = command("live", "--replay", drive.path, "--start", "99", "--output", tmp_path / "out")
     assert spoken.status == 2
-    assert "no scan lies in the part that start and duration take" in spoken.err[-1]
+    assert "no scans within start and duration" in spoken.err[-1]
 
 
 def test_what_is_said_of_a_bag_that_is_not_played_is_refused(command, tmp_path):

@@ -122,7 +122,7 @@ def test_an_output_folder_that_cannot_be_used_gives_one_line(command, house, res
     for path, words in (
         ("file/out", "cannot be used for output"),
         ("full", "is not empty: give --overwrite"),
-        ("done", "holds a finished run: give --overwrite"),
+        ("done", "contains a finished run: give --overwrite"),
     ):
         line = command.refused("run", house, "--output", tmp_path / path)
         assert line.startswith(f"lidar-buildings: {tmp_path / path}: ")
@@ -210,7 +210,7 @@ def test_an_interrupted_run_goes_on_from_its_finished_tiles(house, result, tmp_p
     assert running.wait(240) == 130
     assert not list(temporary.iterdir())
     said = running.stderr.read().splitlines()
-    assert said[-1] == "lidar-buildings: interrupted; the same command goes on from here"
+    assert said[-1] == "lidar-buildings: interrupted; run the same command to resume"
     assert all(PROGRESS.fullmatch(line) for line in said[:-1])
     assert not {*FILES} & {*files_in(out)}
     done = {path.name: path.stat().st_mtime_ns for path in out.glob(".partial/*.npz")}

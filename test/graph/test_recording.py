@@ -55,7 +55,7 @@ def test_a_full_disk_under_the_bag_leaves_the_run_alone(command, survey, tmp_pat
 def test_a_recording_that_cannot_be_made_is_refused_before_anything_is_touched(command, survey, tmp_path):
     (tmp_path / "bag").mkdir()
     run = ("run", survey, "--output", tmp_path / "out", "--record")
-    assert "is there already" in command.refused(*run, tmp_path / "bag")
-    assert "leave out --no-ros, or --record" in command.refused(*run, tmp_path / "new", "--no-ros")
+    assert "already exists" in command.refused(*run, tmp_path / "bag")
+    assert "remove --no-ros or --record" in command.refused(*run, tmp_path / "new", "--no-ros")
     assert not (tmp_path / "out").exists()
     assert not (tmp_path / "new").exists()

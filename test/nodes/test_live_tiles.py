@@ -105,7 +105,7 @@ def test_a_live_survey_of_other_parameters_is_not_taken_up(make_live_writer, liv
     for given in (OTHER_SETTINGS, {"raster_resolution": 1.0}):
         writer = make_live_writer(**given)
         writer.on_frame(FRAME)
-        with pytest.raises(OutputError, match="unfinished run of other inputs or parameters"):
+        with pytest.raises(OutputError, match="unfinished run with other inputs or parameters"):
             writer.outcome.result()
         writer.destroy_node()
     assert len(fragments(tmp_path)) == 1
@@ -148,7 +148,7 @@ def test_another_frame_is_taken_only_where_no_tile_is_on_disk(live, tmp_path):
     wait_until(lambda: done(other))
     other.send("map_origin", origin_message(FRAME))
     wait_until(lambda: warnings(other))
-    assert "stay in the frame of the tiles on disk" in warnings(other)[0]
+    assert "keep the frame of the tiles on disk" in warnings(other)[0]
     call(other, "save")
     assert told(tmp_path)["frame"]["origin"] == list(moved.origin)
     call(other, "reset")

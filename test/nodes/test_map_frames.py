@@ -70,7 +70,7 @@ def test_where_nobody_tells_the_frame_is_taken_as_it_is_after_a_time_and_that_is
     assert frames == [MapFrame()]
     assert found.expect()
     (said,) = node.warnings
-    assert said.startswith("nobody has published map_origin for 5 s")
+    assert said.startswith("no map_origin was published for 5 s")
     assert node.timers == []
 
 
@@ -92,7 +92,7 @@ def test_who_publishes_but_says_nothing_is_waited_for_and_that_is_said_once(sile
     for _ in range(3):
         node.timers[0][1]()
     assert frames == []
-    assert node.warnings == [f"{silent} is published but says nothing: tiles wait for it"]
+    assert node.warnings == [f"{silent} is advertised but silent: tiles wait for it"]
     node.publishers.clear()
     node.timers[0][1]()
     assert frames == [MapFrame() if silent == "map_origin" else DUTCH]

@@ -58,7 +58,7 @@ def test_a_parameter_file_that_cannot_be_read_is_one_line(tmp_path, content):
 
 
 def test_a_player_without_input_says_what_to_do():
-    assert_one_line(run("tile_player"), "no input: name at least one LAS or LAZ file")
+    assert_one_line(run("tile_player"), "no input: give at least one LAS or LAZ file")
 
 
 def test_a_player_whose_only_file_is_missing_names_it(tmp_path):

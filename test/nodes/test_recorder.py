@@ -144,14 +144,17 @@ def test_what_a_slow_disk_cannot_take_is_left_out_and_counted(tmp_path):
     may_go_on.set()
     recording.close()
     assert (recording.n_messages, recording.lost["/text"], len(n_written)) == (3, 7, 10)
-    assert recording.failure.endswith("bag: the disk is too slow: what it cannot take is left out")
+    assert recording.failure.endswith("bag: the disk is too slow: some messages are dropped")
     assert [one.data[-1] for _, one in messages(tmp_path / "bag")[0]] == ["0", "1", "2"]
 
 
 def test_what_is_there_is_not_touched(tmp_path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "file").write_text("")
-    for path, words in ((tmp_path / "bag", "is there already"), (tmp_path / "file" / "bag", "is no folder")):
+    for path, words in (
+        (tmp_path / "bag", "already exists"),
+        (tmp_path / "file" / "bag", "is not a writable folder"),
+    ):
         with pytest.raises(OutputError, match=words):
             Recording(path)
     Recording(tmp_path / "new").close()

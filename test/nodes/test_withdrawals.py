@@ -114,4 +114,4 @@ def test_a_foreign_publisher_has_his_models_though_nobody_says_where_the_map_lie
     wait_until(lambda: other.heard["tile_done"])
     wait_until(lambda: any(n.startswith("building-0.") for n, _ in features(other)))
     (warning,) = set(warnings(other))
-    assert warning.startswith("nobody has published map_origin for 0.1 s")
+    assert warning.startswith("no map_origin was published for 0.1 s")

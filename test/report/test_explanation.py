@@ -70,7 +70,7 @@ def test_a_run_told_to_end_early_rejected_nothing_and_lacks_no_planes(capsys, re
     for until, name in (("roof_selection", source(15.0, 3.5)), ("regularisation", 5)):
         (folder / "run.json").write_text(json.dumps({**run, "until": until}))
         text = explained(capsys, folder, name)
-        assert f"The run ended with {until}, as it was told" in text
+        assert f"The run ended after {until} (--until)" in text
         assert "High but no roof" not in text
         assert "in no plane" not in text
 
@@ -87,7 +87,7 @@ def test_a_building_without_an_outline_yet_has_the_number_of_its_points(result, 
 
 def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, result):
     text = explained(capsys, result, source(15.0, 3.5))
-    assert "No building stands at" in text
+    assert "No building at" in text
     (line,) = [line for line in text.splitlines() if "High but no roof" in line]
     assert "smaller than min_building_area" in line
     assert "narrower than min_roof_width" in line, "it is 2 m wide"
@@ -144,7 +144,7 @@ def test_what_is_no_building_is_refused_in_one_line(capsys, result):
         assert words in line
         assert "give a readable_id or a building_id of buildings.gpkg, or X,Y" in line
     assert main(["explain", str(result), source(-7.0, 20.0), "--page", "x.html"]) == 2
-    assert "leave --page out" in capsys.readouterr().err
+    assert "remove --page" in capsys.readouterr().err
 
 
 def test_walls_tell_how_far_the_traced_ring_lies_from_them():

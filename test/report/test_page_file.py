@@ -183,7 +183,7 @@ def test_without_layers_the_buildings_are_those_of_the_city_model(tmp_path):
     assert len(page.data["facts"]["names"]) == len(model_survey.BUILDINGS)
     assert len(page.data["solids"])
     assert len(page.data["rings"]) == 0
-    assert "There is no buildings.gpkg, so there are no outlines" in page.words
+    assert "There is no buildings.gpkg, so the map shows no outlines" in page.words
 
 
 def test_the_worst_come_first_with_their_reason(tmp_path):
@@ -196,7 +196,7 @@ def test_the_worst_come_first_with_their_reason(tmp_path):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"until": "roof_selection"}, "The run ended with roof_selection, as it was told"),
+        ({"until": "roof_selection"}, "The run ended after roof_selection (--until)"),
         ({}, "There are no rasters, so the terrain is not shown."),
         ({"problems": ["a.laz: is <cut> short"]}, "a.laz: is <cut> short"),
         ({"failed_tiles": [{"tile": 7, "reason": "no memory"}]}, "tile 7 failed: no memory"),
@@ -213,9 +213,9 @@ def test_what_is_missing_or_failed_is_said(tmp_path, more, words):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "holds no run.json: give the output folder of a finished run"),
+        (None, "contains no run.json: give the output folder of a finished run"),
         ("{", "cannot be read"),
-        ("[]", "is no record of a run"),
+        ("[]", "is not the record of a run"),
         ('{"files": []}', "does not say where the map frame lies"),
     ],
 )

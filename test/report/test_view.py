@@ -149,7 +149,7 @@ def test_a_missing_library_is_named_with_what_to_install(result, tmp_path, monke
 
 
 @pytest.mark.parametrize(
-    ("options", "told"), [((), "--picture FILE draws without"), (("--picture", "view.png"), "without OpenGL")]
+    ("options", "told"), [((), "use --picture FILE"), (("--picture", "view.png"), "without OpenGL")]
 )
 def test_where_nothing_can_be_drawn_one_line_says_so(result, options, told, monkeypatch, capsys):
     library = MagicMock()
@@ -191,4 +191,4 @@ def test_a_result_with_nothing_to_draw_is_told(result, tmp_path, capsys):
     for path in (tmp_path / "out").glob("*.gpkg"):
         path.unlink()
     assert main(["view", result, "--roofs", "none", "--picture", "view.png"]) == 2
-    assert "has nothing of this to draw" in capsys.readouterr().err
+    assert "contains nothing to draw" in capsys.readouterr().err

@@ -73,8 +73,8 @@ BAD = {
     "pattern without match": ("nowhere*.laz", "matches no .las or .laz file"),
     "empty file": ("empty.laz", "is empty (0 bytes)"),
     "file of another kind": ("text.laz", "is not a LAS or LAZ file"),
-    "truncated LAZ": ("cut.laz", "is cut short"),
-    "truncated LAS": ("cut.las", "is cut short"),
+    "truncated LAZ": ("cut.laz", "is truncated"),
+    "truncated LAS": ("cut.las", "is truncated"),
     "damage in the middle": ("late.laz", "cannot be decoded"),
 }
 

@@ -226,11 +226,11 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
     sides = (read_metric_polygons(old), read_metric_polygons(new))
     for side, path in zip(sides, (old, new), strict=True):
         if _ID not in side.attributes:
-            raise InputError(f"{path}: is no output folder of a run: its buildings have no {_ID}")
+            raise InputError(f"{path}: is not an output folder of a run: its buildings have no {_ID}")
     if sides[0].crs != sides[1].crs:
         raise InputError(
             f"{old} is in {sides[0].crs or 'no reference system'}, {new} in {sides[1].crs or 'none'}: "
-            "give results in one"
+            "give results in the same one"
         )
     polygons = np.concatenate([side.polygons for side in sides])
     if not len(polygons):
@@ -293,7 +293,7 @@ def compare_command(options: argparse.Namespace) -> int:
         f"{len(found.old.polygons)} buildings before, {len(found.new.polygons)} now; NEW lies "
         f"{found.offset:+.3f} m higher,"
     )
-    print(f"single cells of {found.cell:g} m that have not changed scatter by {found.scatter:.3f} m")
+    print(f"unchanged single cells of {found.cell:g} m scatter by {found.scatter:.3f} m")
     print("buildings: " + (", ".join(f"{n} {word}" for word, n in sorted(totals.items())) or "none"))
     for row in rows:
         print(_line(row))

@@ -450,7 +450,7 @@ def check_same_system(result: str, reference: str, area: MetricPolygons | None) 
     if len(set(named)) > 1:
         raise InputError(
             f"the result, the reference and the area of interest are in {', '.join(dict.fromkeys(named))}: "
-            "bring them to one reference system"
+            "transform them to one reference system"
         )
 
 

@@ -112,7 +112,7 @@ def run_score(
 
     area = None if aoi is None else read_metric_polygons(Path(aoi))
     if area is not None and not len(area.polygons):
-        raise InputError(f"{aoi}: holds no polygon: an area of interest needs one")
+        raise InputError(f"{aoi}: contains no polygon: an area of interest needs one")
     found = FIGURES[kind](Path(result_path), Path(reference_path), replace(chosen, area=area))
     figures = {name: _none_for_nan(value) for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
@@ -123,27 +123,27 @@ def run_score(
 def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe ``lidar-buildings score``."""
     add, default = parser.add_argument, ScoreOptions
-    kinds = "what to compare: one, or several with commas between"
+    kinds = "kind of comparison: one, or several separated by commas"
     add("kinds", type=_kinds, metavar="{" + ",".join(KINDS) + "}", help=kinds)
     what = "LAZ file, GeoPackage or CityJSON"
     add("result", type=Path, metavar="RESULT", help=f"output folder of a run, {what}")
     add("reference", type=Path, metavar="REFERENCE", help=f"folder of a survey, {what}")
-    add("--aoi", type=Path, metavar="FILE", help="polygons: only what lies inside counts")
+    add("--aoi", type=Path, metavar="FILE", help="polygons: count only what lies inside")
     add("--cell", type=float, metavar="M", help=f"buildings: side of a cell [m] (default: {default.cell})")
-    fill = "buildings: how far an empty cell looks for its nearest point"
+    fill = "buildings: search radius of an empty cell for its nearest point"
     add("--fill", type=float, metavar="SPACINGS", help=f"{fill} (default: {default.fill}; 0: not at all)")
     classes = "all but outlines and planes: the reference's classes of that kind, as in 2,9,11"
     add("--reference-classes", type=_classes, metavar="N[,N...]", help=f"{classes} (default: 2 or 6)")
-    merge = "outlines: compare blocks of buildings that share a wall, since lidar cannot tell these apart"
+    merge = "outlines: compare blocks of buildings that share walls, as lidar cannot separate them"
     add("--merge-touching", action="store_true", default=None, help=merge)
-    corner = "outlines, models: how far a corner may lie from the one that it stands for [m]"
+    corner = "outlines, models: largest distance between matching corners [m]"
     corner += f" (default: {default.corner_tolerance})"
     add("--corner-tolerance", type=float, metavar="M", help=corner)
     alpha = "edges: radius of the disc of the reference's alpha shapes [m] (default: 1.342 point spacings)"
     add("--alpha", type=float, metavar="M", help=alpha)
-    split = "edges: let a step in height part one roof of the reference from another"
+    split = "edges: separate roofs of the reference at height steps"
     add("--split-steps", action="store_true", default=None, help=split)
-    add("--lod", choices=LODS, help=f"models: the finest level of detail to look at (default: {LODS[-1]})")
+    add("--lod", choices=LODS, help=f"models: finest level of detail to compare (default: {LODS[-1]})")
     add("--json", action="store_true", help="print JSON with unrounded numbers")
 
 
@@ -160,7 +160,7 @@ def score_command(options: argparse.Namespace) -> int:
     for name in given.keys() - set().union(*(KINDS[kind] for kind in options.kinds)):
         kinds = " or ".join(options.kinds)
         raise ParameterError(
-            f"score {kinds}: --{name.replace('_', '-')} does not apply to {kinds}: leave it out"
+            f"score {kinds}: --{name.replace('_', '-')} does not apply to {kinds}: remove it"
         )
     found = []
     for kind in options.kinds:
@@ -186,9 +186,9 @@ def _classes(text: str) -> tuple[int, ...]:
     try:
         classes = tuple(int(part) for part in text.split(","))
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of classes such as 2,9,11") from None
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of classes such as 2,9,11") from None
     if not all(0 <= code <= 255 for code in classes):
-        raise argparse.ArgumentTypeError(f"{text!r}: classes are within 0 to 255")
+        raise argparse.ArgumentTypeError(f"{text!r}: classes must be within 0 to 255")
     return classes
 
 

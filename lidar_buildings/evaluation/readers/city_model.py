@@ -78,7 +78,7 @@ def read_city_model(path: Path) -> CityModel:
                 buildings.extend(_buildings(document.get("CityObjects", {}), vertices))
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             why = f"{type(error).__name__}: {error}"  # a UnicodeDecodeError's repr holds the whole file
-            raise InputError(f"{file}: is no CityJSON that can be read: {why}") from error
+            raise InputError(f"{file}: cannot be read as CityJSON: {why}") from error
     return CityModel(tuple(buildings), crs)
 
 
@@ -87,7 +87,7 @@ def _files_of(path: Path) -> list[Path]:
         named = [path / name for name in IN_FOLDER if (path / name).is_file()]
         found = named[:1] or sorted(path.rglob(SEQUENCE))
         if not found:
-            raise InputError(f"{path}: holds no {SEQUENCE}: name a file with building models")
+            raise InputError(f"{path}: contains no {SEQUENCE}: give a file with building models")
         return found
     if not path.is_file():
         raise InputError(f"{path}: no such file or folder: check the path")

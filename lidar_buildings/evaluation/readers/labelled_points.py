@@ -24,7 +24,7 @@ CLASS, FACADE, EDGE = "classification", "Facade", "EdgeLabel"
 EDGES = (EDGE, FACADE)
 #: Folder of an output folder in which the clouds stand.
 CLASSIFIED = "classified"
-_SAME = "point by point only the same points in the same order can be compared"
+_SAME = "only the same points in the same order can be compared"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +134,8 @@ def check_same_points(
     differs = (np.abs(mine - theirs) > 1.01 * step).any(axis=1)
     if differs.any():
         raise InputError(
-            f"{pair[0].path}: point {first + int(differs.argmax())} lies elsewhere than in {pair[1].path}: "
-            f"{_SAME}"
+            f"{pair[0].path}: point {first + int(differs.argmax())} has other coordinates than in "
+            f"{pair[1].path}: {_SAME}"
         )
 
 
@@ -239,7 +239,7 @@ def _dimensions(cloud: Cloud, choices: tuple[tuple[str, ...], ...]) -> tuple[str
         if names[-1] in there:
             return names if names[0] in there else names[-1:]
     wanted = " or ".join(names[-1] if names != COLOURS else "colours" for names in choices)
-    raise InputError(f"{cloud.path}: has no dimension {wanted}: nothing says which points are of one plane")
+    raise InputError(f"{cloud.path}: has no dimension {wanted}: its points cannot be assigned to planes")
 
 
 def _read(cloud: Cloud, names: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

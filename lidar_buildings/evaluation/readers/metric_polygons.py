@@ -56,7 +56,7 @@ def _files_of(path: Path) -> list[Path]:
         blocks = [found for pattern in IN_BLOCKS if (found := sorted(path.glob(pattern)))]
         found = named[:1] or (blocks[0] if blocks else [])
         if not found:
-            raise InputError(f"{path}: holds no {' or '.join(IN_FOLDER)}: name a file with polygons")
+            raise InputError(f"{path}: contains no {' or '.join(IN_FOLDER)}: give a file with polygons")
         return found
     if not path.is_file():
         raise InputError(f"{path}: no such file or folder: check the path")

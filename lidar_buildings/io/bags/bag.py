@@ -138,7 +138,7 @@ class Bag:
         """Make a type known by its definition."""
         if connection.msgtype not in self._types.types:
             if not connection.msgdef.data:
-                raise InputError(f"its type {connection.msgtype} is not known, nor defined in the bag")
+                raise InputError(f"its type {connection.msgtype} is unknown, and the bag does not define it")
             is_idl = connection.msgdef.format.name == "IDL"
             defined = (
                 get_types_from_idl(connection.msgdef.data)
@@ -173,7 +173,7 @@ def _reported(path: Path) -> Iterator[None]:
     except Exception as error:
         raise InputError(
             f"{path}: cannot be read as a bag ({one_line(error)}): `ros2 bag reindex` or `mcap recover` "
-            "mends one that was cut off"
+            "repairs a truncated one"
         ) from error
 
 
@@ -186,7 +186,7 @@ def _looked_at(bag: Bag, topic: BagTopic) -> BagTopic:
     try:
         message = next(bag.messages([topic.name])).message
     except (InputError, StopIteration) as error:
-        return topic._replace(problem=str(error).removeprefix(f"{bag.path}: ") or "it has no message")
+        return topic._replace(problem=str(error).removeprefix(f"{bag.path}: ") or "it contains no messages")
     one = next(iter(getattr(message, "transforms", ())), message)  # of /tf the first edge
     topic = topic._replace(
         frame=str(getattr(getattr(one, "header", None), "frame_id", "")),
@@ -214,7 +214,7 @@ class CutMcapReader(McapReader):
         self.meta_scan()
         told = self.statistics
         if not told or not told.message_count:
-            raise ReaderError("no whole message is in it")
+            raise ReaderError("it contains no complete message")
         counts = told.channel_message_counts
         self.connections = [one._replace(msgcount=counts.get(one.id, 0)) for one in self.connections]
         self.metadata = self.metadata._replace(
@@ -241,7 +241,7 @@ class CutBagReader:
         """Open the files; ReaderError if no whole message is in them."""
         self._files = sorted(filter(None, map(_opened, self._paths)), key=lambda one: one.metadata.start_time)
         if not self._files:
-            raise ReaderError("no whole message is in it")
+            raise ReaderError("it contains no complete message")
         told = [one.metadata for one in self._files]
         self.connections = [connection for one in self._files for connection in one.connections]
         self.start_time, self.end_time = told[0].start_time, max(one.end_time for one in told)
@@ -291,7 +291,7 @@ def whole_part(file: BinaryIO, size: int) -> tuple[int, int]:
             start = after
         end = after
     if not start:
-        raise ReaderError("it ends in its header")
+        raise ReaderError("it is truncated within its header")
     return start, end
 
 
@@ -319,4 +319,4 @@ def open_bag(path: Path) -> tuple[Bag, str]:
         return bag, ""  # nothing but its metadata is missing
     said = str(problem).removeprefix(f"{path}: ")
     of = "the file, the first" if len(files) == 1 else f"{len(files)} files,"
-    return bag, f"{said}; read is what is whole: {reader.share:.0%} of {of} {bag.seconds:.1f} s"
+    return bag, f"{said}; only complete chunks are read: {reader.share:.0%} of {of} {bag.seconds:.1f} s"

@@ -16,7 +16,7 @@ from lidar_buildings.io.clouds.find_inputs import is_cloud_file
 from lidar_buildings.io.files.locations import is_url
 
 #: Why there is nothing of a bag.
-NO_SCAN = "no scan lies in the part that start and duration take: lidar-buildings inspect says how long it is"
+NO_SCAN = "no scans within start and duration: check the bag's length with lidar-buildings inspect"
 
 
 @dataclass(frozen=True)

@@ -117,10 +117,10 @@ def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, 
         return found[0].name
     if len(having) > 1:
         raise InputError(
-            f"{bag.path}: holds several topics of {kind}: choose by {option}; its topics:{listed()}"
+            f"{bag.path}: contains several topics of {kind}: choose one with {option}; its topics:{listed()}"
         )
     if not having and is_needed:
-        raise InputError(f"{bag.path}: holds no {kind}; its topics:{listed()}")
+        raise InputError(f"{bag.path}: contains no {kind}; its topics:{listed()}")
     return having[0].name if having else ""
 
 
@@ -164,7 +164,7 @@ def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:
     placer = with_frames(bag, taken)
     notes = [_where(bag, taken)]
     if frame == map_frame:
-        return [f"the scans are in frame {map_frame}: they are taken as they are", *notes]
+        return [f"the scans are in frame {map_frame}: they are used unchanged", *notes]
     target = placer.target_of(frame)
     if target != frame:
         return [f"the scans are placed in frame {target}", *notes]
@@ -172,7 +172,7 @@ def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:
     mounting = f"; or --set scan_assembler.mounting=…, if it is fixed to one of {known}" if known else ""
     return [
         f"no pose leads from the scans' frame {frame!r} to another one: record its odometry or /tf"
-        f"{mounting}; or --georeferenced, if the points are in the map already",
+        f"{mounting}; or --georeferenced, if the points are already in map coordinates",
         *notes,
     ]
 
@@ -193,7 +193,7 @@ def _where(bag: Bag, taken: BagTopics) -> str:
             f"longitude {place.longitude:.6f}, {place.height:.1f} m above the ellipsoid"
         )
     said = f"no fix among the first of {taken.fix}" if taken.fix else "no map_origin"
-    return f"{said}: the outputs carry no reference system"
+    return f"{said}: the outputs have no reference system"
 
 
 def with_frames(bag: Bag, taken: BagTopics, config: ScanConfig | None = None) -> ScanPlacer:

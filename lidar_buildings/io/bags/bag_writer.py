@@ -72,7 +72,7 @@ class BagWriter:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
         if path.exists():
-            raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
+            raise OutputError(f"{path}: already exists: choose another name for the bag, or remove it")
         self._writer = Writer(path, version=_VERSION, storage_plugin=STORAGES[storage])
         mode = COMPRESSIONS[compression]
         if mode is not None:
@@ -145,10 +145,10 @@ class Recording:
         self._waiting: queue.SimpleQueue[tuple[str, int, bytes | None] | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
         if path.exists():
-            raise OutputError(f"{path}: is there already: choose another name for the bag, or remove it")
+            raise OutputError(f"{path}: already exists: choose another name for the bag, or remove it")
         above = next(one for one in path.absolute().parents if one.exists())
         if not above.is_dir() or not os.access(above, os.W_OK):
-            raise OutputError(f"{path}: cannot be written: {above} is no folder that can be written to")
+            raise OutputError(f"{path}: cannot be written: {above} is not a writable folder")
 
     def declare(self, name: str, kind: str, qos: Qos) -> None:
         """Say of what type a topic is, and how it is to be played, before its first message."""
@@ -192,7 +192,7 @@ class Recording:
             name, time, data = message
             if data is None:
                 self.lost[name] += 1
-                slow = f"{self.path}: the disk is too slow: what it cannot take is left out"
+                slow = f"{self.path}: the disk is too slow: some messages are dropped"
                 self.failure = self.failure or slow
             else:
                 self._write(name, time, data)
@@ -224,8 +224,8 @@ class Recording:
     def _give_up(self, error: OutputError) -> None:
         why = one_line(error.__cause__ or error)
         self.failure = (
-            f"{self.path}: cannot be written any more ({why}): what is whole of it stays, and "
-            "`mcap recover` mends it"
+            f"{self.path}: can no longer be written ({why}): complete chunks remain; "
+            "`mcap recover` repairs it"
         )
         if self._bag is not None:
             self._bag.abandon()

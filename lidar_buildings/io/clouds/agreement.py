@@ -34,7 +34,7 @@ def excess_of(n_files: int) -> str:
     """Say that one run does not take so many files, nothing if it does."""
     if n_files <= MOST_FILES:
         return ""
-    return f"{n_files} input files: at most {MOST_FILES} in one run: run them in parts"
+    return f"{n_files} input files: at most {MOST_FILES} per run: split the survey"
 
 
 def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
@@ -77,7 +77,7 @@ def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
         if cloud.point_count and not (_is_silent(cloud, first) or _is_like(cloud, first)):
             raise InputError(
                 f"{cloud.path}: is in {_system(cloud)}, but {first.path} in {_system(first)}: "
-                "bring them to one system, or run them apart"
+                "transform them to one system, or run them separately"
             )
     return first
 
@@ -91,9 +91,11 @@ def given_system(crs: str, first: CloudExtent) -> str:
     try:
         given = described(pyproj.CRS.from_user_input(crs))
     except (CRSError, ValueError) as error:
-        raise ParameterError(f"crs = {crs!r}: is no reference system: give one as EPSG:28992") from error
+        raise ParameterError(
+            f"crs = {crs!r}: is not a reference system: give one such as EPSG:28992"
+        ) from error
     if first.crs.name not in ("", given.name):
-        raise InputError(f"{first.path}: is in {_system(first)}: leave out the crs {crs}")
+        raise InputError(f"{first.path}: is in {_system(first)}: remove the crs {crs}")
     if not given.is_projected or not is_same_unit(given.horizontal_unit, first.crs.horizontal_unit):
         unit = f"{first.crs.horizontal_unit:.7g} m"
         raise ParameterError(f"crs = {crs!r}: must be projected, with the unit of the inputs, {unit}")
@@ -117,7 +119,7 @@ def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:
     if extent[axis] > MAX_EXTENT:
         one, other = filled[int(lows[:, axis].argmin())].path, filled[int(highs[:, axis].argmax())].path
         reach = f"{extent[axis] / 1000:.1f} km, more than the {MAX_EXTENT / 1000:.1f} km of one run"
-        raise InputError(f"{one} and {other}: together they span {reach}: run them apart")
+        raise InputError(f"{one} and {other}: together they span {reach}: run them separately")
     if extent[axis] > REACH - ORIGIN_STEP:
         corner = corner + extent / 2
     x, y = np.floor(corner / ORIGIN_STEP) * ORIGIN_STEP
@@ -149,7 +151,7 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:
     silent = [cloud for cloud in clouds if cloud.point_count and _is_silent(cloud, first)]
     if silent:
         system = f"{_system(first)} as {first.path}"
-        warn_once(f"{_named(silent)} without reference system: taken to be in {system}")
+        warn_once(f"{_named(silent)} without reference system: assuming {system}")
     heights: dict[str, list[Cloud]] = {}
     for cloud in clouds if len(clouds) > 1 else ():
         if cloud.point_count:
@@ -158,10 +160,10 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:
     silent = heights.pop("", [])
     if len(heights) > 1:
         told = ", ".join(f"{name[:40]} in {_named(group)}" for name, group in heights.items())
-        warn_once(f"heights are in different systems ({told}): taken as they are, the outputs name none")
+        warn_once(f"heights are in different systems ({told}): used unchanged, and the outputs name none")
     elif heights and silent:
         name = next(iter(heights))
-        warn_once(f"{_named(silent)} without vertical reference system: heights taken to be in {name}")
+        warn_once(f"{_named(silent)} without vertical reference system: assuming heights in {name}")
 
 
 def _is_silent(cloud: CloudExtent, first: CloudExtent) -> bool:

@@ -197,7 +197,7 @@ class Cloud(CloudExtent):
                         points = reader.read_points(min(size, end - done))
                     if len(points) == 0:
                         raise InputError(
-                            f"{self.path}: is cut short ({done} of {self.point_count} points): copy it again"
+                            f"{self.path}: is truncated ({done} of {self.point_count} points): copy it again"
                         )
                     yield done, points
                     done += len(points)

@@ -245,7 +245,7 @@ def write_copc(cloud: Cloud, path: Path) -> None:
     to its end, or the output not be written.
     """
     if cloud.header.point_format.id not in _FORMATS:
-        raise InputError(f"{cloud.path}: has waveforms, which COPC cannot hold: set model_writer.copc=false")
+        raise InputError(f"{cloud.path}: has waveforms, which COPC cannot store: set model_writer.copc=false")
     with atomic_file(path) as temporary, TemporaryFile(dir=path.parent) as scratch:
         header = _header(cloud)
         cube = Cube.around(cloud.mins, cloud.maxs) if cloud.point_count else Cube(np.zeros(3), 1.0)

@@ -114,7 +114,7 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
     or the output not be written.
     """
     if cloud.header.point_format.id in _WITH_WAVEFORMS:
-        raise InputError(f"{cloud.path}: has waveforms: cut it with another tool, or leave out --bounds")
+        raise InputError(f"{cloud.path}: has waveforms: crop it with another tool, or remove --bounds")
     header = cloud.header.copy()
     header.set_version_and_point_format(written_version(header), header.point_format)
     header.partial_reset()

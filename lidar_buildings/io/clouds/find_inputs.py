@@ -32,7 +32,7 @@ def check_unchanged(file: InputFile) -> None:
 
 def changed(path: Path) -> InputError:
     """Return what is said of a file that is not the one it was."""
-    return InputError(f"{path}: has changed during the run: run it again with --overwrite")
+    return InputError(f"{path}: changed during the run: run it again with --overwrite")
 
 
 #: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
@@ -64,7 +64,7 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
     """
     named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not named:
-        raise InputError("no input: name at least one LAS or LAZ file, or a folder of them")
+        raise InputError("no input: give at least one LAS or LAZ file, or a folder of them")
     found: dict[Path, Path] = {}
     problems = []
     for path in named:
@@ -84,7 +84,7 @@ def _expanded(path: Path) -> list[Path]:
     if files:
         return files
     if path.is_dir():
-        raise InputError(f"{path}: holds no .las or .laz file itself: name a folder that does, or files")
+        raise InputError(f"{path}: contains no .las or .laz file itself: give another folder, or files")
     raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
 
 

@@ -68,7 +68,7 @@ def open_cloud(path: str | Path) -> Cloud:
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
         cloud = Cloud(path, raw, crs, np.full(3, np.nan), np.full(3, np.nan), state, header)
         if not cloud.point_count:
-            warn_once(f"{path}: holds no points: export it again unless that is meant")
+            warn_once(f"{path}: contains no points: export it again unless this is intended")
             return cloud
         mins, maxs = _bounds(cloud, xyz_of(first))
         crs = metric_crs(path, crs, cloud.point_count, mins, maxs)
@@ -152,7 +152,7 @@ def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
             f"{offsets.tolist()}): export it again"
         )
     if header.point_count > MOST_POINTS:
-        raise InputError(f"{path}: holds {header.point_count} points, more than {MOST_POINTS}: split it")
+        raise InputError(f"{path}: contains {header.point_count} points, more than {MOST_POINTS}: split it")
 
 
 def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -164,12 +164,12 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     can_be[:, :2] &= ((maxs - mins) * cloud.units)[:2] <= MAX_EXTENT
     if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
-    warn_once(f"{cloud.path}: the bounds in its header do not fit its points: measured anew")
+    warn_once(f"{cloud.path}: the bounds in its header do not match its points: recomputed")
     mins, maxs = _extremes(cloud, np.full(3, np.nan), np.inf)
     if ((maxs - mins) * cloud.units)[:2].max() <= MAX_EXTENT:
         return mins, maxs
     middle = np.median([np.median(xyz_of(chunk), axis=0) for chunk in cloud.chunks()], axis=0)
-    warn_once(f"{cloud.path}: has points more than {REACH / 1000:.0f} km from most: coarse coordinates there")
+    warn_once(f"{cloud.path}: has points more than {REACH / 1000:.0f} km from most: coarse coordinates")
     return _extremes(cloud, middle, REACH / 2)
 
 
@@ -202,6 +202,6 @@ def read_extent(path: Path) -> CloudExtent:
         width = (maxs - mins)[:2] * crs.horizontal_unit
         if raw.point_count and not ((width >= 0.0) & (width <= MAX_EXTENT)).all():
             raise InputError(
-                f"{path}: the bounds in its header cannot be: export it again (a run measures them anew)"
+                f"{path}: the bounds in its header are impossible: export it again (a run recomputes them)"
             )
         return CloudExtent(path, raw, crs, mins, maxs, state_of(path))

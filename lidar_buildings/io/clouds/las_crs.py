@@ -94,11 +94,13 @@ def metric_crs(
         check_metres(path, n_points, maxs - mins)
         return crs
     if max(np.abs(mins[:2]).max(), np.abs(maxs[:2]).max()) > 360.0 and crs.horizontal_unit != 1.0:
-        warn_once(f"{path}: says {crs.name}, but its coordinates are no degrees: taken as unknown, in metres")
+        warn_once(
+            f"{path}: names {crs.name}, but its coordinates are not degrees: assuming unknown, in metres"
+        )
         return SourceCrs()
     raise InputError(
         f"{path}: its coordinates are not projected ({crs.name.split(',')[0]}): "
-        "bring it to a projected system in metres or feet first"
+        "transform it to a projected system in metres or feet first"
     )
 
 
@@ -155,7 +157,7 @@ def described(crs: Any) -> SourceCrs:
 def _from_geo_keys(data: bytes) -> SourceCrs:
     keys = _keys_in(data)
     if not keys:
-        raise ValueError("its GeoTIFF directory holds no keys")
+        raise ValueError("its GeoTIFF directory contains no keys")
     crs = _horizontal_from_keys(keys)
     vertical = _vertical_unit_from_keys(keys)
     return replace(crs, vertical_unit=vertical or crs.vertical_unit)
@@ -175,7 +177,7 @@ def _horizontal_from_keys(keys: dict[int, int]) -> SourceCrs:
         if stated is None or is_same_unit(stated, crs.horizontal_unit):
             return crs
         # seen in practice: a code in metres with coordinates in feet; then the code does not fit them
-        doubt = f"{crs.name} is not in the unit that the file states ({stated:g} m): taken as unknown"
+        doubt = f"{crs.name} does not have the unit that the file states ({stated:g} m): assuming unknown"
         return SourceCrs("", stated, stated, doubt=doubt)
     if (
         keys.get(_MODEL_TYPE, _GEOGRAPHIC_MODEL) == _GEOGRAPHIC_MODEL

@@ -124,7 +124,7 @@ def read_raw_header(path: Path) -> RawHeader:
                 f"{path}: is not a LAS or LAZ file (does not begin with LASF): give a .las or .laz file"
             )
         if len(start) < SMALLEST_HEADER:
-            raise InputError(f"{path}: is cut short within its header: {_AGAIN}")
+            raise InputError(f"{path}: is truncated within its header: {_AGAIN}")
         header_size, offset, n_vlrs = struct.unpack_from("<HII", start, 94)
         if not SMALLEST_HEADER <= header_size <= offset:
             raise InputError(
@@ -132,7 +132,7 @@ def read_raw_header(path: Path) -> RawHeader:
                 f"(point data would begin at byte {offset}): {_AGAIN}"
             )
         if offset > size:
-            raise InputError(f"{path}: is cut short before its first point: {_AGAIN}")
+            raise InputError(f"{path}: is truncated before its first point: {_AGAIN}")
         if n_vlrs * VLR_HEADER > offset - header_size:
             raise InputError(f"{path}: its header is damaged ({n_vlrs} records cannot fit in it): {_AGAIN}")
         file.seek(0)
@@ -150,7 +150,7 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
     if not header.is_compressed:
         held = (size - header.offset) // max(header.record_size, 1)
         if held < header.point_count:
-            raise InputError(f"{path}: is cut short ({held} of {header.point_count} points): {_AGAIN}")
+            raise InputError(f"{path}: is truncated ({held} of {header.point_count} points): {_AGAIN}")
         return
     laszip = [r.data for r in header.vlrs if r.is_a(b"laszip encoded", 22204)]
     if not laszip or len(laszip[0]) < _LASZIP.size:
@@ -160,7 +160,7 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
         return
     table = _chunk_table(file, header.offset, size)
     if table is None:
-        raise InputError(f"{path}: is cut short (its chunk table is missing): {_AGAIN}")
+        raise InputError(f"{path}: is truncated (its chunk table is missing): {_AGAIN}")
     file.seek(table + 4)
     n_chunks = int.from_bytes(file.read(4), "little")
     # lazrs takes memory for what these say, and where there is not so much the process ends

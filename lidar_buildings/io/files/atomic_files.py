@@ -75,7 +75,7 @@ def write_error(path: Path, error: BaseException) -> OutputError:
     """Return the error of a file that cannot be written; a run may be resumed."""
     return OutputError(
         f"{path}: cannot be written ({one_line(error)}): free some space or check the permissions, "
-        "then give the same command again; a run resumes from its finished tiles"
+        "then repeat the command; a run resumes from its finished tiles"
     )
 
 

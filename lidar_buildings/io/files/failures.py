@@ -38,7 +38,7 @@ def reported(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: no such file: check the path") from None
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be opened ({one_line(error)}): check the file and its rights"
+            f"{path}: cannot be opened ({one_line(error)}): check the file and its permissions"
         ) from error
     except BaseException as error:
         is_request = not isinstance(error, Exception) and type(error).__name__ != _PANIC  # as of Ctrl-C

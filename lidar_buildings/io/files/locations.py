@@ -59,6 +59,6 @@ def state_of(path: Path) -> tuple[int, int]:
     store.invalidate_cache()
     told = store.info(cast(Any, path).path)
     if told.get("size") is None:
-        raise InputError(f"{path}: its server does not say how large it is: download it")
+        raise InputError(f"{path}: its server does not report its size: download it")
     state = next((told[name] for name in _STATES if told.get(name)), "")
     return int(told["size"]), crc32(str(state).encode())

@@ -103,15 +103,15 @@ def check_place(frame: MapFrame) -> None:
     """
     try:
         if frame.crs and horizontal_part(frame.crs).is_geographic:
-            raise MessageError(f"{frame.crs[:100]!r} has degrees: must be a system with metres or feet")
+            raise MessageError(f"{frame.crs[:100]!r} is in degrees: must be in metres or feet")
     except CRSError:
         raise MessageError(
-            f"{frame.crs[:100]!r} is no reference system that is known: must be such as EPSG:28992, or empty"
+            f"{frame.crs[:100]!r} is not a known reference system: must be like EPSG:28992, or empty"
         ) from None
     if not (np.abs(frame.origin) <= MAX_COORDINATE).all():
-        raise MessageError(f"{frame.origin} is no place on Earth")
+        raise MessageError(f"{frame.origin} is not a place on Earth")
     if not ((frame.units >= _SMALLEST_UNIT) & (frame.units <= 1 / _SMALLEST_UNIT)).all():
-        raise MessageError(f"{tuple(frame.units.tolist())} are no metres per unit")
+        raise MessageError(f"{tuple(frame.units.tolist())} are not metres per unit")
 
 
 def check_metres(label: object, n_points: int, size: Iterable[float]) -> None:
@@ -120,7 +120,7 @@ def check_metres(label: object, n_points: int, size: Iterable[float]) -> None:
     if n_points >= _N_CLOUD and max(east, north) < 1.0 and rise > _STEEP * max(east, north):
         raise InputError(
             f"{label}: its points lie within {east:.3f} of x and {north:.3f} of y, and {rise:.1f} of z: "
-            "bring degrees into a reference system in metres first"
+            "transform degrees to a reference system in metres first"
         )
 
 
@@ -140,7 +140,7 @@ def reprojected(geometries: NDArray[Any], source: str, target: str, label: str) 
         reason = " ".join(str(error).split())[:200]
         raise InputError(
             f"{label}: cannot be transformed from {source[:40]} to {target[:40]} ({reason}): "
-            "transform the file before"
+            "transform the file first"
         ) from error
 
     def moved(xy: NDArray[np.float64]) -> NDArray[np.float64]:

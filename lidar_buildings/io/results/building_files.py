@@ -33,9 +33,7 @@ def model_heading(
     try:
         earth = EarthFrame(frame, crs, files.geoid_height)
     except NoPlaceError as error:
-        why = (
-            f"no 3D Tiles were made: {error}: give one (--crs), or leave {TILES} out of model_writer.formats"
-        )
+        why = f"no 3D Tiles were made: {error}: give one (--crs), or remove {TILES} from model_writer.formats"
         return heading, [why]
     return heading._replace(earth=earth), []
 

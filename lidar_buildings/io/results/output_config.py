@@ -108,5 +108,5 @@ class OutputConfig(RasterConfig):
             if needed and find_spec(needed[0]) is None:
                 raise ParameterError(
                     f"{self.stage}.formats = {list(self.formats)}: {name} needs {needed[0]}: install "
-                    f"lidar_buildings[{needed[1]}], or leave {name} out"
+                    f"lidar_buildings[{needed[1]}], or remove {name}"
                 )

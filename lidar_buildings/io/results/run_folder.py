@@ -72,7 +72,7 @@ def claim_folder(
     """
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
-            raise OutputError(f"{path}: holds the input {file.path}: choose another output folder")
+            raise OutputError(f"{path}: contains the input {file.path}: choose another output folder")
     check_folder(path, overwrite=overwrite or use is not Use.NONE, is_live=is_live)
     with usable(path):
         if use is not Use.NONE:
@@ -82,8 +82,8 @@ def claim_folder(
                 _clear(path)
         elif _holds_run(path) and (not is_live or holds_tiles(path)) and not _is_same(path, identity):
             raise OutputError(
-                f"{path}: holds an unfinished run of other inputs or parameters: give the same to go on with "
-                "it, --overwrite to begin anew, or another folder"
+                f"{path}: contains an unfinished run with other inputs or parameters: give the same "
+                "to resume it, --overwrite to start over, or another folder"
             )
         (path / PARTIAL).mkdir(exist_ok=True)
         try:
@@ -105,7 +105,7 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
             return
         if (path / RUN).exists() and not (is_live and _holds_run(path)):
             raise OutputError(
-                f"{path}: holds a finished run: give --overwrite to replace it, or another folder"
+                f"{path}: contains a finished run: give --overwrite to replace it, or another folder"
             )
         if not _holds_run(path) and any(file.name != PARTIAL for file in path.iterdir()):
             raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
@@ -141,19 +141,17 @@ def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:
     earlier, new = _read(path / PARTIAL / _IDENTITY), json.loads(json.dumps(identity))
     if earlier is None:
         if use is Use.RETRY:
-            raise OutputError(
-                f"{path}: {use.value}: holds no run of which a tile failed: leave out {use.value}"
-            )
+            raise OutputError(f"{path}: {use.value}: contains no run with failed tiles: remove {use.value}")
         if not (path / RUN).exists() and any(one.name != PARTIAL for one in path.iterdir()):
-            raise OutputError(f"{path}: is not empty, and holds no run: choose another folder")
+            raise OutputError(f"{path}: is not empty and contains no run: choose another folder")
         _clear(path)
         return
     changing = {"inputs", "frame"} if use is Use.UPDATE else set()
     for name in sorted(new.keys() - changing):
         if earlier.get(name) != new[name]:
             raise OutputError(
-                f"{path}: {use.value}: its run was made with other {_WORDS.get(name, name)}: give the same, "
-                "or --overwrite to begin anew"
+                f"{path}: {use.value}: its run used other {_WORDS.get(name, name)}: give the same, "
+                "or --overwrite to start over"
             )
 
 
@@ -281,7 +279,7 @@ def sole_use(path: Path) -> Iterator[None]:
             descriptor = _locked(folder / PARTIAL / LOCK)
         except BlockingIOError as error:
             raise OutputError(
-                f"{path}: another run writes into it: wait for its end, or choose another folder"
+                f"{path}: in use by another run: wait for it to end, or choose another folder"
             ) from error
     _mine.add(folder)
     try:

@@ -218,8 +218,8 @@ def write_rasters(
     if layout.n_blocks > MOST_BLOCKS:
         too_many = (
             f"{folder}: no rasters were made: {layout.width:,} × {layout.height:,} cells of "
-            f"{whole.resolution:g} m are too many: raise model_writer.raster_resolution, or run the parts "
-            "apart"
+            f"{whole.resolution:g} m are too many: raise model_writer.raster_resolution, or split the "
+            "survey"
         )
         return {}, [too_many]
     writers = {}

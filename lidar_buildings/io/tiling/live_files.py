@@ -95,10 +95,10 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise OutputError(f"{folder / _SURVEY}: is not understood ({error}): remove the folder") from error
+        raise OutputError(f"{folder / _SURVEY}: cannot be read ({error}): remove the folder") from error
     if own != _identity(tiling):
         raise OutputError(
-            f"{folder}: holds points that are cut with {own}, not {_identity(tiling)}: give the same "
+            f"{folder}: contains points tiled with {own}, not {_identity(tiling)}: give the same "
             "parameters, or another folder as scan_assembler.spool"
         )
     return recorded

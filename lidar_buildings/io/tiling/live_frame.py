@@ -74,8 +74,8 @@ class FrameSearch:
         if off > max(pairs.usual, _WORSE * self._off):
             self._off = off
             found.append(
-                f"satellite fixes now are {off:.1f} m from where the poses are by the first ones: the "
-                "odometry drifts or began anew, or it moved too little then to tell how it is turned"
+                f"satellite fixes are now {off:.1f} m from the poses as placed by the first fixes: the "
+                "odometry drifts or restarted, or it moved too little at first to determine its heading"
             )
         return found
 

@@ -84,17 +84,17 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
         if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
             fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
             x, y, z = (round(float(one), 3) for one in _beyond_errors(fit.shift))
-            said = f"the poses are told in its grid ({math.hypot(*fit.shift[:2]):.2f} m from the fixes)"
+            said = f"the poses are in its grid ({math.hypot(*fit.shift[:2]):.2f} m from the fixes)"
             return MapPlace(MapFrame(crs, (x, y, z)), None, *_words(pairs, fit, crs, said))
     x, y, _ = np.median(pairs.track, axis=0)
     if math.hypot(x, y) > _LOCAL:
-        said = f"the poses are told in a grid that is not UTM's (x {x:,.0f}, y {y:,.0f}): publish map_origin"
-        return MapPlace(warnings=(f"{said}; outputs carry no reference system",))
+        said = f"the poses are in a grid other than UTM (x {x:,.0f}, y {y:,.0f}): publish map_origin"
+        return MapPlace(warnings=(f"{said}; outputs have no reference system",))
     crs = zone_of(middle)
     level, fit = LevelFrame.fitted(pairs.track, pairs.seen, pairs.weighed, crs)
     said = f"points {_direction(math.degrees(fit.yaw))} (± {math.degrees(fit.yaw_error):.2f}°)"
     if not fit.tells_yaw:
-        said = "is taken for east, as they moved too little to tell"
+        said = "is assumed to be east, as they moved too little to measure it"
     words = _words(pairs, fit, crs, f"x of the poses {said}")
     return MapPlace(MapFrame(crs, level.place), level, *words, fit.tells_yaw)
 
@@ -123,11 +123,11 @@ def _words(pairs: Pairs, fit: TrackFit, crs: str, said: str) -> tuple[str, tuple
     warnings = []
     if fit.rms > pairs.usual or fit.rms_height > 2.0 * pairs.usual:
         warnings.append(
-            f"the satellite fixes are {off} (RMS; usual is {pairs.usual:.1f} m): the map may lie wrong by as "
-            "much; clocks that differ do that, and odometry that drifts"
+            f"the satellite fixes are {off} (RMS; {pairs.usual:.1f} m is usual): the map may be off by as "
+            "much; different clocks or drifting odometry cause this"
         )
     if 3 * n_used < 2 * n:
-        warnings.append(f"{n - n_used:,} of {n:,} satellite fixes contradict the others, and are left out")
+        warnings.append(f"{n - n_used:,} of {n:,} satellite fixes contradict the others and are left out")
     return line, tuple(warnings)
 
 
@@ -237,7 +237,7 @@ class SatelliteFixes:
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
         lag = f": their times are {np.median(self._lags):+.1f} s off those of the poses" if self._lags else ""
-        said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map lies nowhere"
+        said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map is unplaced"
         return MapPlace(warnings=(said,) if self.n_usable else ())
 
     def _of_clock(self) -> tuple[str, ...]:
@@ -245,8 +245,8 @@ class SatelliteFixes:
             return ()
         way = "ahead of" if self._clock > 0 else "behind"
         return (
-            f"the clock of the satellite fixes is {abs(self._clock)} s {way} that of the poses, as that of "
-            "GPS or of atoms is of UTC: it was set right",
+            f"the clock of the satellite fixes is {abs(self._clock)} s {way} that of the poses, like GPS or "
+            "TAI against UTC: corrected",
         )
 
 

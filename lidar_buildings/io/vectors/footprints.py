@@ -78,7 +78,7 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
             ", ".join(f"{number} {reason}" for reason, number in repairs.dropped.items()) or "no feature"
         )
         raise InputError(
-            f"{layer.label}: holds no polygon to use as a footprint ({reasons}): give a file of polygons"
+            f"{layer.label}: contains no polygon to use as a footprint ({reasons}): give a file of polygons"
         )
     footprints = footprints_of(repairs.polygons)
     names = _names(layer, column, repairs.row)
@@ -127,13 +127,13 @@ def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
     if not frame.crs and is_in_degrees(layer.crs):
         raise InputError(
             f"{layer.label}: is in degrees ({layer.crs[:20]}) and the clouds name no coordinate reference "
-            "system: give the footprints in that of the clouds, or clouds that name theirs"
+            "system: transform the footprints to the clouds' system, or give clouds that name theirs"
         )
     if not layer.crs or not frame.crs:
         what = "the footprints" if not layer.crs else "the clouds"
         warn_once(
-            f"{layer.label}: {what} name no coordinate reference system: footprints and clouds are taken to "
-            "be in the same one"
+            f"{layer.label}: {what} name no coordinate reference system: footprints and clouds are assumed "
+            "to be in the same one"
         )
     else:
         flat = reprojected(flat, layer.crs, frame.crs, layer.label)
@@ -147,7 +147,7 @@ def _id_column(layer: PolygonLayer, source: FootprintSource) -> str:
         if source.id_column in layer.columns:
             return source.id_column
         raise InputError(
-            f"{layer.label}: has no column {source.id_column!r}: there is "
+            f"{layer.label}: has no column {source.id_column!r}: its columns are "
             f"{', '.join(layer.columns) or 'none'}"
         )
     by_name = {name.lower(): name for name in reversed(list(layer.columns))}

@@ -307,7 +307,7 @@ def _with_polygons(path: Path, layers: Mapping[str, str]) -> list[str]:
     names = [name for name, kind in layers.items() if any(word in kind for word in _POLYGON_KINDS)]
     if not names:
         kinds = ", ".join(sorted({kind or "no geometry" for kind in layers.values()})) or "no layer"
-        raise InputError(f"{path}: has no layer of polygons ({kinds}): give a file that has")
+        raise InputError(f"{path}: has no layer of polygons ({kinds}): give a file that has one")
     return names
 
 
@@ -316,13 +316,12 @@ def _chosen(path: Path, layer: str) -> str:
     if layer:
         if layer in layers:
             return layer
-        raise InputError(f"{path}: has no layer {layer!r}: there are {', '.join(layers) or 'none'}")
+        raise InputError(f"{path}: has no layer {layer!r}: its layers are {', '.join(layers) or 'none'}")
     names = _with_polygons(path, layers)
     preferred = [name for name in names if name in (_OUTLINES, path.stem)]
     if len(names) > 1 and len(preferred) != 1:
         raise InputError(
-            f"{path}: has several layers of polygons ({', '.join(names)}): say which one with "
-            "--footprints-layer"
+            f"{path}: has several layers of polygons ({', '.join(names)}): choose one with --footprints-layer"
         )
     return (preferred or names)[0]
 

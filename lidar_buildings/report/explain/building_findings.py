@@ -179,7 +179,7 @@ def roof_findings(
         )
     bent = [f"{number}" for number, one in by_size if one.rms > _BENT]
     if bent:
-        yield Finding(f"Plane {', '.join(bent)}: several surfaces taken for one, or a curved one.", _BENDING)
+        yield Finding(f"Plane {', '.join(bent)}: several surfaces fitted as one, or a curved one.", _BENDING)
     n_free = int((roof.plane_id == 0).sum())
     if n_free:
         limit = limits.value("plane_fitting.min_plane_area")
@@ -305,6 +305,6 @@ def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
         )
     elif numbers["ridge"] >= _RIDGES:
         yield Finding(
-            f"{numbers['ridge']} ridges: maybe several houses; those of one height that touch are told apart "
+            f"{numbers['ridge']} ridges: maybe several houses; touching houses of one height are separated "
             "by --footprints only."
         )

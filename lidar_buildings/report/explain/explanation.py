@@ -98,7 +98,7 @@ def explain_place(result: Result, place: tuple[float, float]) -> str:
     if _ended_before(result, "boundary_tracing"):
         del findings[1:]  # nothing was rejected
     source = ", ".join(f"{one:.1f}" for one in result.frame.to_source(np.array([[x, y, 0.0]]))[0, :2])
-    head = [f"No building stands at {source}; what lies within {_RADIUS:g} m:"]
+    head = [f"No building at {source}; within {_RADIUS:g} m:"]
     head += filter(None, [early_end(result.run)])
     near = [one for one in result.buildings if one.shape is not None]
     if near:

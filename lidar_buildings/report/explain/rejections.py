@@ -33,7 +33,7 @@ _WORDS = {
     Rejection.NARROW_PART: ("narrower than min_roof_width", "min_roof_width"),
     Rejection.NARROW_BUILDING: ("narrower than min_building_width", "min_building_width"),
     Rejection.SMALL: ("smaller than min_building_area", "min_building_area"),
-    Rejection.ENDLESS: ("surrounded by more of its like, as spots of a crown are", None),
+    Rejection.ENDLESS: ("surrounded by similar patches, like parts of a tree crown", None),
 }
 #: What is as narrow may be too small as well.
 _NARROW = (Rejection.NARROW_PART, Rejection.NARROW_BUILDING)
@@ -73,7 +73,7 @@ def rejected_at(
         return
     if np.isnan(site.height).all():
         yield Finding(
-            "They are in no finished tile: run.json says which failed, --retry-failed does it again."
+            "They are in no finished tile: run.json lists failed tiles; --retry-failed reprocesses them."
         )
         return
     is_high = site.height >= limits.value("roof_selection.min_height")
@@ -87,7 +87,7 @@ def rejected_at(
     is_wall = is_building & (site.facade == Facade.BARE)
     if is_wall.any() and not (site.building_id > 0).any():
         yield Finding(
-            f"{int(is_wall.sum()):,} points of walls over which no roof was seen: they get an outline where "
+            f"{int(is_wall.sum()):,} points of walls without a visible roof above: they get an outline where "
             "they enclose something, walls in two directions at right angles, and no ground behind them."
         )
     is_free = is_building & (site.facade == Facade.NONE) & (site.building_id == 0)

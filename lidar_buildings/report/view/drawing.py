@@ -41,7 +41,7 @@ def write_picture(path: Path, parts: Sequence[Coloured], eye: str) -> None:
     image = open3d.geometry.Image(picture_of(parts, eye))
     with atomic_file(path) as temporary:
         if not open3d.io.write_image(str(temporary), image):
-            raise OSError("is there the folder, and room?")
+            raise OSError("check that the folder exists and has space")
 
 
 def picture_of(parts: Sequence[Coloured], eye: str, size: tuple[int, int] = SIZE) -> NDArray[np.uint8]:
@@ -66,7 +66,7 @@ def open_window(parts_of: Callable[[str, str], Sequence[Coloured]], shown: tuple
     """
     open3d = _open3d()
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise LidarBuildingsError("view: there is no display for a window: --picture FILE draws without one")
+        raise LidarBuildingsError("view: no display is available: use --picture FILE")
     now = list(shown)
 
     def switch(what: int, choices: Sequence[str]) -> Callable[[Any], bool]:

@@ -183,7 +183,7 @@ def test_the_command_writes_the_changes_and_both_sides_with_theirs(tmp_path, cap
 def test_what_cannot_be_compared_is_refused_naming_what_and_why(tmp_path, capsys):
     here = survey(tmp_path / "old", [(HOUSE, gable)])
     elsewhere = survey(tmp_path / "new", [(HOUSE, gable)], crs="EPSG:25832")
-    with pytest.raises(InputError, match=r"EPSG:28992.*EPSG:25832.*give results in one"):
+    with pytest.raises(InputError, match=r"EPSG:28992.*EPSG:25832.*give results in the same one"):
         compare_runs(here, elsewhere)
     assert main(["compare", str(here), str(tmp_path / "nothing")]) == 2
     assert "nothing: no such file or folder" in capsys.readouterr().err

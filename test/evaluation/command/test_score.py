@@ -78,7 +78,7 @@ def test_clouds_of_different_length_are_refused(tmp_path, four_points):
 def test_clouds_in_another_order_are_refused_at_the_first_point_that_differs(tmp_path, four_points):
     result = write_cloud(tmp_path / "mine.laz", four_points[[0, 2, 1, 3]], [2] * 4)
     reference = write_cloud(tmp_path / "theirs.laz", four_points, [2] * 4)
-    with pytest.raises(InputError, match="point 1 lies elsewhere"):
+    with pytest.raises(InputError, match="point 1 has other coordinates"):
         run_score("buildings", result, reference)
 
 
@@ -180,7 +180,7 @@ def test_a_run_that_found_nothing_is_scored_too(tmp_path):
     reference = write_polygons(tmp_path / "theirs.gpkg", [shapely.box(0, 0, 10, 10)])
     assert run_score("outlines", result, reference).figures["completeness"] == 0.0
     assert run_score("buildings", result, reference).figures["recall"] == 0.0
-    with pytest.raises(InputError, match="holds no polygon"):
+    with pytest.raises(InputError, match="contains no polygon"):
         run_score("buildings", reference, reference, aoi=result)
 
 
@@ -290,7 +290,7 @@ def inputs(tmp_path_factory):
         ("outlines cloud.laz map.gpkg", "cloud.laz: cannot be read as a file"),
         ("outlines notes.txt map.gpkg", "notes.txt: cannot be read as a file of polygons"),
         ("outlines empty map.gpkg", "holds no buildings.gpkg or outlines.fgb"),
-        ("ground empty cloud.laz", "holds no .las or .laz"),
+        ("ground empty cloud.laz", "contains no .las or .laz"),
         ("outlines points.gpkg map.gpkg", "has no layer of polygons"),
         ("outlines map.gpkg endless.gpkg", "is not a finite number"),
         ("buildings map.gpkg map.gpkg --cell 0", "--cell 0"),

@@ -204,5 +204,5 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path, houses, capsys):
         assert len(output.err.splitlines()) == 1
         assert words in output.err
     assert main(["score", "ground", str(bare), str(bare), "--split-steps"]) == 2
-    with pytest.raises(InputError, match="holds no polygon"):
+    with pytest.raises(InputError, match="contains no polygon"):
         run_score("edges", labelled, bare, aoi=write_polygons(tmp_path / "none.gpkg", []))

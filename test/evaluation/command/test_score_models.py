@@ -116,10 +116,10 @@ def test_what_is_no_city_model_is_refused(survey, tmp_path):
     with pytest.raises(InputError, match="holds no"):
         run_score("models", tmp_path, survey)
     (tmp_path / "bad.city.jsonl").write_text('{"type": "Feature"}\n')
-    with pytest.raises(InputError, match="no CityJSON that can be read"):
+    with pytest.raises(InputError, match="cannot be read as CityJSON"):
         run_score("models", tmp_path, survey)
     (tmp_path / "binary.gpkg").write_bytes(b"\xa0" * 100_000)
-    with pytest.raises(InputError, match="is no CityJSON that can be read: UnicodeDecodeError: ") as refused:
+    with pytest.raises(InputError, match="cannot be read as CityJSON: UnicodeDecodeError: ") as refused:
         run_score("models", survey, tmp_path / "binary.gpkg")
     assert len(str(refused.value)) < 500
     with pytest.raises(InputError, match="no such file"):

@@ -83,7 +83,7 @@ def test_clouds_that_say_nothing_of_planes_or_hold_other_points_are_refused(tmp_
         run_score("planes", plain, good)
     with pytest.raises(InputError, match=r"plain.laz: has no dimension TruePlane or PlaneId or colours"):
         run_score("planes", good, plain)
-    with pytest.raises(InputError, match="lies elsewhere"):
+    with pytest.raises(InputError, match="has other coordinates"):
         run_score("planes", good, moved)
 
 

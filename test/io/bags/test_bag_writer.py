@@ -41,6 +41,6 @@ def test_latched_topics_say_that_latecomers_get_them(tmp_path):
 
 def test_a_bag_does_not_replace_what_is_there(tmp_path):
     (tmp_path / "bag").write_text("mine")
-    with pytest.raises(OutputError, match="bag: is there already"):
+    with pytest.raises(OutputError, match="bag: already exists"):
         BagWriter(tmp_path / "bag")
     assert (tmp_path / "bag").read_text() == "mine"

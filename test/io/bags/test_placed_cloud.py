@@ -82,11 +82,11 @@ def test_of_a_bag_a_part_may_be_taken(tmp_path):
 def test_a_part_without_scans_is_refused_if_no_other_bag_has_any(tmp_path):
     bags = [write_drive(tmp_path / name).path for name in ("one", "other")]
     said, choice = [], BagConfig(start=100.0)
-    with pytest.raises(InputError, match="one: no scan lies in the part"):
+    with pytest.raises(InputError, match="one: no scans within start and duration"):
         place_bags([str(bags[0])], tmp_path / "placed", choice, MOUNTED, said.append)
     longer = write_drive(tmp_path / "longer", seconds=3.0).path
     place_bags([str(longer), str(bags[1])], tmp_path / "placed", BagConfig(start=1.5), MOUNTED, said.append)
-    assert "other: warning: no scan lies in the part" in said[-1]
+    assert "other: warning: no scans within start and duration" in said[-1]
 
 
 def test_scans_without_any_pose_are_refused_unless_they_are_in_the_map(tmp_path):
@@ -257,7 +257,7 @@ def test_degrees_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("crs", "x", "what"),
     [
-        ("EPSG:999999", 0.0, "no reference system"),
+        ("EPSG:999999", 0.0, "not a known reference system"),
         ("EPSG:4326", 0.0, "degrees"),
         ("", np.nan, "no place"),
         ("", 1e30, "no place"),

@@ -280,7 +280,7 @@ def test_an_input_that_fails_leaves_no_output(tmp_path, monkeypatch):
 
     def chunks(self, size=0):
         yield from ()
-        raise InputError(f"{path}: is cut short: copy it again")
+        raise InputError(f"{path}: is truncated: copy it again")
 
     monkeypatch.setattr(type(cloud), "chunks", chunks)
     with pytest.raises(InputError):

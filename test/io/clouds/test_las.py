@@ -157,7 +157,7 @@ def test_a_file_cut_short_is_named(tmp_path, share, ending):
     path = cloud_files.shortened(cloud_at(tmp_path / f"cut{ending}", n_points=3000), share)
     line = the_line(read_tile, path)
     assert f"cut{ending}" in line
-    assert "cut short" in line or "damaged" in line
+    assert "truncated" in line or "damaged" in line
 
 
 def test_damaged_points_are_named_and_not_returned(tmp_path):
@@ -283,7 +283,11 @@ def test_clouds_that_name_no_system_are_given_one(tmp_path):
     assert frame_of(silent).crs == ""
     assert frame_of(silent, "EPSG:28992").crs == "EPSG:28992"
     assert frame_of(silent, "EPSG:7415").crs == "EPSG:28992", "of a compound system the horizontal part"
-    for crs, why in {"EPSG:4326": "must be projected", "EPSG:2263": "the unit", "Oz": "is no refer"}.items():
+    for crs, why in {
+        "EPSG:4326": "must be projected",
+        "EPSG:2263": "the unit",
+        "Oz": "is not a refer",
+    }.items():
         with pytest.raises(ParameterError, match=why):
             frame_of(silent, crs)
 
@@ -355,7 +359,7 @@ def test_longitude_and_latitude_are_refused(tmp_path):
     bare = cloud_files.saved(cloud, tmp_path / "bare.laz")
     path = cloud_files.saved(cloud_files.with_geo_keys(cloud, {1024: 2, 2048: 4326}), tmp_path / "deg.laz")
     for reader in (open_cloud, read_extent):
-        assert "0.010 of y, and 20.0 of z: bring degrees into" in the_line(reader, bare)
+        assert "0.010 of y, and 20.0 of z: transform degrees to" in the_line(reader, bare)
         assert "not projected (EPSG:4326)" in the_line(reader, path)
 
 
@@ -363,7 +367,7 @@ def test_a_system_in_degrees_that_cannot_be_is_doubted(tmp_path, caplog):
     cloud = cloud_files.with_geo_keys(cloud_files.random_cloud(), {1024: 2, 2048: 4326})
     opened = open_cloud(cloud_files.saved(cloud, tmp_path / "odd.laz"))
     assert opened.crs.name == ""
-    assert "no degrees" in caplog.text
+    assert "not degrees" in caplog.text
 
 
 @pytest.mark.real_data

@@ -97,7 +97,7 @@ def test_the_inputs_own_folder_is_refused(tmp_path, survey):
     (tmp_path / "out" / "classified").mkdir(parents=True)
     path = (tmp_path / "0.las").rename(tmp_path / "out" / "classified" / "0.las")
     line = the_line(tmp_path / "out", [InputFile(path, 600)], source.frame, overwrite=True)
-    assert "holds the input" in line
+    assert "contains the input" in line
     assert path.exists()
 
 
@@ -147,12 +147,12 @@ def test_a_second_run_is_refused_in_one_line_and_touches_nothing(other, tmp_path
     for more in ([], ["--overwrite"]):
         assert main(["run", "survey.laz", "--output", str(tmp_path / "out"), *more]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert line.endswith("/out: another run writes into it: wait for its end, or choose another folder")
+        assert line.endswith("/out: in use by another run: wait for it to end, or choose another folder")
     assert tile.exists()
 
 
 def test_a_folder_is_free_when_the_run_that_had_it_is_killed(other, tmp_path):
-    with pytest.raises(OutputError, match="another run writes into it"), sole_use(tmp_path / "out"):
+    with pytest.raises(OutputError, match="in use by another run"), sole_use(tmp_path / "out"):
         pass
     other.kill()
     other.wait()

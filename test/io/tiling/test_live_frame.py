@@ -130,7 +130,7 @@ def test_another_clock_is_told_by_how_far_fixes_are_from_the_poses():
 def test_fixes_that_tell_how_good_they_are_are_held_to_it():
     told = {"position_covariance_type": 2, "position_covariance": [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]}
     assert not driven(noise=1.5).place().warnings
-    assert "usual is 1.0 m" in driven(noise=1.5, **told).place().warnings[0]
+    assert "1.0 m is usual" in driven(noise=1.5, **told).place().warnings[0]
 
 
 def test_an_antenna_is_where_transforms_say_that_it_is():

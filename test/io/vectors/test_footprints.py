@@ -146,9 +146,9 @@ def several_layers(path):
 
 def test_of_several_layers_one_is_named(tmp_path):
     path = several_layers(tmp_path / "town.gpkg")
-    with pytest.raises(InputError, match=r"houses, sheds\): say which one with --footprints-layer"):
+    with pytest.raises(InputError, match=r"houses, sheds\): choose one with --footprints-layer"):
         read(path)
-    with pytest.raises(InputError, match="has no layer 'cars': there are houses, sheds, trees"):
+    with pytest.raises(InputError, match="has no layer 'cars': its layers are houses, sheds, trees"):
         read(path, "cars")
     assert read(path, "sheds").record["layer"] == "sheds"
 
@@ -171,14 +171,17 @@ BAD = {
         lambda folder: text_file(folder / "text.gpkg"),
         "cannot be read as a file of polygons",
     ),
-    "empty file": (lambda folder: write_vectors(folder / "none.gpkg", []), "holds no polygon .*no feature"),
+    "empty file": (
+        lambda folder: write_vectors(folder / "none.gpkg", []),
+        "contains no polygon .*no feature",
+    ),
     "only points": (
         lambda folder: write_vectors(folder / "trees.gpkg", [shapely.Point(1, 2)], kind="Point"),
         r"has no layer of polygons \(Point\)",
     ),
     "points in a layer of anything": (
         lambda folder: write_vectors(folder / "any.gpkg", [shapely.Point(1, 2)], kind="Unknown"),
-        r"holds no polygon to use .*1 no polygon",
+        r"contains no polygon to use .*1 no polygon",
     ),
     "no geometry": (lambda folder: table(folder / "table.csv"), r"has no layer of polygons \(no geometry\)"),
     "missing": (lambda folder: folder / "nowhere.gpkg", "no such file"),
@@ -202,7 +205,7 @@ def test_a_file_without_footprints_is_refused_in_one_line(tmp_path, case):
 
 def test_a_column_that_is_not_there_is_refused_by_name(tmp_path):
     path = write_vectors(tmp_path / "named.gpkg", HOUSES, columns={"id": [1, 2, 3]})
-    with pytest.raises(InputError, match="has no column 'nummer': there is id"):
+    with pytest.raises(InputError, match="has no column 'nummer': its columns are id"):
         read(path, column="nummer")
 
 
