@@ -230,7 +230,7 @@ class ModelWriter(StageNode):
         while not work.done():
             spin_once(_SILENCE)
         if (error := work.exception()) is not None:
-            self.get_logger().error(f"no files were made: {' '.join(str(error).split())}")
+            self.get_logger().error(f"no files were written: {' '.join(str(error).split())}")
         else:
             self.get_logger().info(self.last_words)
 
@@ -282,7 +282,7 @@ class ModelWriter(StageNode):
                 self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else 0
                 self.outcome.set_result(work.result())
         elif self._survey.is_live:
-            self.warn(f"no files were made: {' '.join(str(error).split())}")
+            self.warn(f"no files were written: {' '.join(str(error).split())}")
         else:
             self.fail(error)
 

@@ -108,7 +108,7 @@ class Recorder(StageNode):
         """Tell how late messages are written, and what is wrong; called by the thread that writes."""
         self._lag = (time.time_ns() - received) * 1e-9
         if self._lag > _LATE:
-            self.summary.warned(f"{name} is recorded {self._lag:.0f} s after it came: the disk is too slow")
+            self.summary.warned(f"{name} is recorded with a delay of {self._lag:.0f} s: the disk is too slow")
         if self.recording.failure != self.summary.problem:
             self.summary.problem = self.recording.failure
             self.get_logger().error(self.recording.failure)

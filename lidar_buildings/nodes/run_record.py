@@ -64,7 +64,7 @@ class RunRecord:
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that a node reported of it."""
-        return {stamp: self._reasons.get(stamp, "it was not done in time") for stamp in sorted(failed)}
+        return {stamp: self._reasons.get(stamp, "it did not finish in time") for stamp in sorted(failed)}
 
     def as_dict(self, failed: Mapping[int, str]) -> dict[str, Any]:
         """Return the content of ``run.json``; `failed` are what `reasons` returns."""

@@ -97,7 +97,7 @@ class ScanAssembler(TileSender):
         advice = "have the driver publish reliably"
         if allowed_buffer() < SOCKET_BUFFER:
             advice = f"allow larger buffers (sysctl -w net.core.rmem_max={SOCKET_BUFFER}), or {advice}"
-        text = f"{self._n_lost} scans were lost on their way here: {advice}"
+        text = f"{self._n_lost} scans were lost in transit: {advice}"
         self.get_logger().warning(text, throttle_duration_sec=_REMIND)
         self.summary.warned(text)
 
@@ -116,7 +116,7 @@ class ScanAssembler(TileSender):
         """Forget all points and tiles."""
         self.tiles.reset()
         self.forget_tiles()
-        response.success, response.message = True, "all points and tiles are forgotten"
+        response.success, response.message = True, "all points and tiles are deleted"
         return response
 
     def destroy_node(self) -> None:
@@ -175,4 +175,4 @@ def missing_scans(node: Node) -> str:
     clouds = sorted(name for name, kinds in published.items() if _CLOUD in kinds and name not in own)
     instead = f", which is published as {', '.join(others)}" if others else ""
     hint = f"; clouds are published on {', '.join(clouds)}: --scan TOPIC" if clouds else ""
-    return f"no scan has come on {scan}{instead}{hint}"
+    return f"no scan has arrived on {scan}{instead}{hint}"

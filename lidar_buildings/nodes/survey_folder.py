@@ -125,7 +125,7 @@ class SurveyFolder:
             folder.inputs = placed_inputs(Path(self._config.placed)) if self._config.placed else []
             if not folder.inputs:
                 where = f"{self._config.placed}/{PLACED_CLOUDS}" if self._config.placed else "no folder named"
-                problems.append(f"no classified clouds: the source's clouds are not here ({where})")
+                problems.append(f"no classified clouds: the source's clouds are not on this host ({where})")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last
 
         page = partial(write_report, share=share_models)

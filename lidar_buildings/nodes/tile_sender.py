@@ -215,7 +215,7 @@ class TileSender(StageNode):
         if not missing and self._ledger.is_counting and not self.count_publishers("tile_done"):
             missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
         if not missing and (missing := self._ledger.missing_replicas()):
-            what = f"{', '.join(missing)}: all share the tiles"
+            what = f"{', '.join(missing)} (all replicas share the tiles)"
         if missing:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
             return False
@@ -237,7 +237,7 @@ class TileSender(StageNode):
     def _send_again(self, flight: Flight) -> None:
         """Send a tile that is lost; one of which the nodes know other bounds as a new revision."""
         tile = replace(flight.tile, stamp=flight.tile.stamp + flight.is_adopted)
-        self.warn(f"tile {tile.stamp} is lost: sent again ({flight.n_resent})")
+        self.warn(f"tile {tile.stamp} is lost: sending it again ({flight.n_resent})")
         self._publish(tile)
 
     def _publish(self, tile: PointTile) -> None:

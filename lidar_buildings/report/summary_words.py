@@ -181,7 +181,7 @@ def _how_sure(result: Result) -> str:
     n_valid = sum(one.attributes.get("validity") == "[]" for one in result.buildings)
     if any(one.attributes.get("lod") for one in result.buildings):
         words.append(f"{n_valid:,} of {len(result.buildings):,} with valid solids")
-    return "; ".join(words) or "nothing to be measured"
+    return "; ".join(words) or "nothing to measure"
 
 
 def _how_long(run: Mapping[str, Any]) -> str:

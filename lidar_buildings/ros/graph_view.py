@@ -114,7 +114,7 @@ def _more(name: str, values: Mapping[str, float]) -> list[str]:
         lines.append(
             f"{name}: {values['scans']:,.0f} scans, {values['points']:,.0f} points kept, "
             f"{values['points_waiting']:,.0f} to be placed, {left_out:,.0f} left out; "
-            f"{values['tiles_waiting']:,.0f} tiles wait for room in the graph"
+            f"{values['tiles_waiting']:,.0f} tiles queued"
         )
     buildings = {
         key.removeprefix("buildings").strip("_"): n

@@ -125,8 +125,8 @@ class NodeSummary:
                 return level, text
         silence = values.get("silence", 0.0)
         if values.get("tiles_in_flight") and silence > _STALE:
-            return WARN, f"nothing was heard of the tiles in flight for {silence:.0f} s"
-        return OK, f"at work on tile {next(iter(self._in_hand))}" if self._in_hand else "idle"
+            return WARN, f"no news of the tiles in flight for {silence:.0f} s"
+        return OK, f"working on tile {next(iter(self._in_hand))}" if self._in_hand else "idle"
 
     def _count_once(self, name: str, stamp: int) -> None:
         """Count a tile, a part of which may have been counted."""

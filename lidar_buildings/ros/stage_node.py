@@ -129,7 +129,7 @@ class StageNode(Node):
             except Exception as error:
                 if not self.context.ok():
                     raise
-                text = f"{topic}: {_reason(error)}: the message is left out"
+                text = f"{topic}: {_reason(error)}: ignoring the message"
                 self.get_logger().error(text)
                 self.summary.warned(text)
 

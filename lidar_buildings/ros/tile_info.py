@@ -116,7 +116,7 @@ class TileInfos:
         del self._asked[stamp]
         if is_promised:
             self._node.get_logger().warning(
-                f"tile {stamp}: nobody publishes {TOPIC}: limits and spacing are measured from its points"
+                f"tile {stamp}: {TOPIC} has no publisher: limits and spacing are measured from its points"
             )
         return True
 

@@ -146,7 +146,9 @@ def test_an_unclear_choice_is_told_as_the_run_tells_it(command, tmp_path):
         bag.write(topic, SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
     bag.close()
     spoken = command("inspect", bag.path)
-    assert spoken.out[-1] == "  holds several topics of sensor_msgs/msg/PointCloud2: choose by --topic"
+    assert (
+        spoken.out[-1] == "  contains several topics of sensor_msgs/msg/PointCloud2: choose one with --topic"
+    )
     refused = command("run", bag.path, "--no-ros", "--output", tmp_path / "out")
     assert refused.status == 2
     assert [line.removeprefix("lidar-buildings: ") for line in refused.err[1:]] == spoken.out[1:-1]
@@ -216,5 +218,5 @@ def test_a_type_that_nobody_knows_does_not_hide_the_other_topics(tmp_path):
         changed.execute("UPDATE topics SET type = 'own_msgs/msg/Secret' WHERE name = '/odometry'")
         changed.execute("DELETE FROM message_definitions")
     topics = {one.name: one for one in summarise_bag(file).topics}
-    assert topics["/odometry"].problem.startswith("its type own_msgs/msg/Secret is not known")
+    assert topics["/odometry"].problem.startswith("its type own_msgs/msg/Secret is unknown")
     assert topics["/points"].frame == "lidar"

@@ -71,8 +71,7 @@ def test_tiles_of_the_source_and_buildings_stand_beneath_in_the_order_of_the_cha
     assert view.lines(0.0)[-3:] == [
         "tile_player: 5 tiles done, 2 in flight, 1 given up; the last took 3.1 s",
         "model_builder: buildings: 3 no_solid, 1,200 ok",
-        "scan_assembler: 7 scans, 5,000 points kept, 20 to be placed, 3 left out; "
-        "4 tiles wait for room in the graph",
+        "scan_assembler: 7 scans, 5,000 points kept, 20 to be placed, 3 left out; 4 tiles queued",
     ]
     assert cells(view, 0.0, "tile_player")[5] == "-"
 

@@ -45,7 +45,7 @@ def test_a_tile_that_comes_in_parts_is_one_and_its_seconds_add_up(summary, clock
 def test_what_is_worked_on_is_said(summary):
     summary.taken(TILE)
     state = summary.state()
-    assert (state.message, state.values["tiles_in_hand"]) == (f"at work on tile {TILE}", 1)
+    assert (state.message, state.values["tiles_in_hand"]) == (f"working on tile {TILE}", 1)
 
 
 def test_a_warning_and_a_failed_tile_count_for_a_minute_the_worse_first(summary, clock):
@@ -65,7 +65,7 @@ def test_silence_matters_only_while_something_is_in_flight(summary):
     summary.watch(lambda: gauges)
     assert summary.state().level == OK
     gauges["tiles_in_flight"] = 2
-    assert summary.state()[:2] == (WARN, "nothing was heard of the tiles in flight for 45 s")
+    assert summary.state()[:2] == (WARN, "no news of the tiles in flight for 45 s")
 
 
 def test_many_tiles_take_no_more_memory(summary):
@@ -90,7 +90,7 @@ def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_ca
     worker.destroy_node()
     begun, tile, broken = heard[:3]
     assert [one.name for one in (begun, tile, broken)] == ["worker: summary", "worker", "worker: summary"]
-    assert begun.message == f"at work on tile {TILE}"
+    assert begun.message == f"working on tile {TILE}"
     assert (broken.level, broken.message) == (DiagnosticStatus.ERROR, "a.bag: cannot be written")
     values = {pair.key: pair.value for pair in broken.values}
     assert (values["points_in"], values["buildings_ok"], values["buildings_no_solid"]) == ("7", "2", "1")

@@ -27,7 +27,7 @@ from lidar_buildings.io.tiling.live_survey import LiveSurvey
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Why points, and messages with poses, are left out: more wait than there is room for.
-TOO_FAST = "came faster than they could be placed"
+TOO_FAST = "arrived faster than they could be placed"
 POSES_TOO_FAST = f"poses {TOO_FAST}"
 #: Points, and messages, that may wait (about 0.5 GB each).
 _MOST_POINTS, _MOST_MESSAGES = 10_000_000, 50_000

@@ -61,8 +61,8 @@ class Recorded(NamedTuple):
         if not self.target or not any((x, y, z, yaw)):
             return ""
         return (
-            f"{here}, and not the {frame} of the poses: that lies in it at {where}; name the frame of the "
-            "poses otherwise, or publish map_origin if its axes are those of a grid"
+            f"{here}, not the {frame} of the poses, which lies in it at {where}; rename the frame of the "
+            "poses, or publish map_origin if its axes are those of a grid"
         )
 
     def placed(self, scan: PlacedScan) -> PlacedScan:

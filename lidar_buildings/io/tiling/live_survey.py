@@ -34,7 +34,7 @@ _N_SEEN = 2**22
 #: Odd numbers that spread the columns, rows and layers of voxels over 64 bits (Steele, Lea, Flood, 2014).
 _SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 #: Why points are left out.
-CROWDED = f"a tile has many points: one per {VOXEL} m is enough"
+CROWDED = f"a tile has many points: keeping one per {VOXEL} m"
 TOO_MANY = "a tile has more than max_tile_points"
 
 

@@ -231,12 +231,16 @@ class SatelliteFixes:
             return None
         place = place_by_fixes(pairs)
         n_other = self.n_came - len(self._paired) - len(self._waiting)
-        other = f"; {n_other:,} more are none, or have no pose" if n_other and place.said else ""
+        other = f"; {n_other:,} more are invalid, or have no pose" if n_other and place.said else ""
         return place._replace(said=place.said + other, warnings=(*self._of_clock(), *place.warnings))
 
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
-        lag = f": their times are {np.median(self._lags):+.1f} s off those of the poses" if self._lags else ""
+        lag = (
+            f": their times differ from those of the poses by {np.median(self._lags):+.1f} s"
+            if self._lags
+            else ""
+        )
         said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map is unplaced"
         return MapPlace(warnings=(said,) if self.n_usable else ())
 

@@ -128,7 +128,7 @@ def _necks(outline: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
         if len(large) > 1:
             told = ", ".join(f"{area:,.0f} m²" for area in large[:4])
             yield Finding(
-                f"A neck narrower than {width:.1f} m joins parts of {told}: maybe several buildings; "
+                f"A neck narrower than {width:.1f} m joins parts of {told}: possibly several buildings; "
                 f"necks are cut below {limits.value('segmentation.min_neck'):.2f} m.",
                 _JOINED,
             )
@@ -175,7 +175,7 @@ def roof_findings(
         slope, azimuth = math.degrees(math.acos(min(z, 1.0))), math.degrees(math.atan2(x, y)) % 360.0
         yield Finding(
             f"  plane {number}: {one.n_points:,} points, {one.n_points * spacing**2 / max(z, 0.1):.1f} m², "
-            f"slope {slope:.0f}°, looks to {round(azimuth) % 360}°, rms {one.rms:.3f} m"
+            f"slope {slope:.0f}°, faces {round(azimuth) % 360}°, rms {one.rms:.3f} m"
         )
     bent = [f"{number}" for number, one in by_size if one.rms > _BENT]
     if bent:
@@ -240,8 +240,8 @@ def _patches(
         yield _patch_finding(patch, where, roof.plane_id[patch.rows], limits)
     if patches:
         yield Finding(
-            "  The model leaves out what is smaller than building_model.min_face_area, or explains less than "
-            "its corners cost."
+            "  The model omits parts smaller than building_model.min_face_area, and those that explain less "
+            "than their corners cost."
         )
 
 
@@ -299,12 +299,12 @@ def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
     yield Finding(f"Lines: {', '.join(told)}")
     if lengths["step"] >= _LONG_STEP:
         yield Finding(
-            f"Steps of {lengths['step']:.1f} m part the roof: maybe buildings that touch, or planes that "
+            f"Steps of {lengths['step']:.1f} m divide the roof: possibly touching buildings, or planes that "
             "should meet.",
             _STEPS,
         )
     elif numbers["ridge"] >= _RIDGES:
         yield Finding(
-            f"{numbers['ridge']} ridges: maybe several houses; touching houses of one height are separated "
-            "by --footprints only."
+            f"{numbers['ridge']} ridges: possibly several houses; touching houses of one height "
+            "are separated by --footprints only."
         )

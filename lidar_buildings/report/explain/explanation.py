@@ -71,7 +71,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
             sections["Roof"] = [
                 Finding(
                     f"Closed behind its walls: {is_top.sum():,} points of the tops of bare walls and "
-                    f"{len(roof.points):,} of its roof, which was not seen whole: one height, no planes."
+                    f"{len(roof.points):,} of its roof, which is only partly visible: one height, no planes."
                 )
             ]
         elif len(roof.points) and not _ended_before(result, "plane_fitting"):
@@ -81,7 +81,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
             if result.has(GPKG):
                 sections["Roof"] += line_findings(result.folder / GPKG, building.name, frame.horizontal_unit)
         sections["Not of it"] = list(rejected_beside(site, building.building_id, building.shape, limits)) or [
-            Finding("Nothing high within the outline or round it was rejected.")
+            Finding("Nothing high was rejected within or around the outline.")
         ]
     head = [*_head(building, spacing), *filter(None, [early_end(result.run)])]
     return _text(head, sections, limits)

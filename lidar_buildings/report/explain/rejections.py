@@ -54,7 +54,7 @@ def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: L
         if chosen.sum() >= least:
             parameters = _SELECTION if place == "within the outline" else (*_SELECTION, "segmentation.window")
             yield Finding(
-                f"High points {place} that are not of the building: {site.select(chosen).per_class()}.",
+                f"High points {place} outside the building: {site.select(chosen).per_class()}.",
                 parameters,
             )
 
@@ -122,7 +122,9 @@ def _rejected_surfaces(
         named = [Rejection(int(np.bincount(reasons[is_own]).argmax()))]
         if named[0] in _NARROW and part.area < limits.value("roof_selection.min_building_area"):
             named.append(Rejection.SMALL)
-        words = [_WORDS.get(one, ("taken for roof now: the run had other points", None)) for one in named]
+        words = [
+            _WORDS.get(one, ("classified as roof now: the run used other points", None)) for one in named
+        ]
         yield Finding(
             f"High but no roof: {len(own.points):,} points on {part.area:.1f} m², "
             f"{np.median(own.height):.1f} m above the ground: {own.per_class()}: "

@@ -23,7 +23,9 @@ SIZE = (1600, 1000)
 _OVERSAMPLING = 2
 #: Of points and lines [pixels].
 _POINT_SIZE, _LINE_WIDTH = 2.0, 1.5
-_LIBRARIES = "install what Open3D draws with (Debian: libegl1 libgl1 libgl1-mesa-dri libgomp1 libusb-1.0-0)"
+_LIBRARIES = (
+    "install the libraries that Open3D needs (Debian: libegl1 libgl1 libgl1-mesa-dri libgomp1 libusb-1.0-0)"
+)
 #: Where the eye is → its direction clockwise from north, and above the horizon [deg].
 _EYES = {side: (45.0 * k, 35.0) for k, side in enumerate(SIDES)} | {ABOVE: (180.0, 89.9)}
 #: Height of the cone of view, and the share of it that is filled.

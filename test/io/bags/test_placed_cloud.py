@@ -142,7 +142,7 @@ def test_where_the_choice_is_not_clear_all_topics_are_listed(tmp_path):
         bag.write(topic, SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
     bag.close()
     with pytest.raises(
-        InputError, match=r"choose by --topic; its topics:\n  /left: .*1 message, frame map.*\n  /right"
+        InputError, match=r"choose one with --topic; its topics:\n  /left: .*1 message, frame map.*\n  /right"
     ):
         placed(tmp_path, bag.path)
     assert placed(tmp_path, bag.path, choice=BagConfig("right"))[1].n_points == 1
@@ -259,8 +259,8 @@ def test_degrees_are_refused(tmp_path):
     [
         ("EPSG:999999", 0.0, "not a known reference system"),
         ("EPSG:4326", 0.0, "degrees"),
-        ("", np.nan, "no place"),
-        ("", 1e30, "no place"),
+        ("", np.nan, "not a place"),
+        ("", 1e30, "not a place"),
     ],
 )
 def test_an_origin_that_is_none_is_refused(tmp_path, crs, x, what):

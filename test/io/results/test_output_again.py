@@ -117,7 +117,7 @@ def test_an_input_that_changed_is_not_mixed_with_old_results(tmp_path, survey):
     source, _ = survey
     output = OutputFolder(tmp_path / "out", source.inputs, source.frame)
     cloud_files.saved(cloud_files.random_cloud(30), tmp_path / "0.las")
-    assert "has changed" in output.finalise().problems[0]
+    assert "changed during" in output.finalise().problems[0]
 
 
 HOLD = """

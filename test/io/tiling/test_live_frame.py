@@ -153,7 +153,7 @@ def test_where_tf_alone_tells_the_poses_the_antenna_is_on_the_base_link():
     fixes.take(fix(T0, 0.0, 0.0, 0.0, status=-1), placer)
     fixes.pair(placer)
     assert off(fixes.place()) < 0.01
-    assert fixes.place().said.endswith("1 more are none, or have no pose")
+    assert fixes.place().said.endswith("1 more are invalid, or have no pose")
 
 
 def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp_path):
