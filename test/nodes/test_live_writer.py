@@ -98,8 +98,8 @@ def test_classified_clouds_are_made_of_what_the_source_has_written(live, tmp_pat
     call(other, "save")
     (problem,) = told(tmp_path)["problems"]
     assert (
-        problem
-        == f"no classified clouds: the source's clouds are not on this host ({tmp_path / 'placed'}/points_*.laz)"
+        problem == f"no classified clouds: the source's clouds are not on this host "
+        f"({tmp_path / 'placed'}/points_*.laz)"
     )
     assert told(tmp_path)["inputs"] == []
     assert not (tmp_path / "out" / "classified").exists()
