@@ -157,7 +157,7 @@ def _node_section(card: NodeCard) -> str:
     parts = [
         f"## {card.name}",
         card.summary,
-        _topic_table("Subscribed", [(one, one.listener_qos) for one in card.subscribes]),
+        _topic_table("Subscribed", [(one, subscribed_qos(card, one)) for one in card.subscribes]),
         _topic_table("Published", [(one, one.qos) for one in (*card.publishes, *OF_EVERY_NODE)]),
     ]
     if card.services:
@@ -165,6 +165,11 @@ def _node_section(card: NodeCard) -> str:
         parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
     parts += _parameter_tables(NODE_CONFIGS[card.name])
     return "\n\n".join(parts)
+
+
+def subscribed_qos(card: NodeCard, topic: Topic) -> str:
+    """Return the name of the profile with which a node subscribes; the recorder takes what was said before."""
+    return topic.qos if card.name == "recorder" else topic.listener_qos
 
 
 def _topic_table(title: str, topics: list[tuple[Topic, str]]) -> str:

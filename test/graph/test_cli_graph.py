@@ -138,6 +138,9 @@ def test_a_full_disk_gives_one_line_and_the_run_goes_on_when_there_is_room(
 ):
     out = tmp_path / "out"
     with monkeypatch.context() as full:
+        full.setattr(
+            "lidar_buildings.pipeline.building_pool.n_cores", lambda: 1
+        )  # processes have other disks
         cloud_files.fill_the_disk(full, name, 50)
         spoken = command("run", house, "--output", out)
     assert spoken.status == 2

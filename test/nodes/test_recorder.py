@@ -5,6 +5,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
@@ -106,6 +107,10 @@ def test_what_waits_when_the_recorder_ends_is_still_recorded(context, tmp_path):
     wait_until(publisher.get_subscription_count)
     for number in range(50):
         publisher.publish(String(data=str(number)))
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(recorder)
+    recorder.interrupted(executor.spin_once)
+    executor.shutdown()
     recorder.destroy_node()
     sender.destroy_node()
     assert [one.data for _, one in messages(tmp_path / "bag")[0]] == [str(number) for number in range(50)]

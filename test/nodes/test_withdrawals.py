@@ -100,7 +100,9 @@ class Taker(StageNode):
 def test_rings_of_a_revision_that_is_over_are_dropped_as_its_points_are(context, bench):
     node = Taker(context=context)
     other = bench(node, "outlines tile_info", "")
-    other.send("tile_info", info_message(roof(HOUSE), life="a"), info_message(life="a"))
+    other.send("tile_info", info_message(roof(HOUSE), life="a"))
+    wait_until(lambda: node._infos.is_known(STAMP, is_promised=True))
+    other.send("tile_info", info_message(life="a"))
     wait_until(lambda: node.drops(STAMP, "outlines"))
     for stamp in (STAMP, STAMP + 1):
         other.send("outlines", *rings(stamp, HOUSE))

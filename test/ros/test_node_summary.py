@@ -5,6 +5,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError
+from lidar_buildings.ros.diagnostics import TileReport
 from lidar_buildings.ros.node_summary import ERROR, OK, WARN, NodeSummary
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.stage_node import StageNode
@@ -25,8 +26,8 @@ def work(summary, stamp=TILE, n_points=10, seconds=0.5):
 def test_a_tile_that_comes_in_parts_is_one_and_its_seconds_add_up(summary, clock):
     work(summary)
     work(summary, n_points=0, seconds=0.25)
-    summary.handed_on(TILE, 4)
-    summary.handed_on(TILE, 0)
+    summary.passed_on(TILE, 4)
+    summary.passed_on(TILE, 0)
     clock.time += 3.0
     level, message, values = summary.state()
     assert (level, message) == (OK, "idle")
@@ -81,8 +82,8 @@ def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_ca
     heard = []
     listener.create_subscription(DiagnosticArray, "diagnostics", lambda m: heard.extend(m.status), EVENT)
     with running(listener):
-        with worker.reporting(TILE) as report:
-            report.n_points = 7
+        worker._diagnostics.begin_tile(TILE)
+        worker._diagnostics.end_tile(TileReport(TILE, n_points=7), "", 0.1)
         worker.summary.count_buildings(["ok", "no_solid", "ok"])
         worker.fail(OutputError("a.bag: cannot be written"))
         assert worker.outcome.exception() is not None

@@ -49,7 +49,12 @@ def make(context):
 
     def make_node(configs, **overrides):
         values = [Parameter(name.replace("__", "."), value=value) for name, value in overrides.items()]
-        node = Node("tester", context=context, parameter_overrides=values)
+        node = Node(
+            "tester",
+            context=context,
+            parameter_overrides=values,
+            automatically_declare_parameters_from_overrides=True,
+        )
         nodes.append(node)
         return node, NodeParameters(node, configs)
 
