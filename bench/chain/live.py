@@ -79,8 +79,8 @@ def measure(options: argparse.Namespace) -> dict[str, Any]:
         output = Path(folder) / "out"
         words = ["--replay", options.bag, "--rate", options.rate] if options.bag else ["--reliable"]
         settings = list(options.set)
-        if scanner is not None:  # an own line of the scanner says what its reader needs
-            settings += re.findall(r"--set (\S+)", _line_with(scanner, "a reader needs"))
+        if scanner is not None:  # an own line of the scanner says which parameters its reader needs
+            settings += re.findall(r"--set (\S+)", _line_with(scanner, "parameters for the reader"))
         elif not options.repeat:
             words += ["--duration", str(options.seconds * float(options.rate))]
         words += [word for one in settings for word in ("--set", one)]
