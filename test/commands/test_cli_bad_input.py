@@ -119,7 +119,7 @@ SET = {
     "no equals sign": ("roof_selection.min_height", "must be STAGE.NAME=VALUE"),
     "no YAML": ("roof_selection.min_height={", "is not a value"),
     "node with several stages": ("model_builder.min_height=2", "must begin with one of building_model., "),
-    "another node's output": ("model_writer.output=there", "--output of the command line"),
+    "another node's output": ("model_writer.output=there", "is set by --output"),
     "no credit": ("tile_player.max_tiles_in_flight=0", "max_tiles_in_flight = 0: "),
 }
 

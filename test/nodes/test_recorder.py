@@ -125,7 +125,7 @@ def test_a_full_disk_ends_the_bag_and_says_what_is_missing(record, tmp_path, mon
         points.publish(to_message(PointTile(np.ones((100_000, 3)), stamp=second * 1_000_000_000)))
     recording = recorder.recording
     wait_until(lambda: recording.n_messages + recording.lost["/points"] == 4)
-    assert recording.failure.startswith(f"{tmp_path / 'bag'}: cannot be written any more (No space left")
+    assert recording.failure.startswith(f"{tmp_path / 'bag'}: can no longer be written (No space left")
     assert recording.lost["/points"] >= 1
     assert recorder.summary.state()[:2] == (2, recording.failure)
     assert not recorder.outcome.done()

@@ -59,7 +59,7 @@ def test_a_lost_dormer_is_found_with_its_place_and_the_limit_that_it_missed(caps
 def test_planes_are_told_with_points_slope_and_direction(capsys, result):
     text = explained(capsys, result, 5)
     (south, north) = sorted(line for line in text.splitlines() if line.strip().startswith("plane "))[:2]
-    assert "slope 37°, looks to 180°" in south
+    assert "slope 37°, faces 180°" in south
     assert "slope 37°, looks to 0°" in north
 
 

@@ -289,7 +289,7 @@ def inputs(tmp_path_factory):
         ("ground map.gpkg cloud.laz", "map.gpkg: is not a LAS or LAZ file"),
         ("outlines cloud.laz map.gpkg", "cloud.laz: cannot be read as a file"),
         ("outlines notes.txt map.gpkg", "notes.txt: cannot be read as a file of polygons"),
-        ("outlines empty map.gpkg", "holds no buildings.gpkg or outlines.fgb"),
+        ("outlines empty map.gpkg", "contains no buildings.gpkg or outlines.fgb"),
         ("ground empty cloud.laz", "contains no .las or .laz"),
         ("outlines points.gpkg map.gpkg", "has no layer of polygons"),
         ("outlines map.gpkg endless.gpkg", "is not a finite number"),
