@@ -24,7 +24,7 @@ def test_whatever_comes_only_the_documented_errors_are_raised(name, seed):
 
 
 def test_a_damaged_bag_with_a_topic_of_no_type_is_refused():
-    with pytest.raises(LidarBuildingsError, match="holds no sensor_msgs/msg/PointCloud2; its topics:"):
+    with pytest.raises(LidarBuildingsError, match="contains no sensor_msgs/msg/PointCloud2; its topics:"):
         TARGETS["bags"][0](np.random.default_rng((5_000_000, 794)))
 
 

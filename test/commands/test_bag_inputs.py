@@ -117,7 +117,7 @@ def test_options_of_bags_without_a_bag_are_refused(command, tmp_path):
 @pytest.mark.parametrize("option", ["--topic", "--odometry"])
 def test_a_second_topic_of_a_kind_is_refused(command, tmp_path, option):
     given = ("run", tmp_path, option, "/front", option, "/rear", "--output", tmp_path / "out")
-    assert "/rear: /front is given already" in command.refused(*given)
+    assert "/rear: /front was already given" in command.refused(*given)
 
 
 def test_a_bag_whose_scans_cannot_be_placed_gives_one_line(command, tmp_path):

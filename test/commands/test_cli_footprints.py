@@ -130,7 +130,7 @@ def test_footprints_that_cannot_be_used_are_refused_before_anything_is_written(h
         (column, "has no column 'nr': there is name"),
         (layer, "has no layer 'trees': there are given"),
         (["--footprint-id", "nr"], "needs --footprints FILE"),
-        (["--set", "footprints.file=a.gpkg"], "follows from --footprints"),
+        (["--set", "footprints.file=a.gpkg"], "is set by --footprints"),
     ):
         assert words in command.refused("run", cloud, "--output", out, *options)
     spoken = command("run", cloud, "--output", out, "--footprints", far)

@@ -21,11 +21,11 @@ def test_topics_with_clouds_are_named_where_no_scan_has_come():
     for graph in ("/uav", "/of_another"):
         topics |= {f"{graph}/points": CLOUD, f"{graph}/node_state": ["std_msgs/msg/String"]}
     none = {"scans": 0, "points": 0}
-    wanted = "no scan has come on /uav/scan; clouds are published on /os/points: --scan TOPIC"
+    wanted = "no scan has arrived on /uav/scan; clouds are published on /os/points: --scan TOPIC"
     assert _come(source(none, topics)) == wanted
-    assert _come(source(none, {"/uav/scan": CLOUD})) == "no scan has come on /uav/scan"
+    assert _come(source(none, {"/uav/scan": CLOUD})) == "no scan has arrived on /uav/scan"
     lasers = {"/uav/scan": [*CLOUD, "sensor_msgs/msg/LaserScan"]}
-    wanted = "no scan has come on /uav/scan, which is published as sensor_msgs/msg/LaserScan"
+    wanted = "no scan has arrived on /uav/scan, which is published as sensor_msgs/msg/LaserScan"
     assert _come(source(none, lasers)) == wanted
     assert _come(source({"scans": 2, "points": 3000}, topics)) == "2 scans, 3,000 points"
 

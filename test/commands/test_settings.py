@@ -86,7 +86,7 @@ def test_two_nodes_with_one_stage_must_agree_in_a_file(settings):
         "building_tracer: {{ros__parameters: {{edge_labelling.rim_radius: {}}}}}"
     )
     assert settings(text.format(1.5, 1.5)) == {"edge_labelling": {"rim_radius": 1.5}}
-    with pytest.raises(ParameterError, match=r"edge_labelling\.rim_radius is both 1\.5 and 1\.3"):
+    with pytest.raises(ParameterError, match=r"two nodes set edge_labelling\.rim_radius, to 1\.5 and 1\.3"):
         settings(text.format(1.5, 1.3))
 
 

@@ -41,9 +41,9 @@ def test_a_running_graph_has_a_line_for_each_node(command, graph, only):
 
 
 def test_without_any_graph_that_is_said(command):
-    assert "no graph of lidar_buildings was heard within 0.2 s: " in command.refused("top", "--wait", "0.2")
+    assert "no lidar_buildings graph was found within 0.2 s: " in command.refused("top", "--wait", "0.2")
 
 
 def test_of_another_namespace_nothing_is_shown(command, graph):
     line = command.refused("top", "--namespace", "elsewhere", "--wait", "1")
-    assert "was heard in namespace elsewhere within 1 s" in line
+    assert "was found in namespace elsewhere within 1 s" in line

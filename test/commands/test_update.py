@@ -143,7 +143,7 @@ def test_tiles_that_failed_are_done_again_and_the_others_are_not(command, survey
     monkeypatch.setattr(run_local, "do_tile", failing)
     spoken = command(*arguments)
     assert spoken.status == 3
-    assert spoken.err[-1].endswith("the same command with --retry-failed tries again")
+    assert spoken.err[-1].endswith("repeat the command with --retry-failed")
     failed = {seen[1], seen[4]}
     seen.clear()
     monkeypatch.setattr(

@@ -186,7 +186,7 @@ def test_a_tile_that_fails_each_time_gives_status_3_and_the_rest_is_complete(
     reason = f"{module.__name__.rsplit('.', 1)[-1]}: ZeroDivisionError: made to fail"
     assert failed["reason"] == reason
     assert spoken.err[0] == f"lidar-buildings: tile {failed['tile']} failed ({reason}): the rest is complete"
-    assert " points kept the class from before: " in spoken.err[1]
+    assert " points kept their previous class: " in spoken.err[1]
     assert len(spoken.err) == 2
     assert files_in(out) == FILES
     assert_rest_is_complete(house, out, result, told["n_unclassified"])
@@ -248,5 +248,5 @@ def test_a_feed_of_which_nothing_could_be_placed_ends_when_it_is_interrupted(tmp
     said = running.communicate(timeout=120)[1]
     assert running.returncode == 2
     assert said.splitlines()[-1].endswith(
-        "no scan has come on /still/scan; nothing to write: no point was placed"
+        "no scan has arrived on /still/scan; nothing to write: no point was placed"
     )

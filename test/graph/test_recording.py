@@ -46,7 +46,7 @@ def test_a_full_disk_under_the_bag_leaves_the_run_alone(command, survey, tmp_pat
     spoken = command(*run, "--until", "ground_filter")
     assert spoken.status == 2
     assert spoken.err[0].startswith(
-        f"lidar-buildings: {tmp_path / 'bag'}: cannot be written any more (No space"
+        f"lidar-buildings: {tmp_path / 'bag'}: can no longer be written (No space"
     )
     assert " of /points" in spoken.err[0]
     assert (tmp_path / "out" / "run.json").exists()

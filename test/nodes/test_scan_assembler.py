@@ -96,7 +96,7 @@ def test_that_no_scan_has_come_is_told_once(start, monkeypatch):
     end = start()
     wait_until(lambda: said)
     end.send_scans(scan(0))
-    assert said == ["so far no scan has come on /scan"]
+    assert said == ["so far no scan has arrived on /scan"]
 
 
 def test_of_scans_of_a_bag_that_is_played_to_it_no_such_thing_is_told(start, monkeypatch):

@@ -60,7 +60,7 @@ def test_planes_are_told_with_points_slope_and_direction(capsys, result):
     text = explained(capsys, result, 5)
     (south, north) = sorted(line for line in text.splitlines() if line.strip().startswith("plane "))[:2]
     assert "slope 37°, faces 180°" in south
-    assert "slope 37°, looks to 0°" in north
+    assert "slope 37°, faces 0°" in north
 
 
 def test_a_run_told_to_end_early_rejected_nothing_and_lacks_no_planes(capsys, result, tmp_path):

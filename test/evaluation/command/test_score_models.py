@@ -113,7 +113,7 @@ def test_a_sequence_ends_its_lines_with_line_feeds_alone(tmp_path):
 
 
 def test_what_is_no_city_model_is_refused(survey, tmp_path):
-    with pytest.raises(InputError, match="holds no"):
+    with pytest.raises(InputError, match="contains no"):
         run_score("models", tmp_path, survey)
     (tmp_path / "bad.city.jsonl").write_text('{"type": "Feature"}\n')
     with pytest.raises(InputError, match="cannot be read as CityJSON"):
