@@ -169,8 +169,8 @@ def test_a_tile_that_fails_gives_status_3_and_the_rest_is_complete(
     assert failed["reason"] == reason
     assert spoken.err == [
         f"lidar-buildings: tile {failed['tile']} failed ({reason}): the rest is complete",
-        f"lidar-buildings: {told['n_unclassified']:,} points kept the class from before: "
-        "the same command with --retry-failed tries again",
+        f"lidar-buildings: {told['n_unclassified']:,} points kept their previous class: "
+        "repeat the command with --retry-failed",
     ]
     assert told["n_tiles"] == whole["n_tiles"] - 1
     assert spoken.progress[-1].startswith(f"{told['n_tiles']} of ")

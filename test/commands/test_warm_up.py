@@ -46,8 +46,8 @@ def test_a_wrong_path_or_folder_is_told_of_before_anything_is_compiled(folder, t
     (tmp_path / "used" / "notes.txt").touch()
     for given, output, words in (
         ("nowhere.laz", "result", "nowhere.laz: no such file"),
-        (tmp_path, "result", "holds no"),
-        (tmp_path / "used", "used", "holds no"),
+        (tmp_path, "result", "contains no"),
+        (tmp_path / "used", "used", "contains no"),
     ):
         assert main(["run", str(given), "--output", str(tmp_path / output)]) == 2
         assert words in capsys.readouterr().err
