@@ -168,7 +168,7 @@ def _node_section(card: NodeCard) -> str:
 
 
 def subscribed_qos(card: NodeCard, topic: Topic) -> str:
-    """Return the profile with which a node subscribes; the recorder takes what was said before it came, too."""
+    """Return the profile with which a node subscribes; the recorder takes earlier messages, too."""
     return topic.qos if card.name == "recorder" else topic.listener_qos
 
 
