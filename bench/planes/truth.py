@@ -49,7 +49,8 @@ def _labelled_roof(path: Path) -> KnownRoof:
 
 def shapes() -> dict[str, Building]:
     """Return every roof shape of the simulation with its defaults, by name."""
-    return {name: shape() for name, shape in functions_of(roof_shapes).items()}
+    found = functions_of(roof_shapes).items()
+    return {name: shape() for name, shape in found if shape.__annotations__["return"] == "Building"}
 
 
 def virtual_roof(name: str, building: Building, density: float, noise: float, seed: int) -> KnownRoof:

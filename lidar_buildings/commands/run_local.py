@@ -107,7 +107,7 @@ def _source(request: RunRequest, skip: set[int], pool: BuildingPool | TileCluste
     """Open the inputs, with those of before where a survey is brought up to date."""
     shared: dict[str, Any] = {"keep": True}
     if not isinstance(pool, BuildingPool):
-        shared = {"temporary": folder_of_points(request.output), "submit": pool.later.submit}
+        shared = {"temporary": folder_of_points(request.output), "submit": pool.submit}
     inputs, known = list(request.inputs), None
     if request.use is Use.UPDATE:
         now = {file.resolve() for file in search_inputs(inputs)[0]}

@@ -173,7 +173,6 @@ class _Worker:
 
     def call(self, function: Callable[..., _Result], arguments: Sequence[object]) -> _Result:
         """Call a function; BrokenProcessPool if the process ends."""
-        assert self._executor is not None
         self._is_busy[0] = 1
         sent = _packed((function, arguments))
         try:
@@ -187,8 +186,6 @@ class _Worker:
 
     def end(self) -> None:
         """End the process at once."""
-        assert self._executor is not None
-        assert self._pid is not None
         with suppress(BrokenProcessPool, ProcessLookupError):
             os.kill(self._pid.result(), signal.SIGKILL)
         self._executor.shutdown()

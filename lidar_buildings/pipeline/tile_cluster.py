@@ -54,10 +54,7 @@ class TileCluster:
             if self._local is not None:
                 self._local.close()
             raise
-        # tiles come before what else was submitted: they free what waits
-        self._tiles: Executor = self._client.get_executor(pure=False, priority=1)
-        #: Takes what may come later than tiles, as reading that lets them become ready.
-        self.later: Executor = self._client.get_executor(pure=False)
+        self._executor: Executor = self._client.get_executor(pure=False)
         self.dashboard: str = self._client.dashboard_link
 
     def __enter__(self) -> TileCluster:
@@ -83,7 +80,7 @@ class TileCluster:
 
         The function stands at the top of a module; it may be called more than once, and at the same time.
         """
-        return self._tiles.submit(function, *arguments)
+        return self._executor.submit(function, *arguments)
 
     def map(self, function: Callable[[_Job], _Result], jobs: Iterable[_Job]) -> Iterator[_Result]:
         """Call a function for each of some jobs on the workers, and yield the results in their order."""

@@ -19,14 +19,11 @@ def graph(context):
     """Two nodes of a graph that run in this process; the second has failed on a tile."""
     from support.node_bench import running
 
-    from lidar_buildings.ros.diagnostics import TileReport
     from lidar_buildings.ros.stage_node import StageNode
 
     nodes = [StageNode(name, {}, context=context, namespace="site/north") for name in ("first", "second")]
     with running(*nodes):
-        nodes[1].call_soon(
-            lambda: nodes[1]._fail_tile(TileReport(10**9), ZeroDivisionError("made to fail"), 0.0)
-        )
+        nodes[1].summary.failed(f"tile {10**9}: ZeroDivisionError: made to fail")
         yield nodes
 
 

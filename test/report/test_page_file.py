@@ -13,8 +13,8 @@ from support.pages import Page
 from support.result_folders import written_models
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.neighbours import parallel
 from lidar_buildings.io.results import classified_files
+from lidar_buildings.pipeline import building_pool
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report.page_file import page_of, write_report
 from lidar_buildings.report.result_folder import read_result
@@ -166,7 +166,7 @@ def test_of_large_clouds_stretches_are_read(result, monkeypatch):
 def test_a_run_shows_the_points_that_are_read_from_its_files_later(result, monkeypatch, tmp_path):
     monkeypatch.setattr(classified_files, "MOST_READ", 1000)
     monkeypatch.setattr(classified_files, "_STRETCH", 100)
-    monkeypatch.setattr(parallel, "n_cores", lambda: 1)
+    monkeypatch.setattr(building_pool, "n_cores", lambda: 1)  # processes have other limits
     arguments = ["run", str(result.parent / "survey"), "--output", str(tmp_path / "out"), "--no-ros"]
     assert main(arguments) == 0
     of_run = Page.of(tmp_path / "out" / "report.html").data
