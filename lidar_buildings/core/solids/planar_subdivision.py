@@ -1,8 +1,8 @@
 """
 Planar subdivisions: the faces into which rings divide the plane, and the polygon that each face belongs to.
 
-Outlines of a block that share walls, pieces of a roof that do not match, and faces cut at a level are all
-divided here. Vertices lie on a grid, so that equal places are equal numbers.
+Outlines of a block that share walls are divided here. Vertices lie on a grid, so that equal places are equal
+numbers.
 """
 
 from __future__ import annotations
@@ -14,13 +14,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
-from lidar_buildings.core.solids.output_grid import polygons_of
+from lidar_buildings.core.model.array_types import IntArray
 
 #: Stands for what lies in no polygon.
 OUTSIDE = -1
 
-Rings = tuple[FloatArray, ...]
 #: Of pairs of a face and a polygon, and the faces' inner points: keys by which the least pair is preferred.
 Preference = Callable[[IntArray, IntArray, NDArray[np.object_]], Sequence[NDArray[Any]]]
 
@@ -48,11 +46,3 @@ def face_owners(
     owners = np.full(len(faces), OUTSIDE)
     owners[face[first]] = polygon[first]
     return owners
-
-
-def open_rings(geometry: shapely.Geometry) -> list[Rings]:
-    """Return the rings of all polygons of a geometry, the exterior first, without repeated ends."""
-    return [
-        tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
-        for polygon in polygons_of(geometry)
-    ]
