@@ -127,8 +127,8 @@ def test_footprints_that_cannot_be_used_are_refused_before_anything_is_written(h
     for options, words in (
         (["--footprints", tmp_path / "nowhere.gpkg"], "no such file"),
         (["--footprints", text], "cannot be read as a file of polygons"),
-        (column, "has no column 'nr': there is name"),
-        (layer, "has no layer 'trees': there are given"),
+        (column, "has no column 'nr': its columns are name"),
+        (layer, "has no layer 'trees': its layers are given"),
         (["--footprint-id", "nr"], "needs --footprints FILE"),
         (["--set", "footprints.file=a.gpkg"], "is set by --footprints"),
     ):
