@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 PACKAGED := build/package
 # The oldest versions have wheels for these two alone.
 OLDEST := build/oldest
-OLDEST_PYTHON ?= $(shell command -v python3.10 || command -v python3.11)
+OLDEST_PYTHON ?= $(shell for p in python3.10 python3.11; do $$p -c '' 2>/dev/null && echo $$p && break; done)
 
 .PHONY: help setup demo test oldest package lint compiled reference site bench clean
 

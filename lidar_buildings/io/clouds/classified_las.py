@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -70,7 +71,7 @@ def output_format(cloud: Cloud) -> OutputFormat:
     A dimension that the input has under one of the new names is written over if its type is the same, as
     `classification` is; otherwise it stays, under another name.
     """
-    header = cloud.header.copy()
+    header = copy.deepcopy(cloud.header)
     names, missing = _names(header.point_format)
     point_format = laspy.PointFormat(header.point_format.id)
     extra = list(header.point_format.extra_dimensions)

@@ -7,6 +7,7 @@ and laspy reads such files but writes none.
 
 from __future__ import annotations
 
+import copy
 import struct
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -275,7 +276,7 @@ class _Cells:
 
 def _header(cloud: Cloud) -> laspy.LasHeader:
     """Return the output's header without counts; its first record is the info, its second is lazrs's."""
-    header = cloud.header.copy()
+    header = copy.deepcopy(cloud.header)
     point_format = laspy.PointFormat(_FORMATS[header.point_format.id])
     point_format.dimensions.extend(header.point_format.extra_dimensions)
     header.set_version_and_point_format(laspy.header.Version(1, 4), point_format)

@@ -7,6 +7,7 @@ copy costs the least of the net and little of the disk.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -95,9 +96,9 @@ def _name(file: Path, *, is_part: bool) -> str:
 def _copy(file: Path, path: Path) -> None:
     with reported(file):
         source = open_binary(file)
-    with source, atomic_file(path) as temporary, open(temporary, "wb") as copy:
+    with source, atomic_file(path) as temporary, open(temporary, "wb") as target:
         while block := _read(file, source):
-            copy.write(block)
+            target.write(block)
 
 
 def _read(file: Path, source: BinaryIO) -> bytes:
@@ -115,7 +116,7 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
     """
     if cloud.header.point_format.id in _WITH_WAVEFORMS:
         raise InputError(f"{cloud.path}: has waveforms: crop it with another tool, or remove --bounds")
-    header = cloud.header.copy()
+    header = copy.deepcopy(cloud.header)
     header.set_version_and_point_format(written_version(header), header.point_format)
     header.partial_reset()
     header.vlrs[:] = [one for one in header.vlrs if one.user_id not in ("copc", "laszip encoded")]

@@ -6,6 +6,7 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 
 from __future__ import annotations
 
+import copy
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -62,7 +63,7 @@ def open_cloud(path: str | Path) -> Cloud:
             captured_panics(),
             laspy.open(open_binary(path), laz_backend=laspy.LazBackend.Lazrs, read_evlrs=False) as reader,
         ):
-            header = reader.header.copy()
+            header = copy.deepcopy(reader.header)
             first = reader.read_points(_PROBE)
         _check_scaling(path, header)
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
