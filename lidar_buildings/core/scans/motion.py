@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,29 +15,17 @@ from lidar_buildings.core.scans.trajectory import Poses
 _STEP = 5_000_000
 
 
-class PlacedPoints(NamedTuple):
-    """
-    What `place_points` finds: points (n, 3) [m], anything where no pose is known, and whether one is.
-
-    `last` is the time of the last pose that is known [ns] and its place [m]; None if none is.
-    """
-
-    points: NDArray[np.float64]
-    is_known: NDArray[np.bool_]
-    last: tuple[int, NDArray[np.float64]] | None
-
-
 def place_points(
     look_up: Callable[[NDArray[np.int64]], Poses],
     stamps: NDArray[np.int64],
     times: NDArray[np.int64],
     points: NDArray[np.float64],
-) -> PlacedPoints:
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """
     Place points (n, 3) in the moving frame [m], one at least, by the poses at their times (n,) [ns].
 
     Between `stamps` [ns] poses move steadily, and are known or not as a whole; `look_up` returns those at
-    some times.
+    some times. Return the points, anything where no pose is known, and whether one is.
     """
     moments = _moments(stamps, times)
     at, between = look_up(moments), look_up(moments[:-1] + np.diff(moments) // 2)
@@ -46,9 +33,7 @@ def place_points(
     _place(
         moments, at.translation, at.quaternion, at.is_known, between.is_known, times, points, found, is_known
     )
-    known = np.flatnonzero(at.is_known)[-1:]
-    last = (int(moments[known[0]]), at.translation[known[0]]) if len(known) else None
-    return PlacedPoints(found, is_known, last)
+    return found, is_known
 
 
 def _moments(stamps: NDArray[np.int64], times: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -246,17 +246,12 @@ class ScanPlacer:
         points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
         stamps = self.tree.stamps(scan.frame, target)
         look_up = partial(self.tree.poses, scan.frame, target)
-        last, sensor = np.iinfo(np.int64).min, None
         for begin in range(0, len(points), _BATCH):
             own = slice(begin, begin + _BATCH)
-            points[own], is_known[own], found = place_points(
-                look_up, stamps, scan.times[own], scan.points[own]
-            )
-            if found is not None and found[0] > last:
-                last, sensor = found
+            points[own], is_known[own] = place_points(look_up, stamps, scan.times[own], scan.points[own])
         self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
         columns = {name: values.compress(is_known) for name, values in scan.columns.items()}
-        return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns, sensor)
+        return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns)
 
     def _leave_out(self, reason: str, n_points: Any) -> None:
         if n_points:

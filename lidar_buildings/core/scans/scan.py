@@ -58,8 +58,6 @@ class PlacedScan(NamedTuple):
     points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
     times: NDArray[np.int64]  #: [ns], shape (n,)
     columns: dict[str, NDArray[Any]]  #: our column → values
-    #: Where the sensor was at the end of the scan, shape (3,); None if no pose is needed.
-    sensor: NDArray[np.float64] | None = None
 
 
 def read_scan(

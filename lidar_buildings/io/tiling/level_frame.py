@@ -80,8 +80,7 @@ class LevelFrame:
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan of the frame in the grid, less `place`."""
-        sensor = None if scan.sensor is None else self.in_grid(scan.sensor[None])[0]
-        return scan._replace(points=self.in_grid(scan.points), sensor=sensor)
+        return scan._replace(points=self.in_grid(scan.points))
 
 
 def grid_coordinates(places: Geodetic, crs: str) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,9 @@ from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
-from lidar_buildings.io.tiling.live_frame import FrameSearch
 from lidar_buildings.io.tiling.live_side import scale_of
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
+from lidar_buildings.io.tiling.map_place import FrameSearch
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 #: Why points, and messages with poses, are left out: more wait than there is room for.
@@ -31,57 +32,6 @@ TOO_FAST = "arrived faster than they could be placed"
 POSES_TOO_FAST = f"poses {TOO_FAST}"
 #: Points, and messages, that may wait (about 0.5 GB each).
 _MOST_POINTS, _MOST_MESSAGES = 10_000_000, 50_000
-
-Work = Callable[[], Any]
-
-
-class LiveInbox:
-    """
-    What is to be done with messages, in the order in which they came.
-
-    `left_out` leads from a reason to the points, or messages with poses, for which there was no room.
-    """
-
-    def __init__(self) -> None:
-        self.left_out: Counter[str] = Counter()
-        self._waiting: queue.Queue[tuple[Work, int]] = queue.Queue()
-        self._n_come = self._n_done = 0
-
-    @property
-    def n_points(self) -> int:
-        """Points that wait, those under work among them."""
-        return self._n_come - self._n_done
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing waits."""
-        return self._waiting.empty()
-
-    def fullness(self, n_points: int = 0) -> float:
-        """Return which share of the room is taken, with so many points more."""
-        return max((self.n_points + n_points) / _MOST_POINTS, self._waiting.qsize() / _MOST_MESSAGES)
-
-    def put(self, work: Work, n_points: int = 0) -> None:
-        """Let a message wait, if there is room for it."""
-        if self.fullness(n_points) > 1.0:
-            self.left_out[TOO_FAST if n_points else POSES_TOO_FAST] += n_points or 1
-            return
-        self._n_come += n_points
-        self._waiting.put((work, n_points))
-
-    def put_order(self, work: Work) -> None:
-        """Let something wait that must not be left out."""
-        self._waiting.put((work, 0))
-
-    def work_on_next(self, do: Callable[[Work], None], timeout: float) -> None:
-        """Do what waits for the longest time, if anything comes in so many seconds."""
-        try:
-            work, n_points = self._waiting.get(timeout=timeout)
-        except queue.Empty:
-            return
-        do(work)
-        self._n_done += n_points
-
 
 #: Period of looking for tiles that were left [s].
 _TICK = 0.1
@@ -107,7 +57,11 @@ class LiveFeed:
         self.error: Exception | None = None
         self.problems: Counter[str] = Counter()
         self.n_flushed, self.obstacle = 0, ""
-        self._tiling, self._scans, self._inbox = tiling, scans, LiveInbox()
+        self._tiling, self._scans = tiling, scans
+        #: What is to be done with messages, in the order in which they came, and their points.
+        self._inbox: queue.Queue[tuple[Callable[[], Any], int]] = queue.Queue()
+        self._too_fast: Counter[str] = Counter()
+        self._n_come = self._n_taken = 0
         self.folder = Path(tiling.spool) if tiling.spool else make_temporary_folder()
         self.recorded = recorded_of(self.folder, tiling)
         self._search = FrameSearch(frame)
@@ -162,17 +116,17 @@ class LiveFeed:
     @property
     def n_left(self) -> int:
         """Number of tiles, roughly, with points that were not taken, also of points that wait; 0 if none."""
-        n_early = bool(self._early or self._inbox.n_points or self._placer.n_waiting)
+        n_early = bool(self._early or self._n_come > self._n_taken or self._placer.n_waiting)
         return n_early + (0 if self._survey is None else self._survey.n_left) + (self._made is not None)
 
     def counts(self) -> dict[str, int]:
         """Return what has come, what waits, and what was left out for which reason."""
         survey = self._survey
-        left_out = self._inbox.left_out + self._placer.left_out + (survey.left_out if survey else Counter())
+        left_out = self._too_fast + self._placer.left_out + (survey.left_out if survey else Counter())
         return {
             "scans": self._placer.n_scans,
             "points": survey.n_points if survey else 0,
-            "points_waiting": self._inbox.n_points + self._placer.n_waiting,
+            "points_waiting": self._n_come - self._n_taken + self._placer.n_waiting,
             "tiles_waiting": survey.n_waiting if survey else 0,
             "clouds_waiting": self._n_clouds_left,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
@@ -182,35 +136,35 @@ class LiveFeed:
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
         n_points = int(message.width) * int(message.height)
-        self._inbox.put(lambda: self._placer.add_scan(message), n_points)
+        self._put(lambda: self._placer.add_scan(message), TOO_FAST, n_points)
 
     def add_odometry(self, message: Any) -> None:
         """Take a nav_msgs/Odometry."""
-        self._inbox.put(lambda: self._placer.add_odometry(message))
+        self._put(lambda: self._placer.add_odometry(message), POSES_TOO_FAST)
 
     def add_transforms(self, message: Any, *, is_static: bool) -> None:
         """Take a tf2_msgs/TFMessage."""
-        self._inbox.put(lambda: self._placer.add_transforms(message, is_static=is_static))
+        self._put(lambda: self._placer.add_transforms(message, is_static=is_static), POSES_TOO_FAST)
 
     def add_fix(self, message: Any) -> None:
         """Take a sensor_msgs/NavSatFix."""
-        self._inbox.put(lambda: self._search.take_fix(message, self._placer))
+        self._put(lambda: self._search.take_fix(message, self._placer), POSES_TOO_FAST)
 
     def add_frame(self, frame: MapFrame) -> None:
         """Take what others say of where the map lies; too late once points are kept."""
-        self._inbox.put_order(lambda: self._search.take_frame(frame))
+        self._put(lambda: self._search.take_frame(frame))
 
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """Note that a tile is done, or was given up."""
-        self._inbox.put_order(lambda: self._survey and self._survey.finish(stamp, is_done=is_done))
+        self._put(lambda: self._survey and self._survey.finish(stamp, is_done=is_done))
 
     def flush(self) -> None:
         """Have all tiles made that have new points; `n_flushed` tells when they are done."""
-        self._inbox.put_order(self._flush)
+        self._put(self._flush)
 
     def reset(self) -> None:
         """Forget all points and tiles."""
-        self._inbox.put_order(self._reset)
+        self._put(self._reset)
 
     def take(self) -> PointTile | None:
         """
@@ -232,17 +186,32 @@ class LiveFeed:
     @property
     def fullness(self) -> float:
         """Share of the room that is taken by what waits to be placed."""
-        return self._inbox.fullness()
+        return self._fullness(0)
+
+    def _fullness(self, n_more: int) -> float:
+        n_points = self._n_come - self._n_taken + n_more
+        return max(n_points / _MOST_POINTS, self._inbox.qsize() / _MOST_MESSAGES)
+
+    def _put(self, work: Callable[[], Any], too_fast: str = "", n_points: int = 0) -> None:
+        """Let work wait; what may be left out, with a reason for it, only if there is room."""
+        if too_fast and self._fullness(n_points) > 1.0:
+            self._too_fast[too_fast] += n_points or 1
+            return
+        self._n_come += n_points
+        self._inbox.put((work, n_points))
 
     def _take_in(self) -> None:
         """Work on what has come, and look now and then for tiles that were left."""
         next_tick = time.monotonic()
         try:
-            while not (self._stopping.is_set() and self._inbox.is_empty):
+            while not (self._stopping.is_set() and self._inbox.empty()):
                 if self.obstacle and not self._stopping.wait(_TICK):
                     self._try(self._tick)  # what comes waits in the inbox, which has its bound
                     continue
-                self._inbox.work_on_next(self._try, _TICK)
+                with suppress(queue.Empty):
+                    work, n_points = self._inbox.get(timeout=_TICK)
+                    self._try(work)
+                    self._n_taken += n_points
                 if time.monotonic() >= next_tick:
                     self._try(self._tick)
                     next_tick = time.monotonic() + _TICK
@@ -264,7 +233,6 @@ class LiveFeed:
         self._tell_of_lack(time.monotonic())
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
-            self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._is_flushing and self._survey.is_flushed):
                 self._has_work.set()
@@ -301,6 +269,7 @@ class LiveFeed:
             is_end = self._search.is_over(now, n_points, _PATIENCE)
             if (scale := scale_of(self._early, self._tiling.buffer, is_end=is_end)) is None:
                 return
+            self.problems.update(given.warnings)
             scale = scale._replace(side=self._tiling.tile_size or scale.side)
             recorded = Recorded.beginning(scale, given, self._early[0], self._placer.target)
             record(self.folder, self._tiling, recorded)
@@ -324,7 +293,7 @@ class LiveFeed:
 
     def _reset(self) -> None:
         self._placer, self._early, self._n_unplaced = ScanPlacer(self._scans), [], 0
-        self._inbox.left_out.clear()
+        self._too_fast.clear()
         if self._survey is not None:
             self._survey.clear()
         with self._made_lock:

@@ -17,10 +17,9 @@ from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_frame import moved_origin
 from lidar_buildings.io.tiling.live_side import FeedScale
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
-from lidar_buildings.io.tiling.map_place import MapPlace
+from lidar_buildings.io.tiling.map_place import MapPlace, moved_origin
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -68,8 +67,7 @@ class Recorded(NamedTuple):
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""
         scan, shift = self.given.placed(scan), np.array(self.frame.origin) - np.array(self.given.frame.origin)
-        sensor = None if scan.sensor is None else scan.sensor - shift
-        return scan._replace(points=scan.points - shift, sensor=sensor)
+        return scan._replace(points=scan.points - shift)
 
 
 def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:

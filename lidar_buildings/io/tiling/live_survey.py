@@ -6,7 +6,7 @@ import math
 import shutil
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.point_log import PointLog, records_of
-from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, Rectangle, TileGrid
+from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import SpooledTile, TileStore
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -36,68 +36,18 @@ _SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB],
 #: Why points are left out.
 CROWDED = f"a tile has many points: keeping one per {VOXEL} m"
 TOO_MANY = "a tile has more than max_tile_points"
-
-
-class TileRoom:
-    """
-    Leaves out points of tiles that have many: of crowded ones those near others, of full ones all.
-
-    `most` are the points of a tile that is full.
-    """
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._crowded: set[Cell] = set()
-        self._full: set[Cell] = set()
-        self._seen = np.zeros(_N_SEEN, dtype=np.uint64)
-
-    def note(self, place: Cell, n_points: int) -> None:
-        """Note how many points a tile has."""
-        if n_points >= self._most:
-            self._full.add(place)
-        elif n_points >= _CROWDED * self._most:
-            self._crowded.add(place)
-
-    def chosen(self, records: NDArray[Any], places: NDArray[np.int64]) -> tuple[NDArray[Any], Counter[str]]:
-        """
-        Return the records that are kept, and how many are not for which reason.
-
-        `places` are column and row of each record's tile, shape (n, 2).
-        """
-        if not self._crowded and not self._full:
-            return records, Counter()
-        is_full, is_crowded = _are_in(places, self._full), _are_in(places, self._crowded)
-        crowd = np.flatnonzero(is_crowded & ~is_full)
-        is_kept = ~is_full
-        is_kept[crowd] = self._are_new(records[crowd])
-        left_out = {TOO_MANY: np.count_nonzero(is_full), CROWDED: np.count_nonzero(~is_kept & ~is_full)}
-        return records.compress(is_kept), Counter({why: int(n) for why, n in left_out.items() if n})
-
-    def _are_new(self, records: NDArray[Any]) -> NDArray[np.bool_]:
-        """Tell which records are the first of their voxels, as far as these are remembered."""
-        voxels = np.stack([np.floor(records[axis].astype(np.float64) / VOXEL) for axis in "xyz"], axis=1)
-        keys = np.bitwise_xor.reduce(voxels.astype(np.int64).view(np.uint64) * _SPREAD, axis=1) | np.uint64(1)
-        is_new = np.zeros(len(keys), dtype=bool)
-        is_new[np.unique(keys, return_index=True)[1]] = True
-        slots = keys % np.uint64(_N_SEEN - 1)
-        is_new &= self._seen[slots] != keys
-        self._seen[slots[is_new]] = keys[is_new]
-        return is_new
-
-
-def _are_in(places: NDArray[np.int64], chosen: set[Cell]) -> NDArray[np.bool_]:
-    is_in = np.zeros(len(places), dtype=bool)
-    for place in chosen:
-        is_in |= (places == place).all(axis=1)
-    return is_in
-
-
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
 #: A tile of which fewer points are new waits longer before it comes again: a scanner on the street sees
 #: single far points for long.
 _FEW = 0.01
+#: Points of a file when they are written as LAZ; `index` counts them anew in each.
+POINTS_PER_FILE = 5_000_000
+#: Points that are written together: fewer open each cell's file more often.
+_BATCH = 50_000
+#: Spool cells along a buffer's width: narrow ones tell whether points lie in it or just beyond.
+_CELLS_PER_BUFFER = 3
 
 
 @dataclass(eq=False)
@@ -114,140 +64,15 @@ class LiveTile:
     revision: int = -1  #: number of the last one that was sent; −1 = none was
 
 
-class LiveTiles:
-    """
-    All tiles of a feed; `changed` are the places of those that have seen points since they were looked at.
-
-    `count_in` counts the points of cells.
-    """
-
-    def __init__(
-        self, grid: TileGrid, config: LiveTilingConfig, count_in: Callable[[Iterable[Cell]], int]
-    ) -> None:
-        self._grid, self._config, self._count_in = grid, config, count_in
-        self._by_place: dict[Cell, LiveTile] = {}
-        self._by_stamp: dict[int, LiveTile] = {}
-        self._touched = CellTable(-math.inf)
-        self._widest = max(Buffer.of(config.buffer))
-        self.changed: set[Cell] = set()
-
-    def __len__(self) -> int:
-        """Return the number of tiles."""
-        return len(self._by_place)
-
-    def __getitem__(self, place: Cell) -> LiveTile:
-        """Return the tile of a place."""
-        return self._by_place[place]
-
-    def of_stamp(self, stamp: int) -> LiveTile | None:
-        """Return the tile of a stamp, whatever the revision."""
-        return self._by_stamp.get(tile_of(stamp))
-
-    def missing(self, cells: Iterable[Cell]) -> set[Cell]:
-        """Return the places of the tiles of some cells that there are not yet."""
-        return {self._grid.tile_of(cell) for cell in cells} - self._by_place.keys()
-
-    def make(self, place: Cell, gps_time: float) -> None:
-        """Make a tile of which the first point has come; neighbours' points may have come before."""
-        block = self._grid.block_of(place)
-        buffer = Buffer.of(self._config.buffer)
-        near = self._near(block, buffer)
-        stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self) + 1)
-        tile = LiveTile(place, self._free(stamp), block, buffer, near)
-        self._by_place[place] = self._by_stamp[tile.stamp] = tile
-
-    def n_near(self, tile: LiveTile) -> int:
-        """Count the points of a tile and its buffer."""
-        return self._count_in(tile.near.cells)
-
-    def widen(self, tile: LiveTile, buffer: Buffer) -> None:
-        """Have points count for a tile that fall into a wider buffer, as it was made with that."""
-        n_before = self.n_near(tile)
-        tile.buffer = buffer
-        tile.near = Block.around([tile.near, self._near(tile.block, buffer)])
-        tile.n_sent += self.n_near(tile) - n_before
-        self._widest = max(self._widest, *buffer)
-
-    def touch(self, cells: Iterable[Cell], now: float) -> None:
-        """Note that points fell into cells."""
-        k = self._grid.cells_per_side
-        reach = math.ceil(self._widest / self._grid.cell_size) + 1
-        for cell in cells:
-            self._touched[cell] = now
-            columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
-            seen = {(column, row) for column in columns for row in rows}
-            self.changed |= seen & self._by_place.keys()
-
-    def last_touched(self, tile: LiveTile) -> float:
-        """Return when a point has fallen into a tile or its buffer last."""
-        return max(self._touched[cell] for cell in tile.near.cells)
-
-    def has_gaps(self, tile: LiveTile) -> tuple[bool, bool]:
-        """Whether cells have had no point in a tile, and in it or its buffer: later passes may fill them."""
-        own, near = (
-            any(self._touched[cell] == -math.inf for cell in one.cells) for one in (tile.block, tile.near)
-        )
-        return own, near
-
-    def next_of(self, ready: Iterable[Cell]) -> LiveTile:
-        """Return the tile that goes first: without gaps, then with gaps in its buffer, then longest left."""
-        tiles = (self._by_place[place] for place in ready)
-        return min(tiles, key=lambda tile: (self.has_gaps(tile), self.last_touched(tile)))
-
-    def is_due(self, place: Cell, now: float, sensor: NDArray[np.float64] | None) -> bool:
-        """
-        Whether no point has fallen into a tile or its buffer for long enough, or the sensor is far away.
-
-        With half of `_FEW` new points it waits twice as long, and so on. The sensor, at a source's position
-        [m] if it is known, ends the waiting once.
-        """
-        config, tile = self._config, self._by_place[place]
-        share_new = 1.0 - max(tile.n_sent, 0) / max(self.n_near(tile), 1)
-        weight = min(share_new / _FEW, 1.0)
-        if (now - self.last_touched(tile)) * weight >= config.leave_after:
-            return True
-        if tile.revision >= 0 or sensor is None or not config.leave_distance:
-            return False
-        area = self._grid.area_of(tile.block).buffered(Buffer.of(config.buffer)).grown(config.leave_distance)
-        return not area.touches(Rectangle(*sensor[:2], *sensor[:2]))
-
-    def take_up(self, last: dict[Cell, dict[str, Any]]) -> None:
-        """Give tiles the stamps and revisions that they had in an earlier life."""
-        for place in last.keys() & self._by_place.keys():
-            tile, event = self._by_place[place], last[place]
-            tile.stamp, tile.revision, tile.n_sent = event["stamp"], event["revision"], event["n_done"]
-        self._by_stamp.clear()
-        for tile in sorted(self._by_place.values(), key=lambda one: (one.revision < 0, one.place)):
-            tile.stamp = self._free(tile.stamp)
-            self._by_stamp[tile.stamp] = tile
-
-    def _near(self, block: Block, buffer: Buffer) -> Block:
-        return self._grid.block_in(self._grid.area_of(block).buffered(buffer))
-
-    def _free(self, stamp: int) -> int:
-        """Return the next stamp that no tile has."""
-        while stamp in self._by_stamp:
-            stamp += STEP
-        return stamp
-
-
-#: Points of a file when they are written as LAZ; `index` counts them anew in each.
-POINTS_PER_FILE = 5_000_000
-#: Points that are written together: fewer open each cell's file more often.
-_BATCH = 50_000
-#: Spool cells along a buffer's width: narrow ones tell whether points lie in it or just beyond.
-_CELLS_PER_BUFFER = 3
-_CELLS = "cells"
-
-
 class LiveSurvey:
     """
     Takes placed scans, and gives out tiles.
 
-    A tile is ready when no point has fallen into it or its buffer for a while, or the sensor is far away. It
-    comes again as a later revision, with all its points and a buffer as wide as it needed, when more have
-    come. Every point goes to disk at once; memory holds a batch. Nothing of what comes out depends on which
-    tile was left first, but for buffers: one that was needed once stays wide until the feed is taken up anew.
+    A tile is ready when no point has fallen into it or its buffer for a while. It comes again as a later
+    revision, with all its points and a buffer as wide as it needed, when more have come. Every point goes to
+    disk at once; memory holds a batch. Nothing of what comes out depends on which tile was left first, but
+    for buffers: one that was needed once stays wide until the feed is taken up anew. Of tiles with many
+    points those near others are left out, and all of full ones.
 
     A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
     expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
@@ -260,30 +85,35 @@ class LiveSurvey:
         self.config, self.frame, self._spacing = config, frame, spacing
         self.left_out: Counter[str] = Counter()
         self._grid = TileGrid.fitting(config.tile_size, config.buffer / _CELLS_PER_BUFFER)
-        self._log, self._cells = PointLog(folder), folder / _CELLS
+        self._log, self._cells = PointLog(folder), folder / "cells"
         shutil.rmtree(self._cells, ignore_errors=True)
         self._lock = threading.RLock()
         self._begin()
         for records in self._log.blocks():
             self._keep(records, -math.inf)
-        self._tiles.take_up({tuple(event["tile"]): event for event in self._log.events()})
+        self._resume({tuple(event["tile"]): event for event in self._log.events()})
 
     def _begin(self) -> None:
         """Be empty."""
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
-        self._tiles = LiveTiles(self._grid, self.config, self._store.count_in)
-        #: Tiles that wait to be sent or to be done; and those that wait to be sent.
+        self._tiles: dict[Cell, LiveTile] = {}
+        self._by_stamp: dict[int, LiveTile] = {}
+        #: When a point fell into each cell last, and the widest buffer that a tile has had [m].
+        self._touched = CellTable(-math.inf)
+        self._widest = max(Buffer.of(self.config.buffer))
+        #: Tiles that have seen points since they were looked at; that wait to be sent or to be done; and that
+        #: wait to be sent.
+        self._changed: set[Cell] = set()
         self._under_way: set[Cell] = set()
         self._ready: list[Cell] = []
-        self._room = TileRoom(self.config.max_tile_points)
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
         self._to_flush, self._in_flush = set[Cell](), set[Cell]()
         self._batch: list[PlacedScan] = []
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
         self._arrived = -math.inf
-        self._sensor: NDArray[np.float64] | None = None
+        self._seen_voxels = np.zeros(_N_SEEN, dtype=np.uint64)
 
     @property
     def n_tiles(self) -> int:
@@ -298,12 +128,12 @@ class LiveSurvey:
     @property
     def n_waiting(self) -> int:
         """Tiles, roughly, with points that are not sent, or not done; 0 if there is none."""
-        return len(self._tiles.changed) + len(self._under_way) + bool(self._batch or self._unwritten)
+        return len(self._changed) + len(self._under_way) + bool(self._batch or self._unwritten)
 
     @property
     def n_left(self) -> int:
         """Tiles, roughly, with points that are not sent; 0 if there is none."""
-        return len(self._tiles.changed) + len(self._ready) + bool(self._batch or self._unwritten)
+        return len(self._changed) + len(self._ready) + bool(self._batch or self._unwritten)
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """
@@ -314,8 +144,6 @@ class LiveSurvey:
         with self._lock:
             self._batch.append(scan)
             self._arrived = now
-            if scan.sensor is not None:
-                self._sensor = scan.sensor + np.array(self.frame.origin)
             if sum(len(one.points) for one in self._batch) >= _BATCH:
                 self._keep_batch()
 
@@ -329,7 +157,7 @@ class LiveSurvey:
         with self._lock:
             self._keep_batch()
             self._drop_unchanged()
-            self._to_flush = set(self._tiles.changed)
+            self._to_flush = set(self._changed)
             self._in_flush = self._under_way - self._to_flush
 
     def tick(self, now: float) -> bool:
@@ -337,11 +165,11 @@ class LiveSurvey:
         with self._lock:
             self._keep_batch()
             self._drop_unchanged()
-            for place in sorted(self._tiles.changed - self._under_way):
-                if place in self._to_flush or self._tiles.is_due(place, now, self._sensor):
+            for place in sorted(self._changed - self._under_way):
+                if place in self._to_flush or self._is_due(self._tiles[place], now):
                     self._in_flush |= self._to_flush & {place}
                     self._to_flush.discard(place)
-                    self._tiles.changed.discard(place)
+                    self._changed.discard(place)
                     self._under_way.add(place)
                     self._ready.append(place)
             return bool(self._ready)
@@ -358,13 +186,13 @@ class LiveSurvey:
             with self._lock:
                 if not self._ready:
                     return None
-                tile = self._tiles.next_of(self._ready)
+                tile = self._tiles[min(self._ready, key=self._turn)]
                 made = self._spooled(tile, tile.revision + 1).read()
                 is_new = len(made) != tile.n_points
                 self._note(tile, tile.revision + is_new, -1)
                 self._ready.remove(tile.place)
                 tile.revision += is_new
-                tile.n_sent, tile.n_points = self._tiles.n_near(tile), len(made)
+                tile.n_sent, tile.n_points = self._n_near(tile), len(made)
                 if is_new:
                     return made
                 self.finish(tile.stamp + tile.revision)
@@ -372,12 +200,12 @@ class LiveSurvey:
     def grown(self, sent: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return the tile once more, its buffer doubled on some sides; None if there is no more."""
         with self._lock:
-            if (tile := self._tiles.of_stamp(sent.stamp)) is None:
+            if (tile := self._by_stamp.get(tile_of(sent.stamp))) is None:
                 return None
             spooled, most = self._spooled(tile, tile.revision), self.config.max_buffer
             is_more = spooled.grow(sides)
             # what comes there later counts, too, where there is nothing now
-            self._tiles.widen(tile, spooled.buffer if is_more else tile.buffer.doubled(sides, most, most))
+            self._widen(tile, spooled.buffer if is_more else tile.buffer.doubled(sides, most, most))
             if not is_more:
                 return None
             made = spooled.read()
@@ -388,7 +216,7 @@ class LiveSurvey:
     def finish(self, stamp: int, *, is_done: bool = True) -> None:
         """Note that a tile is done, or was given up: it may come again. OutputError if the disk is full."""
         with self._lock:
-            if (tile := self._tiles.of_stamp(stamp)) is None:
+            if (tile := self._by_stamp.get(tile_of(stamp))) is None:
                 return
             # a writer that was started anew tells once more of what was done before
             is_last = stamp - tile.stamp >= tile.revision and tile.place not in self._ready
@@ -420,26 +248,91 @@ class LiveSurvey:
             finally:
                 shutil.rmtree(self._cells, ignore_errors=True)
 
+    # tiles
+
+    def _new_tile(self, place: Cell, gps_time: float) -> None:
+        """Make a tile of which the first point has come; neighbours' points may have come before."""
+        block, buffer = self._grid.block_of(place), Buffer.of(self.config.buffer)
+        stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self._tiles) + 1)
+        tile = LiveTile(place, self._free(stamp), block, buffer, self._block_near(block, buffer))
+        self._tiles[place] = self._by_stamp[tile.stamp] = tile
+
+    def _resume(self, last: dict[Cell, dict[str, Any]]) -> None:
+        """Give tiles the stamps and revisions that they had in an earlier life."""
+        for place in last.keys() & self._tiles.keys():
+            tile, event = self._tiles[place], last[place]
+            tile.stamp, tile.revision, tile.n_sent = event["stamp"], event["revision"], event["n_done"]
+        self._by_stamp.clear()
+        for tile in sorted(self._tiles.values(), key=lambda one: (one.revision < 0, one.place)):
+            tile.stamp = self._free(tile.stamp)
+            self._by_stamp[tile.stamp] = tile
+
+    def _free(self, stamp: int) -> int:
+        """Return the next stamp that no tile has."""
+        while stamp in self._by_stamp:
+            stamp += STEP
+        return stamp
+
+    def _block_near(self, block: Block, buffer: Buffer) -> Block:
+        return self._grid.block_in(self._grid.area_of(block).buffered(buffer))
+
+    def _n_near(self, tile: LiveTile) -> int:
+        """Count the points of a tile and its buffer."""
+        return self._store.count_in(tile.near.cells)
+
+    def _widen(self, tile: LiveTile, buffer: Buffer) -> None:
+        """Have points count for a tile that fall into a wider buffer, as it was made with that."""
+        n_before = self._n_near(tile)
+        tile.buffer = buffer
+        tile.near = Block.around([tile.near, self._block_near(tile.block, buffer)])
+        tile.n_sent += self._n_near(tile) - n_before
+        self._widest = max(self._widest, *buffer)
+
+    def _last_touched(self, tile: LiveTile) -> float:
+        """Return when a point has fallen into a tile or its buffer last."""
+        return max(self._touched[cell] for cell in tile.near.cells)
+
+    def _turn(self, place: Cell) -> tuple[bool, bool, float]:
+        """Order ready tiles: cells that have had no point may be filled by later passes."""
+        tile = self._tiles[place]
+        own, near = (
+            any(self._touched[cell] == -math.inf for cell in one.cells) for one in (tile.block, tile.near)
+        )
+        return own, near, self._last_touched(tile)
+
+    def _is_due(self, tile: LiveTile, now: float) -> bool:
+        """
+        Whether no point has fallen into a tile or its buffer for long enough.
+
+        With half of `_FEW` new points it waits twice as long, and so on.
+        """
+        share_new = 1.0 - max(tile.n_sent, 0) / max(self._n_near(tile), 1)
+        return (now - self._last_touched(tile)) * min(share_new / _FEW, 1.0) >= self.config.leave_after
+
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
         self._log.note({"tile": tile.place, "stamp": tile.stamp, "revision": revision, "n_done": n_done})
 
     def _drop_unchanged(self) -> None:
         """Forget that tiles were touched which have no points that were not sent, or came too often."""
-        for place in self._tiles.changed - self._under_way:
+        for place in self._changed - self._under_way:
             tile = self._tiles[place]
-            if self._tiles.n_near(tile) == tile.n_sent or tile.revision >= MOST_REVISIONS:
-                self._tiles.changed.discard(place)
+            if self._n_near(tile) == tile.n_sent or tile.revision >= MOST_REVISIONS:
+                self._changed.discard(place)
                 self._to_flush.discard(place)
+
+    def _spooled(self, tile: LiveTile, revision: int) -> SpooledTile:
+        """Return a revision of a tile as it is now."""
+        core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
+        stamp, most = tile.stamp + revision, self.config.max_buffer
+        return SpooledTile(self._store, stamp, tile.block, core, tile.buffer, most)
+
+    # points
 
     def _keep_batch(self) -> None:
         """Write what has come; what is left out of it is chosen once, however often writing is tried."""
         if self._batch:
-            records = np.concatenate([records_of(scan) for scan in self._batch])
-            places = self._cells_of(records) // self._grid.cells_per_side
-            chosen, left_out = self._room.chosen(records, places)
-            self.left_out += left_out
-            self._unwritten.append(chosen)
+            self._unwritten.append(self._chosen(np.concatenate([records_of(scan) for scan in self._batch])))
             self._batch.clear()
         while self._unwritten:
             kept = self._unwritten[0]
@@ -453,24 +346,45 @@ class LiveSurvey:
                 raise
             self._unwritten.pop(0)
 
+    def _chosen(self, records: NDArray[Any]) -> NDArray[Any]:
+        """Leave out points of tiles that have many: of crowded ones those near others, of full ones all."""
+        places = self._cells_of(records) // self._grid.cells_per_side
+        _, first, tile = np.unique(places @ [2**32, 1], return_index=True, return_inverse=True)
+        blocks = [self._grid.block_of((column, row)) for column, row in places[first].tolist()]
+        counts = np.array([self._store.count_in(block.cells) for block in blocks], dtype=np.int64)[tile]
+        is_kept = counts < self.config.max_tile_points
+        n_full = len(records) - np.count_nonzero(is_kept)
+        crowd = np.flatnonzero(is_kept & (counts >= _CROWDED * self.config.max_tile_points))
+        is_kept[crowd] = self._are_new(records[crowd])
+        n_crowded = len(records) - n_full - np.count_nonzero(is_kept)
+        self.left_out.update({why: int(n) for why, n in ((TOO_MANY, n_full), (CROWDED, n_crowded)) if n})
+        return records.compress(is_kept)
+
+    def _are_new(self, records: NDArray[Any]) -> NDArray[np.bool_]:
+        """Tell which records are the first of their voxels, as far as these are remembered."""
+        voxels = np.stack([np.floor(records[axis].astype(np.float64) / VOXEL) for axis in "xyz"], axis=1)
+        keys = np.bitwise_xor.reduce(voxels.astype(np.int64).view(np.uint64) * _SPREAD, axis=1) | np.uint64(1)
+        is_new = np.zeros(len(keys), dtype=bool)
+        is_new[np.unique(keys, return_index=True)[1]] = True
+        slots = keys % np.uint64(_N_SEEN - 1)
+        is_new &= self._seen_voxels[slots] != keys
+        self._seen_voxels[slots[is_new]] = keys[is_new]
+        return is_new
+
     def _keep(self, records: NDArray[Any], now: float) -> None:
         """Put records into their cells, and note which tiles they touch."""
         cells = self._cells_of(records)
         touched = self._store.spool.append(cells, records)
-        for place in sorted(self._tiles.missing(touched)):
-            row = np.flatnonzero((cells // self._grid.cells_per_side == place).all(axis=1))[0]
-            self._tiles.make(place, float(records["gps_time"][row]))
-        self._tiles.touch(touched, now)
-        for place in {self._grid.tile_of(cell) for cell in touched}:
-            self._room.note(place, self._store.count_in(self._tiles[place].block.cells))
+        k, reach = self._grid.cells_per_side, math.ceil(self._widest / self._grid.cell_size) + 1
+        for place in sorted({self._grid.tile_of(cell) for cell in touched} - self._tiles.keys()):
+            row = np.flatnonzero((cells // k == place).all(axis=1))[0]
+            self._new_tile(place, float(records["gps_time"][row]))
+        for cell in touched:
+            self._touched[cell] = now
+            columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)
+            self._changed |= {(x, y) for x in columns for y in rows} & self._tiles.keys()
 
     def _cells_of(self, records: NDArray[Any]) -> NDArray[np.int64]:
         """Return the cells of records: by what is written, so that it is the same when it is read again."""
         x, y = (records[axis].astype(np.float64) + self.frame.origin[k] for k, axis in enumerate("xy"))
         return self._grid.cells_at(np.column_stack([x, y]))
-
-    def _spooled(self, tile: LiveTile, revision: int) -> SpooledTile:
-        """Return a revision of a tile as it is now."""
-        core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
-        stamp, most = tile.stamp + revision, self.config.max_buffer
-        return SpooledTile(self._store, stamp, tile.block, core, tile.buffer, most)

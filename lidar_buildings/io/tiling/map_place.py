@@ -1,9 +1,10 @@
-"""Where the map of placed scans lies: as it is told, or by satellites."""
+"""Where the map of placed scans lies: given, reported by others, by satellites, or nowhere."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,12 +64,6 @@ class MapPlace(NamedTuple):
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan in the map."""
         return scan if self.level is None else self.level.placed(scan)
-
-    def distances(self, pairs: Pairs) -> _Floats:
-        """Return how far satellite positions are in plan from where they are by the poses, shape (n,) [m]."""
-        track = pairs.track if self.level is None else self.level.in_grid(pairs.track)
-        away = grid_coordinates(pairs.seen, self.frame.crs) - self.frame.origin - track
-        return np.hypot(away[:, 0], away[:, 1])
 
 
 def place_by_fixes(pairs: Pairs) -> MapPlace:
@@ -134,11 +129,6 @@ def _words(pairs: Pairs, fit: TrackFit, crs: str, said: str) -> tuple[str, tuple
 _NO_FIX = -1
 #: The least error that is believed [m].
 _LEAST_ERROR = 0.02
-#: From UTC to the time of GPS, and of atoms, since 2017; and how much later than poses, or sooner, fixes
-#: come [s].
-_CLOCKS, _DELAY = (18, 37), 1.5
-#: Fixes that tell of the clock for good.
-_LEAST_LAGS = 5
 _SECOND = 1_000_000_000
 #: Fixes that wait for their poses.
 _MOST_WAITING = 10_000
@@ -168,18 +158,12 @@ class Fix(NamedTuple):
 
 
 class SatelliteFixes:
-    """
-    Gathers fixes and the poses at their times.
-
-    Times of GPS or of atoms beside poses in UTC, or the other way round, are set right. `n_came` counts the
-    fixes that came, `n_usable` those that do not say that they are none.
-    """
+    """Gathers fixes and the poses at their times; `n_came` have come, of which `n_usable` are valid."""
 
     def __init__(self) -> None:
         self.n_came = self.n_usable = 0
         self._waiting: deque[Fix] = deque(maxlen=_MOST_WAITING)
-        self._lags: list[float] = []
-        self._clock: int | None = None
+        self._lag: float | None = None
         self._paired: list[tuple[Fix, NDArray[np.float64]]] = []
 
     def take(self, message: Any, placer: ScanPlacer) -> None:
@@ -189,15 +173,11 @@ class SatelliteFixes:
             return
         self.n_usable += 1
         self._waiting.append(fix)
-        if self._clock is None and (antenna := Antenna.of(fix.frame, placer)) is not None:
-            self._lags.append((fix.stamp - antenna.known_until(placer)) / _SECOND)
+        if self._lag is None and (antenna := Antenna.of(fix.frame, placer)) is not None:
+            self._lag = (fix.stamp - antenna.known_until(placer)) / _SECOND
 
     def pair(self, placer: ScanPlacer) -> int:
         """Find the poses of fixes that wait; return how many were found."""
-        clock = self._clock
-        if clock is None and self._lags:
-            clock = _clock_of(float(np.median(self._lags)))
-            self._clock = clock if len(self._lags) >= _LEAST_LAGS else None
         waiting, self._waiting = list(self._waiting), deque(maxlen=_MOST_WAITING)
         n_before = len(self._paired)
         for frame in dict.fromkeys(one.frame for one in waiting):
@@ -206,7 +186,7 @@ class SatelliteFixes:
             if antenna is None:
                 self._waiting.extend(own)
                 continue
-            times = np.array([one.stamp for one in own]) - (clock or 0) * _SECOND
+            times = np.array([one.stamp for one in own])
             places, is_known = antenna.places(placer, times)
             self._paired.extend((own[k], places[k]) for k in np.flatnonzero(is_known))
             may_come = ~is_known & (times > antenna.known_until(placer))
@@ -221,10 +201,6 @@ class SatelliteFixes:
         seen = Geodetic(*np.array([one.place for one in fixes]).T)
         return Pairs(np.array(track), seen, np.array([one.sigma for one in fixes]))
 
-    def forget(self) -> None:
-        """Forget the fixes whose poses were found."""
-        self._paired.clear()
-
     def place(self) -> MapPlace | None:
         """Return where the map lies, None if no fix has a pose."""
         if (pairs := self.pairs()) is None:
@@ -232,29 +208,68 @@ class SatelliteFixes:
         place = place_by_fixes(pairs)
         n_other = self.n_came - len(self._paired) - len(self._waiting)
         other = f"; {n_other:,} more are invalid, or have no pose" if n_other and place.said else ""
-        return place._replace(said=place.said + other, warnings=(*self._of_clock(), *place.warnings))
+        return place._replace(said=place.said + other)
 
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
         lag = (
-            f": their times differ from those of the poses by {np.median(self._lags):+.1f} s"
-            if self._lags
-            else ""
+            "" if self._lag is None else f": their times differ from those of the poses by {self._lag:+.1f} s"
         )
         said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map is unplaced"
         return MapPlace(warnings=(said,) if self.n_usable else ())
 
-    def _of_clock(self) -> tuple[str, ...]:
-        if not self._clock:
-            return ()
-        way = "ahead of" if self._clock > 0 else "behind"
-        return (
-            f"the clock of the satellite fixes is {abs(self._clock)} s {way} that of the poses, like GPS or "
-            "TAI against UTC: corrected",
-        )
+
+#: Coordinates of the map beyond this lose more than a centimetre in float32: the origin moves in steps [m].
+_FAR, _STEP = 50_000.0, 1_000.0
+#: Time that others have to say where the map lies after the first points [s], and fixes to show how it is
+#: turned; wide margin over the discovery of a publisher. With so many points nobody is waited for.
+_PATIENCE, _FIX_PATIENCE, _MOST_EARLY = 2.0, 10.0, 2_000_000
 
 
-def _clock_of(lag: float) -> int:
-    """Return by how much a clock is ahead of another one, if its stamps come ahead by so much [s]."""
-    leaps = [sign * one for one in _CLOCKS for sign in (1, -1)]
-    return next((one for one in leaps if abs(lag - one) <= _DELAY), 0)
+class FrameSearch:
+    """Settles where the map of a feed lies, unless it is given, once the first points have come."""
+
+    def __init__(self, given: MapFrame | None) -> None:
+        self._found = None if given is None else MapPlace(given)
+        self._fixes = SatelliteFixes()
+        self._by_fixes: MapPlace | None = None
+        self._first_at: float | None = None
+
+    def take_fix(self, message: Any, placer: ScanPlacer) -> None:
+        """Take a sensor_msgs/NavSatFix, after the poses that came before it; later ones change nothing."""
+        if self._found is None:
+            self._fixes.take(message, placer)
+
+    def take_frame(self, frame: MapFrame) -> None:
+        """Take what others say."""
+        self._found = self._found or MapPlace(frame)
+
+    def settled(self, placer: ScanPlacer, now: float, n_points: int) -> MapPlace | None:
+        """
+        Return where the map lies, None as long as others may still tell, or fixes tell more.
+
+        The placer knows the poses; so many points, one at least, wait for it. A time `now` [s] that is
+        infinite has it wait no longer.
+        """
+        self._first_at = min(now, math.inf if self._first_at is None else self._first_at)
+        if self._found is None and self._fixes.pair(placer):
+            self._by_fixes = self._fixes.place()
+        is_last = self.is_over(now, n_points, _FIX_PATIENCE if self._fixes.n_usable else _PATIENCE)
+        is_sure = self._by_fixes is not None and self._by_fixes.is_sure and self.is_over(now, n_points)
+        if self._found is None and (is_sure or is_last):
+            self._found = self._by_fixes or self._fixes.no_place()
+        return self._found
+
+    def is_over(self, now: float, n_points: int, patience: float = _PATIENCE) -> bool:
+        """Whether points have waited long enough [s], or are too many to wait."""
+        first_at = now if self._first_at is None else self._first_at
+        return math.isinf(now) or now - first_at >= patience or n_points >= _MOST_EARLY
+
+
+def moved_origin(frame: MapFrame, point: Any) -> MapFrame:
+    """Return the frame, with an origin near a point of it if that is far away."""
+    if np.abs(point[:2]).max() <= _FAR:
+        return frame
+    shift = np.round(np.array([point[0], point[1], 0.0]) / _STEP) * _STEP
+    x, y, z = (float(one) for one in np.array(frame.origin) + shift)
+    return replace(frame, origin=(x, y, z))

@@ -107,14 +107,6 @@ class LiveTilingConfig(TilingConfig):
         unit="s",
         within=(0.0, 86_400.0),
     )
-    leave_distance: float = fixed(
-        0.0,
-        "A tile is sent, too, when the sensor is so far from it and its buffer, though single points still "
-        "fall into it; 0: only time tells.",
-        unit="m",
-        within=(0.0, 100_000.0),
-        advanced=True,
-    )
     spool: str = fixed(
         "",
         "Folder in which points wait for their turn; with one a feed goes on where it was cut off. Empty: a "

@@ -112,7 +112,7 @@ def test_a_folder_of_other_tiles_is_refused(tmp_path):
     with pytest.raises(OutputError, match=r"tile_size.*scan_assembler\.spool"):
         LiveFeed(config, ScanConfig())
     (tmp_path / "survey.json").write_text("{}")
-    with pytest.raises(OutputError, match="cannot be read .*remove the folder"):
+    with pytest.raises(OutputError, match=r"cannot be read .*remove the folder"):
         LiveFeed(config, ScanConfig())
 
 

@@ -15,9 +15,8 @@ from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_files import Recorded
-from lidar_buildings.io.tiling.live_frame import FrameSearch, moved_origin
 from lidar_buildings.io.tiling.live_side import FeedScale
-from lidar_buildings.io.tiling.map_place import Fix, MapPlace, SatelliteFixes
+from lidar_buildings.io.tiling.map_place import Fix, FrameSearch, MapPlace, SatelliteFixes, moved_origin
 
 #: The frame of odometry that began along a street, in a zone of UTM.
 TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
@@ -113,18 +112,11 @@ def test_noise_of_fixes_turns_no_odometry_that_points_east():
     assert not place.warnings
 
 
-@pytest.mark.parametrize("ahead", [18, -18, 37])
-def test_the_clock_of_gps_beside_utc_is_set_right_and_told(ahead):
-    place = driven(ahead=ahead).place()
-    assert off(place) < 0.01
-    assert f"{abs(ahead)} s {'ahead of' if ahead > 0 else 'behind'}" in place.warnings[0]
-
-
 def test_another_clock_is_told_by_how_far_fixes_are_from_the_poses():
     assert any("m from the poses" in one for one in driven(ahead=-5).place().warnings)
     fixes = driven(ahead=-100)
     assert fixes.place() is None
-    assert "by -100.0 s" in fixes.no_place().warnings[0]
+    assert "stamped -100.0 s" in fixes.no_place().warnings[0]
 
 
 def test_fixes_that_tell_how_good_they_are_are_held_to_it():
@@ -222,22 +214,6 @@ def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
     assert by_fix.settled(placer, 9.9, 10) is None, "it may move yet, and tell how it is turned"
     assert by_fix.settled(placer, 10.0, 10).frame.crs == "EPSG:32631"
     assert FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == MapPlace(), "memory is bounded"
-
-
-def test_later_fixes_that_contradict_are_told_once():
-    search, placer = FrameSearch(None), ScanPlacer()
-    for k, place in enumerate(np.concatenate([DRIVE, DRIVE + np.array([0.0, 20.0, 0.0])])):
-        stamp = T0 + k * SECOND // 5
-        placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
-        seen = TRUTH.geodetic(DRIVE[k % 101][None])
-        search.take_fix(fix(stamp, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
-        if k == 100:
-            assert search.settled(placer, 0.0, 10) is None
-            settled = search.settled(placer, 3.0, 10)
-            assert "40.00° north of east" in settled.said, "as it has moved enough"
-    (said,) = search.doubts(settled, placer)
-    assert "20.0 m" in said
-    assert search.doubts(settled, placer) == []
 
 
 def test_an_origin_far_away_is_moved_so_that_float32_suffices():

@@ -18,13 +18,13 @@ FRAME = MapFrame("EPSG:28992", (80.0, -200.0, 3.0))
 T0 = 1_700_000_000_000_000_000
 
 
-def scan_at(x, y, n_points=300, seed=0, spread=3.0, sensor=None):
+def scan_at(x, y, n_points=300, seed=0, spread=3.0):
     """A scan around a place of the map."""
     random = np.random.default_rng(seed)
     points = random.uniform([x - spread, y - spread, 0.0], [x + spread, y + spread, 5.0], (n_points, 3))
     times = T0 + np.arange(n_points, dtype=np.int64) * 1000
     columns = {"intensity": random.uniform(0, 255, n_points).astype(np.float32)}
-    return PlacedScan(points.astype(np.float32).astype(np.float64), times, columns, sensor)
+    return PlacedScan(points.astype(np.float32).astype(np.float64), times, columns)
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_a_tile_without_gaps_goes_before_those_that_later_passes_may_fill(survey
     survey.add(scan_at(20, 20), 0.0)
     x, y = (axis.ravel() for axis in np.mgrid[111.0:169.5:0.9, -9.0:49.5:0.9])
     points = np.column_stack([x, y, np.zeros(len(x))])
-    survey.add(PlacedScan(points, np.full(len(x), T0), {}, None), 1.0)
+    survey.add(PlacedScan(points, np.full(len(x), T0), {}), 1.0)
     survey.tick(9.0)
     middles = [tile.points[tile.buffer == 0][:, :2].mean(axis=0) for tile in tiles_of(survey)]
     assert len(middles) == 10
@@ -173,20 +173,6 @@ def test_a_tile_that_is_done_is_not_made_again_for_points_near_its_buffer_alone(
     survey.add(scan_at(-1, 20, spread=0.5, seed=1), 7.0)
     survey.tick(100.0)
     assert first.stamp + 1 + len(again) in {tile.stamp for tile in tiles_of(survey)}
-
-
-def test_a_far_sensor_ends_the_waiting_once(tmp_path):
-    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, leave_after=100.0, leave_distance=50.0)
-    survey = LiveSurvey(config, FRAME, tmp_path)
-    survey.add(scan_at(20, 20, sensor=np.array([20.0, 20.0, 2.0])), 0.0)
-    assert not survey.tick(1.0)
-    survey.add(scan_at(20, 20, seed=1, sensor=np.array([20.0, 120.0, 2.0])), 2.0)
-    assert survey.tick(2.0)
-    (tile,) = tiles_of(survey)
-    survey.finish(tile.stamp)
-    survey.add(scan_at(20, 20, seed=2, sensor=np.array([20.0, 130.0, 2.0])), 3.0)
-    assert not survey.tick(3.0), "a later revision waits for silence: single far points would repeat it"
-    assert survey.tick(1003.0)
 
 
 def test_a_flush_sends_all_and_is_done_when_they_are(survey):
