@@ -116,7 +116,7 @@ def test_another_clock_is_told_by_how_far_fixes_are_from_the_poses():
     assert any("m from the poses" in one for one in driven(ahead=-5).place().warnings)
     fixes = driven(ahead=-100)
     assert fixes.place() is None
-    assert "stamped -100.0 s" in fixes.no_place().warnings[0]
+    assert "by -100.0 s" in fixes.no_place().warnings[0]
 
 
 def test_fixes_that_tell_how_good_they_are_are_held_to_it():
