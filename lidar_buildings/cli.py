@@ -121,11 +121,10 @@ def command_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _later(name: str) -> Callable[[argparse.Namespace], int]:
-    """Return what calls a command that is imported when it is called: --help answers at once."""
-    return lambda options: getattr(import_module(f"lidar_buildings.commands.{name}"), f"{name}_command")(
-        options
-    )
+def _later(name: str, module: str = "") -> Callable[[argparse.Namespace], int]:
+    """Return what calls a command of a module that is imported when it is called: --help answers at once."""
+    place = f"lidar_buildings.commands.{module or name}"
+    return lambda options: getattr(import_module(place), f"{name}_command")(options)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -198,18 +197,6 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live", action="store_true", help="publish scans and poses in real time")
     parser.add_argument("--bag", type=Path, metavar="DIR", help="write scans and poses to a ROS 2 bag")
     parser.add_argument(
-        "--bag-storage",
-        choices=("mcap", "sqlite3"),
-        default="mcap",
-        help="storage format of the bag (default: mcap)",
-    )
-    parser.add_argument(
-        "--bag-compression",
-        choices=("message", "file"),
-        default="",
-        help="compress the bag's messages or its file (zstd; default: neither)",
-    )
-    parser.add_argument(
         "--scanner",
         choices=("airborne", "vehicle"),
         default="airborne",
@@ -243,14 +230,14 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _add_report(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
-    parser.set_defaults(command=_later("report"))
+    parser.set_defaults(command=_later("report", "view"))
 
 
 def _add_view(parser: argparse.ArgumentParser) -> None:
-    from lidar_buildings.commands.view import add_view_arguments, view_command
+    from lidar_buildings.commands.view import add_view_arguments
 
     add_view_arguments(parser)
-    parser.set_defaults(command=view_command)
+    parser.set_defaults(command=_later("view"))
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:
@@ -263,7 +250,7 @@ def _add_explain(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--page", type=Path, metavar="FILE", help="also write an HTML page about the building"
     )
-    parser.set_defaults(command=_later("explain"))
+    parser.set_defaults(command=_later("explain", "view"))
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:

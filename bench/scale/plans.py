@@ -1,5 +1,5 @@
 """
-What was planned for a run, and what it took.
+What is planned for a run, and what it takes.
 
     python -m bench.scale.plans INPUT... [--options "--no-ros --tile-size 60"]
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -27,17 +28,22 @@ def main() -> None:
     for survey in options.input:
         with tempfile.TemporaryDirectory(prefix="plans_") as folder:
             output = Path(folder, "out")
-            command = [sys.executable, "-m", "lidar_buildings.cli", "run", survey, "--output", str(output)]
-            usage = run_child([*command, *shlex.split(options.options)], output=output)
-            told = json.loads((output / "run.json").read_text())
+            command = [sys.executable, "-m", "lidar_buildings.cli"]
+            more = shlex.split(options.options)
+            planned = subprocess.run(
+                [*command, "plan", survey, "--json", *more], capture_output=True, check=True
+            )
+            plan = json.loads(planned.stdout)
+            usage = run_child([*command, "run", survey, "--output", str(output), *more], output=output)
             results = sum(file.stat().st_size for file in output.rglob("*") if file.is_file())
-        plan = {name: (one["planned"], one["taken"]) for name, one in told["plan"].items()}
-        figures = ", ".join(f"{name} {a:.4g} / {b:.4g} ({a / b - 1:+.0%})" for name, (a, b) in plan.items())
-        whole = f"{usage.wall:.1f} s, {usage.cpu:.1f} processor s (others {usage.others:.0f})"
+        taken = {"wall": usage.wall, "processor": usage.cpu, "memory": usage.memory}
+        figures = ", ".join(
+            f"{name} {plan[name]:.4g} / {b:.4g} ({plan[name] / b - 1:+.0%})" for name, b in taken.items()
+        )
         disk = f"temporary {usage.disk / 1e6:.0f} MB, results {results / 1e6:.0f} MB"
         print(
-            f"{survey} {options.options}: {told['n_points']:,} points, {told['n_tiles']} tiles: {figures}; "
-            f"the whole command {whole}, {usage.memory / 1e6:.0f} MB, {disk}",
+            f"{survey} {options.options}: {plan['points']:,} points, {plan['tiles']} tiles: {figures} "
+            f"(others {usage.others:.0f} s); {disk}",
             flush=True,
         )
 

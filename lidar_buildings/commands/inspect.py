@@ -17,7 +17,6 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
-from lidar_buildings.io.clouds.las import frame_of, open_cloud
 from lidar_buildings.io.files.locations import located
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.cloud_summary import CloudSummary, summarise_cloud, summed_up
@@ -71,17 +70,7 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
             problems.append(str(error))
     if len(clouds) > 1:
         total = summed_up(str(path), clouds)
-        total.refused = _why_refused(clouds)
         yield "sum", asdict(total), cloud_lines(total)
-
-
-def _why_refused(clouds: list[CloudSummary]) -> str:
-    """Return why a run does not take these clouds together, empty if it does."""
-    try:
-        frame_of([open_cloud(one.path) for one in clouds])
-    except InputError as error:
-        return str(error)
-    return ""
 
 
 def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str]]:
@@ -129,7 +118,6 @@ def cloud_lines(found: CloudSummary) -> list[str]:
         "withheld": f"{found.n_withheld:,}" if found.n_withheld else "",
         "times": " to ".join(found.times) or ("" if found.n_files > 1 else "none"),
         "strips": f"{found.n_strips:,}" if found.n_strips else "",
-        "refused": found.refused,
     }
     return [*lines, *(f"  {name:8} {text}" for name, text in rows.items() if text)]
 

@@ -1,4 +1,4 @@
-"""The command ``lidar-buildings plan``: what a run will take, from headers alone; and how a run compares."""
+"""The command ``lidar-buildings plan``: what a run will take, from headers alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from dataclasses import asdict
 from typing import Any
 
 from lidar_buildings.commands.cost_model import Cost, Way, expected_cost, measure_slowness
-from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.exit_status import ExitStatus
@@ -19,7 +18,6 @@ from lidar_buildings.io.bags.bag_inputs import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las import read_extent
-from lidar_buildings.io.results.run_folder import add_to_run
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tile_size import SurveyPlan, plan_survey
 
@@ -29,7 +27,7 @@ def plan_command(options: argparse.Namespace) -> int:
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     plan, problems = _planned(request)
-    way = way_of(options)
+    way = Way.CLUSTER if options.workers else Way.PROCESSES if options.no_ros else Way.GRAPH
     n_workers = options.workers or n_cores()
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
@@ -45,49 +43,12 @@ def plan_command(options: argparse.Namespace) -> int:
     return ExitStatus.WRONG_USE if problems else ExitStatus.DONE
 
 
-def way_of(options: argparse.Namespace) -> Way:
-    """Return how a run with these options works."""
-    if options.workers or options.scheduler:
-        return Way.CLUSTER
-    return Way.PROCESSES if options.no_ros else Way.GRAPH
-
-
-def compare_with_plan(
-    request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float
-) -> str:
-    """
-    Note in ``run.json`` what was planned and what was taken; return it in one line.
-
-    Of workers elsewhere only the time is known. Empty where the files cannot be read any more.
-    """
-    try:
-        plan, _ = _planned(request)
-    except InputError:
-        return ""
-    n_workers = options.workers or n_cores()
-    cost = expected_cost(plan, n_workers, way_of(options), request.until, measure_slowness())
-    compared = {"wall": {"planned": round(cost.wall, 1), "taken": round(wall, 1)}}
-    if (usage := outcome.usage) is not None:
-        compared["processor"] = {"planned": round(cost.processor, 1), "taken": round(usage.processor, 1)}
-        compared["memory"] = {"planned": round(cost.memory), "taken": usage.memory}
-    add_to_run(request.output, {"plan": compared})
-    return f"took {_told(compared, 'taken')}; planned: {_told(compared, 'planned')}"
-
-
 def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
     if bags := bags_among(request.inputs):
         raise InputError(f"{bags[0]}: is a bag: only point clouds can be planned")
     clouds, problems = open_each(request.inputs, read_extent)
     plan = plan_survey(clouds, request.tiling, request.bounds)
     return plan, [*problems, *filter(None, [excess_of(len(clouds))])]
-
-
-def _told(compared: dict[str, dict[str, float]], which: str) -> str:
-    told = [f"{compared['wall'][which]:.1f} s"]
-    if "processor" in compared:
-        told.append(f"{compared['processor'][which]:.1f} processor s")
-        told.append(f"{_bytes(compared['memory'][which])} of memory")
-    return ", ".join(told)
 
 
 def _survey(plan: SurveyPlan) -> dict[str, Any]:

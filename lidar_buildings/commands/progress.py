@@ -12,18 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from tqdm import tqdm
 
-from lidar_buildings.io.results.process_tree import cpu_of, peak_memory, tree_of, watched_memory
 from lidar_buildings.io.results.run_summary import RunSummary, counted
 
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.bag_writer import Recording
-
-
-class Usage(NamedTuple):
-    """What the processes of a run took together."""
-
-    processor: float  #: processor time [s]
-    memory: int  #: the most at a time [bytes]
 
 
 @dataclass(frozen=True)
@@ -33,24 +25,6 @@ class RunOutcome:
     summary: RunSummary
     failed: Mapping[int, str]  #: stamp of each tile that was given up → why
     recording: Recording | None = None  #: the bag that was wanted beside the files
-    usage: Usage | None = None  #: what it took, None where that is not known
-
-
-@contextmanager
-def measured() -> Iterator[Callable[[], Usage | None]]:
-    """
-    Watch what this process and those that it has started take, and give a function that says so.
-
-    It is called before the block ends; None where that is not known.
-    """
-
-    def usage() -> Usage | None:
-        processor = time.process_time() + cpu_of(tree_of(os.getpid())[1:])
-        memory = sum(peak_memory().values())
-        return Usage(processor, memory) if memory else None
-
-    with watched_memory():
-        yield usage
 
 
 class TilesDone(NamedTuple):

@@ -13,7 +13,7 @@ from dataclasses import asdict, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
-from lidar_buildings.commands.progress import RunOutcome, measured
+from lidar_buildings.commands.progress import RunOutcome
 from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
@@ -23,6 +23,7 @@ from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
+from lidar_buildings.io.results.process_tree import watched_memory
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     PLACED,
@@ -30,7 +31,6 @@ from lidar_buildings.io.results.run_folder import (
     add_to_run,
     check_folder,
     discard_unfinished,
-    holds_tiles,
     sole_use,
 )
 
@@ -47,7 +47,6 @@ def run_command(options: argparse.Namespace) -> int:
     with sole_use(request.output):
         if request.overwrite:
             discard_unfinished(request.output)
-        is_resumed = holds_tiles(request.output)
         _check_places(request)
         started = time.perf_counter()
         compiling = start_compiling()
@@ -59,24 +58,16 @@ def run_command(options: argparse.Namespace) -> int:
             outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
         else:
             outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
-        wall = time.perf_counter() - started
-        return _report(request, options, outcome, wall, is_resumed=is_resumed)
+        return _report(request, options, outcome, time.perf_counter() - started)
 
 
-def _report(
-    request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float, *, is_resumed: bool
-) -> int:
-    """Print what a run gave and what was planned; return the exit status."""
+def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float) -> int:
+    """Print what a run gave; return the exit status."""
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
-    planned = ""
-    if request.use is Use.NONE and not is_resumed:  # what is planned is a whole run
-        from lidar_buildings.commands.plan import compare_with_plan  # not before the pool has begun
-
-        planned = compare_with_plan(request, options, outcome, wall)
     if options.json:
         print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))
     elif not options.quiet:
-        tell_outcome(request.output, outcome, wall, planned)
+        tell_outcome(request.output, outcome, wall)
     if request.fetched:
         add_to_run(request.output, {"bounds": request.bounds, "fetched": request.fetched})
     has_bag = outcome.recording is None or not outcome.recording.failure
@@ -117,9 +108,8 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
 
     tune_malloc()
     load_stages()  # before the pool: its processes are forked
-    with BuildingPool() as pool, measured() as usage:
-        outcome = run_local(request, footprints, pool)
-        return replace(outcome, usage=usage())
+    with BuildingPool() as pool, watched_memory():
+        return run_local(request, footprints, pool)
 
 
 def _run_cluster(
@@ -134,10 +124,8 @@ def _run_cluster(
 
     with TileCluster(n_workers, scheduler) as cluster:
         print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
-        with measured() as usage:
-            outcome = run_local(request, footprints, cluster)
-            # what the workers of a scheduler take is not known here
-            return outcome if scheduler else replace(outcome, usage=usage())
+        with watched_memory():
+            return run_local(request, footprints, cluster)
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

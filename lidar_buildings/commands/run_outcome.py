@@ -33,7 +33,7 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
         print(f"lidar-buildings: {line}", file=sys.stderr)
 
 
-def tell_outcome(output: Path, outcome: RunOutcome, wall: float, planned: str = "") -> None:
+def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     """Print what was found, what it took and where it is, last what to open first."""
     summary, bag = outcome.summary, outcome.recording
     counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
@@ -45,8 +45,6 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float, planned: str = 
         print(_footprints_line(summary.footprints))
     for remark in summary.remarks:
         print(remark)
-    if planned:
-        print(planned)
     for name in summary.files:
         print(f"  {output / name}")
     if bag is not None and not bag.failure:

@@ -34,8 +34,6 @@ def simulate_live_command(options: argparse.Namespace) -> int:
             bag = SurveyBag(
                 options.bag,
                 survey,
-                options.bag_storage,
-                options.bag_compression,
                 with_tf=options.tf,
                 with_fix=options.fix,
             )

@@ -1,4 +1,4 @@
-"""The command ``lidar-buildings view``: a result in a window, or as a picture."""
+"""The commands that show a result: ``report``, ``view`` and ``explain``."""
 
 from __future__ import annotations
 
@@ -52,4 +52,35 @@ def view_command(options: argparse.Namespace) -> int:
         return 0
     write_picture(options.picture, parts_of(contents, *shown), options.eye)
     print(f"  {options.picture}")
+    return 0
+
+
+def report_command(options: argparse.Namespace) -> int:
+    """Write the page of a result anew, and print where it is."""
+    from lidar_buildings.report.page_file import write_report
+
+    print(f"  {write_report(options.folder)}")
+    return 0
+
+
+def explain_command(options: argparse.Namespace) -> int:
+    """Print why a building is as it is, or why there is none, and write its own page if that is wanted."""
+    from lidar_buildings.core.model.errors import ParameterError
+    from lidar_buildings.report.contents import contents_of
+    from lidar_buildings.report.explain.explanation import explain_building, explain_place, find_building
+    from lidar_buildings.report.page_file import write_page
+    from lidar_buildings.report.result_folder import ReportedBuilding, read_result
+
+    result = read_result(options.folder)
+    found = find_building(result, options.building)
+    if not isinstance(found, ReportedBuilding):
+        if options.page:
+            raise ParameterError(f"--page: there is no building at {options.building}: remove --page")
+        print(explain_place(result, found))
+        return 0
+    text = explain_building(result, found)
+    print(text)
+    if options.page:
+        write_page(options.page, contents_of(result, found), explanation=text)
+        print(f"\n  {options.page}")
     return 0

@@ -17,7 +17,8 @@ from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.tiling.tile_queue import TileQueue
+from lidar_buildings.io.tiling.live_feed import LiveFeed
+from lidar_buildings.io.tiling.tile_queue import FileQueue
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.ros.depths import CLOUD_DEPTH
@@ -45,7 +46,7 @@ class TileSender(StageNode):
     """Base of the nodes that send tiles into the graph, as many at a time as there are credits."""
 
     #: Set by the subclass before it calls `begin`.
-    tiles: TileQueue
+    tiles: FileQueue | LiveFeed
 
     def __init__(self, name: str, config: type[SendingConfig], **kwargs: Any) -> None:
         super().__init__(name, NODE_CONFIGS[name], **kwargs)

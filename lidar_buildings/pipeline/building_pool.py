@@ -108,14 +108,6 @@ class BuildingPool:
         """
         return self._submit(function, arguments, _MOST_ENDS)
 
-    def call(self, function: Callable[..., _Result], *arguments: object) -> _Result:
-        """
-        Do as `submit`, and wait for the result.
-
-        For threads that share an interpreter's lock: the others go on meanwhile.
-        """
-        return self.submit(function, *arguments).result()
-
     def map(self, function: Callable[[_Job], _Result], jobs: Iterable[_Job]) -> Iterator[_Result]:
         """Call a function for each of some jobs, several at a time, and yield the results in their order."""
         if not self.n_workers:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from lidar_buildings.core.model.outline import BuildingOutline
@@ -83,63 +83,53 @@ def reconstruct_tile(
     ValueError
         If `until` is no stage.
     """
-    config = config or PipelineConfig()
     if until not in STAGES:
         raise ValueError(f"until = {until!r}: must be one of {', '.join(STAGES)}")
-    if footprints is not None:
-        config = replace(config, regularisation=replace(config.regularisation, keep_outlines=True))
-    is_last = _StageClock(until)
+    seconds, started = dict[str, float](), time.perf_counter()
+    stages = _results(tile, config or PipelineConfig(), footprints, pool, on_classified)
+    for stage, result in zip(STAGES, stages, strict=True):
+        seconds[stage], started = time.perf_counter() - started, time.perf_counter()
+        clipped = NONE if result.clipped and is_all(result.clipped) else result.clipped
+        if clipped or stage == until:
+            break
+    return replace(result, clipped=clipped, seconds=seconds)
 
-    def with_more(sides: Sides) -> Sides:
-        return NONE if sides and is_all(sides) else sides
 
+def _results(
+    tile: PointTile,
+    config: PipelineConfig,
+    footprints: Footprints | None,
+    pool: BuildingPool | None,
+    on_classified: Callable[[PointTile], object] | None,
+) -> Iterator[TileResult]:
+    """Apply one stage after the other, and yield what there is after each."""
     filtered = filter_ground(tile, config.ground_filter)
-    classified, clipped = filtered.tile, with_more(filtered.clipped)
-    if is_last("ground_filter") or clipped:
-        return TileResult(classified, clipped=clipped, seconds=is_last.seconds)
+    yield TileResult(filtered.tile, clipped=filtered.clipped)
 
-    classified = select_roof_points(classified, config.roof_selection)
+    classified = select_roof_points(filtered.tile, config.roof_selection)
     roofs = roof_points(classified)
-    if is_last("roof_selection"):
-        return TileResult(classified, roofs, seconds=is_last.seconds)
+    yield TileResult(classified, roofs)
 
     roofs = label_roof_edges(roofs, config.edge_labelling).tile
-    if is_last("edge_labelling"):
-        return TileResult(classified, roofs, seconds=is_last.seconds)
+    yield TileResult(classified, roofs)
 
     if footprints is None:
         found = trace_or_close(roofs, config.segmentation, config.boundary_tracing, pool)
     else:
         found = trace_footprints(classified, roofs, footprints, config.footprints, config.edge_labelling)
     roofs, traced = found.tile, found.outlines
-    clipped = with_more(found.clipped)
-    if is_last("boundary_tracing") or clipped:
-        return TileResult(classified, roofs, traced, clipped=clipped, seconds=is_last.seconds)
+    yield TileResult(classified, roofs, traced, clipped=found.clipped)
 
     if on_classified is not None:
         on_classified(classified)
-    outlines = regularise_outlines(traced, config.regularisation, pool)
-    if is_last("regularisation"):
-        return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
+    regularisation = config.regularisation
+    if footprints is not None:
+        regularisation = replace(regularisation, keep_outlines=True)
+    outlines = regularise_outlines(traced, regularisation, pool)
+    yield TileResult(classified, roofs, traced, outlines)
 
     roofs = fit_planes(roofs, config.plane_fitting, pool)
-    if is_last("plane_fitting"):
-        return TileResult(classified, roofs, traced, outlines, seconds=is_last.seconds)
+    yield TileResult(classified, roofs, traced, outlines)
 
     models = build_models(roofs, outlines, config.building_model, pool)
-    is_last(STAGES[-1])
-    return TileResult(classified, roofs, traced, outlines, models, seconds=is_last.seconds)
-
-
-class _StageClock:
-    """Notes the seconds of each stage when told that it is done, and says whether it is the last one."""
-
-    def __init__(self, until: str) -> None:
-        self.seconds: dict[str, float] = {}
-        self._until = until
-        self._started = time.perf_counter()
-
-    def __call__(self, stage: str) -> bool:
-        now = time.perf_counter()
-        self.seconds[stage], self._started = now - self._started, now
-        return stage == self._until
+    yield TileResult(classified, roofs, traced, outlines, models)

@@ -69,11 +69,6 @@ class TileCluster:
         if self._local is not None:
             self._local.close()
 
-    @property
-    def n_workers(self) -> int:
-        """Number of workers."""
-        return len(self._client.scheduler_info(n_workers=-1)["workers"])
-
     def submit(self, function: Callable[..., _Result], *arguments: object) -> Future[_Result]:
         """
         Call a function on a worker.

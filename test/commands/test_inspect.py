@@ -52,14 +52,6 @@ def test_a_cloud_without_a_point_has_its_line(command, tmp_path):
     assert spoken.out == [f"{path}: LAS 1.1, point format 1, LAZ, 0 points"]
 
 
-def test_clouds_that_no_run_takes_together_are_named(command, tmp_path):
-    for name, east in (("a.laz", 85000.0), ("b.laz", 135000.0)):
-        cloud_files.saved(cloud_files.random_cloud(50, corner=(east, 447000.0, 0.0)), tmp_path / name)
-    (line,) = [line for line in command("inspect", tmp_path).out if "refused" in line]
-    assert "a.laz and " in line
-    assert "run them separately" in line
-
-
 def test_a_folder_has_a_block_for_each_file_and_the_sum(command, tmp_path):
     (tmp_path / "in").mkdir()
     for name in "ab":

@@ -1,4 +1,4 @@
-"""What a run will take, told from headers; and what a run says of it at its end."""
+"""What a run will take, from headers."""
 
 import json
 import struct
@@ -9,7 +9,6 @@ import pytest
 from support import cloud_files
 
 from bench.scale.headers import make_survey
-from lidar_buildings.commands import plan as plan_module
 from lidar_buildings.commands.cost_model import Way, expected_cost, measure_slowness
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import agreement
@@ -98,17 +97,3 @@ def test_more_workers_take_less_time_and_more_memory(headers):
 
 def test_a_machine_is_compared_with_the_one_that_was_measured():
     assert 0.05 < measure_slowness() < 20.0
-
-
-def test_a_run_says_how_it_compares(command, village, tmp_path, monkeypatch):
-    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
-    monkeypatch.setattr(plan_module, "n_cores", lambda: 1)
-    out = tmp_path / "out"
-    spoken = command("run", village, "--output", out, "--no-ros", "--until", "ground_filter")
-    assert spoken.status == 0
-    compared = json.loads((out / "run.json").read_text())["plan"]
-    assert compared.keys() == {"wall", "processor", "memory"}
-    assert all(figure["planned"] > 0 and figure["taken"] > 0 for figure in compared.values())
-    (line,) = [line for line in spoken.out if line.startswith("took ")]
-    assert f"took {compared['wall']['taken']} s, " in line
-    assert f"planned: {compared['wall']['planned']} s, " in line

@@ -32,7 +32,7 @@ def test_a_library_that_refuses_another_is_reported_in_one_line(monkeypatch, cap
     def refuse(options):
         raise ImportError("Numba needs NumPy 2.3 or less. Got NumPy 2.4.")
 
-    monkeypatch.setattr("lidar_buildings.commands.report.report_command", refuse)
+    monkeypatch.setattr("lidar_buildings.commands.view.report_command", refuse)
     assert cli.main(["report", "somewhere"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "Numba needs NumPy 2.3 or less" in line

@@ -161,7 +161,7 @@ def test_tiles_that_share_at_the_same_time_get_their_own_results(pool):
 
 def test_a_tile_whose_process_ends_is_done_by_another_one(pool, tmp_path):
     job = ("end once", tmp_path / "ended")
-    assert pool.call(do, job) == job
+    assert pool.submit(do, job).result() == job
 
 
 def test_a_tile_that_ends_two_processes_is_given_up_and_the_rest_is_done(pool):
@@ -174,9 +174,9 @@ def test_a_tile_that_ends_two_processes_is_given_up_and_the_rest_is_done(pool):
 def test_a_process_that_was_killed_is_replaced_though_there_are_threads(monkeypatch):
     monkeypatch.undo()
     with BuildingPool(2) as pool:
-        process = pool.call(os.getpid)
+        process = pool.submit(os.getpid).result()
         os.kill(process, signal.SIGKILL)
-        others = {pool.call(os.getpid) for _ in range(4)}
+        others = {pool.submit(os.getpid).result() for _ in range(4)}
         assert process not in others
         assert os.getpid() not in others
 
@@ -184,7 +184,7 @@ def test_a_process_that_was_killed_is_replaced_though_there_are_threads(monkeypa
 def test_no_shared_memory_is_left_by_a_process_that_ends(pool):
     before = {*Path("/dev/shm").glob("*")} if Path("/dev/shm").is_dir() else set()
     with pytest.raises(WorkerLostError):
-        pool.call(end_with, np.ones(LARGE * 10))
+        pool.submit(end_with, np.ones(LARGE * 10)).result()
     assert not before or {*Path("/dev/shm").glob("psm_*")} <= before
 
 
@@ -202,7 +202,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
 def open_and_end(told):
     """Be killed with a pool open."""
     pool = BuildingPool(2)
-    pids = {pool.call(os.getpid) for _ in range(50)} | {one._pid.result() for one in pool._workers}
+    pids = {pool.submit(os.getpid).result() for _ in range(50)} | {one._pid.result() for one in pool._workers}
     told.write_text(" ".join(map(str, pids)))
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -251,21 +251,21 @@ def refuse(number):
 
 def test_a_call_is_done_in_another_process_and_arrays_arrive_as_they_were():
     with BuildingPool(2) as pool:
-        assert pool.call(process_of, 5)[1] != os.getpid()
+        assert pool.submit(process_of, 5).result()[1] != os.getpid()
         large = np.arange(60_000.0).reshape(20_000, 3)
         for sent in (large, large.T, large[::2], large[:0], large.astype(np.float32), large[:5]):
-            come = pool.call(np.negative, sent)
+            come = pool.submit(np.negative, sent).result()
             np.testing.assert_array_equal(come, -sent)
             come += 1  # not read-only
         with pytest.raises(ValueError, match="number = 7: must be larger"):
-            pool.call(refuse, 7)
+            pool.submit(refuse, 7).result()
         assert list(pool.map(do, [1, 2, 3])) == [1, 2, 3]
-    assert pool.call(process_of, 8) == (8, os.getpid())
+    assert pool.submit(process_of, 8).result() == (8, os.getpid())
 
 
 def test_where_shared_memory_is_small_arrays_go_without(pool, monkeypatch):
     monkeypatch.setattr(building_pool, "_has_room", lambda size: False)
-    np.testing.assert_array_equal(pool.call(np.negative, np.arange(100_000)), -np.arange(100_000))
+    np.testing.assert_array_equal(pool.submit(np.negative, np.arange(100_000)).result(), -np.arange(100_000))
 
 
 @pytest.mark.parametrize("n_processes", [0, 2])
@@ -285,7 +285,7 @@ def test_a_call_says_when_it_is_done(n_processes):
 def test_nothing_of_a_call_is_kept_when_it_is_done(pool):
     large, is_gone = np.ones(LARGE), threading.Event()
     weakref.finalize(large, is_gone.set)
-    assert pool.call(np.sum, large) == LARGE
+    assert pool.submit(np.sum, large).result() == LARGE
     del large
     assert is_gone.wait(20.0)
 
@@ -297,4 +297,4 @@ def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):
     crowd.mkdir()
     with BuildingPool(n) as pool:
         assert list(pool.map(threads_used, [(crowd, n)] * n)) == [False] * n
-        assert pool.call(threads_used, (alone, 1))
+        assert pool.submit(threads_used, (alone, 1)).result()

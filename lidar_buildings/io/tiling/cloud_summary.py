@@ -49,7 +49,6 @@ class CloudSummary:
     #: Point source ids; points that the file says are not to be used.
     n_strips: int = 0
     n_withheld: int = 0
-    refused: str = ""  #: why a run does not take several files together, empty if it does
 
     @property
     def size(self) -> NDArray[np.float64]:

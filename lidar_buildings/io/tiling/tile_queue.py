@@ -1,5 +1,5 @@
 """
-Where tiles come from, for files and live feeds alike: `TileQueue`.
+The tiles of files, given out as those of a live feed are (`LiveFeed`).
 
 Who sends tiles on, with or without ROS, needs no more than this::
 
@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Protocol
 
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -31,39 +30,6 @@ from lidar_buildings.io.tiling.tiling import TileSource
 
 #: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
 _AHEAD = 2
-
-
-class TileQueue(Protocol):
-    """Gives out tiles one after the other."""
-
-    error: Exception | None  #: why no more come
-
-    @property
-    def frame(self) -> MapFrame | None:
-        """Where the map lies, None as long as that is not settled."""
-
-    @property
-    def tile_count(self) -> int:
-        """Number of tiles, as far as is known."""
-
-    @property
-    def n_left(self) -> int:
-        """Number of tiles, roughly, that are still to be taken; 0 if there is none."""
-
-    def start(self, wake: Callable[[], None]) -> None:
-        """Begin; `wake` is called, in another thread, when there is something to take or to report."""
-
-    def take(self) -> PointTile | None:
-        """Return the next tile, None if none is ready."""
-
-    def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
-        """Return a tile with a larger buffer on some sides, None if there is none."""
-
-    def finish(self, stamp: int, *, is_done: bool = True) -> None:
-        """Note that a revision of a tile is done, or was given up."""
-
-    def stop(self) -> None:
-        """End all work."""
 
 
 class FileQueue:

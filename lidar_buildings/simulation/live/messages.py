@@ -298,14 +298,12 @@ class SurveyBag:
         self,
         path: Path,
         survey: MovingSurvey,
-        storage: str = "mcap",
-        compression: str = "",
         *,
         with_tf: bool = True,
         with_fix: bool = False,
     ) -> None:
         self.files = [path]
-        self._bag = BagWriter(path, storage, compression, latched={_absolute(topic) for topic in LATCHED})
+        self._bag = BagWriter(path, latched={_absolute(topic) for topic in LATCHED})
         self._messages = LiveMessages(survey, self._bag.make, with_tf=with_tf, with_fix=with_fix)
         for told in self._messages.opening():
             self._write(told, survey.legs[0].stamp)
