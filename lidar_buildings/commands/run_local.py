@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
-from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
@@ -98,7 +97,7 @@ def run_local(
             pool.map,
             source.unreadable,
             has_failed=bool(tiles.failed),
-            write_report=partial(write_report, share=pool.map),
+            write_report=write_report,
         )
         return RunOutcome(summary, tiles.failed)
 

@@ -291,7 +291,7 @@ class ModelWriter(StageNode):
         self._has_news = False
         try:
             record = self._record.as_dict(self.failed_tiles)
-            summary = self._survey.make_files(record, self._each_cloud, self._each)
+            summary = self._survey.make_files(record, self._each_cloud)
         except Exception:
             self._has_news = True
             raise

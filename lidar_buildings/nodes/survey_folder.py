@@ -7,7 +7,6 @@ import weakref
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,14 +109,12 @@ class SurveyFolder:
 
         self._opened().load_writers()
 
-    def make_files(
-        self, run_info: Mapping[str, Any], share: Share = map, share_models: Share = map
-    ) -> RunSummary:
+    def make_files(self, run_info: Mapping[str, Any], share: Share = map) -> RunSummary:
         """
         Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
 
-        `share` does clouds side by side, as in `OutputFolder.finalise`, `share_models` models for the page.
-        LidarBuildingsError if no frame is known, or a file cannot be written.
+        `share` does clouds side by side, as in `OutputFolder.finalise`. LidarBuildingsError if no frame is
+        known, or a file cannot be written.
         """
         folder, problems = self._opened(), list(self._problems)
         folder.inputs = [self._read.get((one.path, one.state), one) for one in folder.inputs]
@@ -128,8 +125,7 @@ class SurveyFolder:
                 problems.append(f"no classified clouds: the source's clouds are not on this host ({where})")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last
 
-        page = partial(write_report, share=share_models)
-        return folder.finalise({**run_info, "problems": problems}, share, write_report=page)
+        return folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
 
     def forget_tiles(self) -> None:
         """Delete the tiles on disk; the files that were made of them stay."""

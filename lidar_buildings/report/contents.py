@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import chain
@@ -28,8 +28,8 @@ from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.point_columns import xyz_of
 from lidar_buildings.io.models.cityjson import load_feature
-from lidar_buildings.io.results.classified_files import every_stretch, kept_points, stretches
-from lidar_buildings.io.results.run_folder import DTM, Share
+from lidar_buildings.io.results.classified_files import every_stretch, stretches
+from lidar_buildings.io.results.run_folder import DTM
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.report.result_folder import ReportedBuilding, Result
 
@@ -105,8 +105,6 @@ def _in_steps(
 
 #: Kind of surface → its number in the page.
 KINDS = {GROUND_SURFACE: 0, WALL_SURFACE: 1, ROOF_SURFACE: 2}
-#: Text of so many characters is a job: some ten buildings, enough to pay for its way to another process.
-_BATCH = 400_000
 
 
 class ModelArrays(NamedTuple):
@@ -140,14 +138,11 @@ class _Building(NamedTuple):
     solids: list[_Solid]
 
 
-def model_arrays(
-    lines: Iterable[str], names: Sequence[str], most_triangles: int, share: Share = map
-) -> ModelArrays:
+def model_arrays(lines: Iterable[str], names: Sequence[str], most_triangles: int) -> ModelArrays:
     """
     Divide the solids of buildings, from their CityJSONFeatures, into triangles.
 
-    Beyond the most triangles buildings are left out. `share`, as `map`, may do its jobs, some buildings each,
-    in other processes. InputError if a line is no such feature.
+    Beyond the most triangles buildings are left out. InputError if a line is no such feature.
     """
     row_of = {name: row for row, name in enumerate(names)}
     vertices = [np.empty((0, 3), dtype=np.int32)]
@@ -155,10 +150,11 @@ def model_arrays(
     faces, kinds = [np.empty(0, dtype=np.uint16)], [np.empty(0, dtype=np.uint8)]
     solids: list[tuple[int, int, int, int]] = []
     n_vertices = n_triangles = n_left_out = 0
-    for building in chain.from_iterable(share(_cut_all, list(_batches(lines)))):
+    for line in lines:
         if n_triangles >= most_triangles:
             n_left_out += 1
             continue
+        building = _cut(load_feature(line)[0])
         for solid in building.solids:
             solids.append((row_of[building.name], solid.level, n_triangles, len(solid.triangles)))
             triangles.append(solid.triangles + np.uint32(n_vertices))
@@ -175,24 +171,6 @@ def model_arrays(
         np.array(solids, dtype=np.int32).reshape(-1, 4),
         n_left_out,
     )
-
-
-def _batches(lines: Iterable[str]) -> Iterator[list[str]]:
-    batch: list[str] = []
-    size = 0
-    for line in lines:
-        if size >= _BATCH:
-            yield batch
-            batch, size = [], 0
-        batch.append(line)
-        size += len(line)
-    if batch:
-        yield batch
-
-
-def _cut_all(lines: Sequence[str]) -> list[_Building]:
-    """Divide some buildings."""
-    return [_cut(load_feature(line)[0]) for line in lines]
 
 
 def _cut(feature: dict[str, Any]) -> _Building:
@@ -265,7 +243,7 @@ def read_shown_points(
     n_roof = round(n_per_class.get(PointClass.BUILDING, 0) * share) // every
     roof_step = max(1, -(-n_roof // round(most * _OF_BUILDINGS)))
     other_step = max(1, -(-(n_points // every - n_roof) // max(most - n_roof // roof_step, 1)))
-    chunks = _chunks(opened, every, is_all=box is None)
+    chunks = chain.from_iterable(stretches(one, every) for one in opened)
     parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in chunks]
     xyz, labels = _joined(parts, box)
     labels[:, 1] = _rows_of(labels[:, 1], rows)
@@ -289,13 +267,6 @@ def read_shown_points(
 def limits_of(cloud: Cloud, frame: MapFrame) -> Rectangle:
     """Return where a cloud's points lie in the map frame [m]."""
     return Rectangle(*frame.to_map(np.stack([cloud.mins, cloud.maxs]))[:, :2].ravel().tolist())
-
-
-def _chunks(clouds: Sequence[Cloud], every: int, *, is_all: bool) -> Iterator[Any]:
-    """Yield the clouds' points; of every so many stretches one."""
-    for cloud in clouds:
-        kept = kept_points(cloud) if is_all else None
-        yield from stretches(cloud, every) if kept is None else [kept]
 
 
 def _thinned(
@@ -376,11 +347,9 @@ class Contents:
     focus: int | None = None  #: row of the building that the page opens with
 
 
-def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Share = map) -> Contents:
+def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
     """
     Choose and read what a page shows; with a focus that building and what is next to it, with all its points.
-
-    `share`, as `map`, may do its jobs, the models, in other processes.
     """
     every = result.buildings
     worst = [] if focus else worst_buildings(every, result.frame)
@@ -398,7 +367,7 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None, share: Sh
             box,
             MOST_POINTS,
         )
-        models = model_arrays(result.lines(set(names)), names, MOST_TRIANGLES, share)
+        models = model_arrays(result.lines(set(names)), names, MOST_TRIANGLES)
         points = reading.result()
     return Contents(
         result=result,

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
-from lidar_buildings.io.results.run_folder import Share
 from lidar_buildings.report.contents import UNKNOWN, Contents, Relief, contents_of
 from lidar_buildings.report.result_folder import ReportedBuilding, read_result
 from lidar_buildings.report.summary_words import (
@@ -48,16 +47,15 @@ _OUTLINE, _TRACED = 0, 1
 _LEVEL = 1
 
 
-def write_report(folder: Path, run: dict[str, Any] | None = None, share: Share = map) -> Path:
+def write_report(folder: Path, run: dict[str, Any] | None = None) -> Path:
     """
     Write the page of a result into its folder.
 
-    `run` is what ``run.json`` is to hold, where it is not written yet; `share`, as `map`, may do its jobs in
-    other processes. InputError if the folder holds no result that can be read, OutputError if the page cannot
-    be written.
+    `run` is what ``run.json`` is to hold, where it is not written yet. InputError if the folder holds no
+    result that can be read, OutputError if the page cannot be written.
     """
     path = folder / REPORT_FILE
-    write_page(path, contents_of(read_result(folder, run), share=share))
+    write_page(path, contents_of(read_result(folder, run)))
     return path
 
 

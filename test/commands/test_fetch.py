@@ -3,12 +3,12 @@
 import json
 import shutil
 
+import laspy
 import pytest
 from support import cloud_files
 from support.range_server import serving
 
 from bench.scale.kills import differing
-from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.fetch import fetched
 from lidar_buildings.io.clouds.las import open_cloud
 
@@ -21,7 +21,7 @@ def store(house, tmp_path):
     """A folder with a survey as COPC."""
     folder = tmp_path / "store"
     folder.mkdir()
-    write_copc(open_cloud(next(house.glob("*.laz"))), folder / "house.copc.laz")
+    cloud_files.saved_copc(laspy.read(next(house.glob("*.laz"))), folder / "house.copc.laz")
     return folder
 
 

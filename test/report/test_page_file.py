@@ -14,7 +14,6 @@ from support.result_folders import written_models
 
 from lidar_buildings.cli import main
 from lidar_buildings.io.results import classified_files
-from lidar_buildings.pipeline import building_pool
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report.page_file import page_of, write_report
 from lidar_buildings.report.result_folder import read_result
@@ -161,20 +160,6 @@ def test_of_large_clouds_stretches_are_read(result, monkeypatch):
     monkeypatch.setattr(classified_files, "_STRETCH", 100)
     few = contents_module.contents_of(read_result(result)).points
     assert 0.2 * whole < len(few.steps) < 0.5 * whole
-
-
-def test_a_run_shows_the_points_that_are_read_from_its_files_later(result, monkeypatch, tmp_path):
-    monkeypatch.setattr(classified_files, "MOST_READ", 1000)
-    monkeypatch.setattr(classified_files, "_STRETCH", 100)
-    monkeypatch.setattr(building_pool, "n_cores", lambda: 1)  # processes have other limits
-    arguments = ["run", str(result.parent / "survey"), "--output", str(tmp_path / "out"), "--no-ros"]
-    assert main(arguments) == 0
-    of_run = Page.of(tmp_path / "out" / "report.html").data
-    assert main(["report", str(tmp_path / "out")]) == 0
-    of_files = Page.of(tmp_path / "out" / "report.html").data
-    for name in ("points", "classes", "building", "plane"):
-        assert len(of_run[name])
-        np.testing.assert_array_equal(of_run[name], of_files[name])
 
 
 def test_without_layers_the_buildings_are_those_of_the_city_model(tmp_path):

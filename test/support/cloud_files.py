@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import struct
 from pathlib import Path
 
 import laspy
@@ -112,18 +113,37 @@ class _VariableChunkWriter(LazrsPointWriter):
         self.compressor.finish_current_chunk()
 
 
-def saved_copc(cloud: laspy.LasData, path: Path) -> Path:
-    """Write what a reader of plain LAZ sees of a COPC file: its records and its chunks of varying size."""
+def saved_copc(cloud: laspy.LasData, path: Path, level: int = 2) -> Path:
+    """Write a cloud as COPC whose nodes are all of one level; its points are put in their order."""
+    places = np.asarray(cloud.xyz)
+    low, side = places.min(axis=0), float(np.ptp(places, axis=0).max())
+    cells = np.minimum((places - low) / side * 2**level, 2**level - 1).astype(np.int64)
+    nodes, own, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    cloud.points = cloud.points[np.argsort(own.ravel(), kind="stable")]
+    cloud.header.vlrs[:] = [one for one in cloud.header.vlrs if one.user_id != "laszip encoded"]
     cloud.header.vlrs.insert(0, laspy.VLR("copc", 1, "COPC info VLR", bytes(160)))
-    hierarchy = laspy.VLR("copc", 1000, "EPT Hierarchy", bytes(32))
+    hierarchy = laspy.VLR("copc", 1000, "EPT Hierarchy", bytes(32 * len(nodes)))
+    ends = np.cumsum(counts)
     with open(path, "wb+") as file:
         writer = laspy.LasWriter(
             file, cloud.header, do_compress=True, laz_backend=VariableChunks(), closefd=False
         )
-        for part in np.array_split(np.arange(len(cloud.points)), [7, 100]):
-            writer.write_points(cloud.points[part])
+        for first, end in zip(ends - counts, ends, strict=True):
+            writer.write_points(cloud.points[first:end])
         writer.write_evlrs(laspy.vlrs.vlrlist.VLRList([hierarchy]))
         writer.close()
+        header = writer.header
+        file.seek(header.offset_to_point_data)
+        laszip = header.vlrs.get("LasZipVlr")[0].record_data
+        sizes = [size for _, size in lazrs.read_chunk_table(file, lazrs.LazVlr(laszip))][: len(nodes)]
+        begins = header.offset_to_point_data + 8 + np.cumsum([0, *sizes[:-1]])
+        start = header.start_of_first_evlr + 60
+        file.seek(375 + 54)
+        half = side / 2.0
+        file.write(struct.pack("<5d2Q", *(low + half), half, side / 128, start, 32 * len(nodes)))
+        file.seek(start)
+        for node in zip(nodes.tolist(), begins.tolist(), sizes, counts.tolist(), strict=True):
+            file.write(struct.pack("<4iQ2i", level, *node[0], *node[1:]))
     return path
 
 

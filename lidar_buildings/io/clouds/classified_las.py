@@ -178,19 +178,13 @@ def suffix_for(cloud: Cloud) -> str:
     return ".laz" if len(channels) <= 1 else ".las"
 
 
-def write_classified(
-    cloud: Cloud,
-    rows: ResultRows,
-    path: Path,
-    on_chunk: Callable[[int, NDArray[Any]], None] = lambda first, points: None,
-) -> NDArray[np.int64]:
+def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.int64]:
     """
     Write every point of the input in its order, with all its dimensions and records; return points per class.
 
     Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
-    file withholds keep their class. `rows` gives the results of a range of points; `on_chunk` is told, part
-    by part, the place of the first point and the points as they are written. InputError or OutputError if the
-    input cannot be read to its end, or the output not be written.
+    file withholds keep their class. `rows` gives the results of a range of points. InputError or OutputError
+    if the input cannot be read to its end, or the output not be written.
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)
@@ -203,7 +197,6 @@ def write_classified(
             points = _classified(chunk, rows(first, first + len(chunk)), out, cloud)
             per_class += np.bincount(_classes(points, cloud), minlength=256)
             writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
-            on_chunk(first, points)
             first += len(chunk)
         _finish(writer, file, cloud)
         _restore_header(file, cloud.raw, out, writer.header)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,11 +15,10 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.cloud import Cloud
-from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.find_inputs import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
-from lidar_buildings.io.results.run_folder import CLASSIFIED, COPC, PARTIAL, Share, output_names
+from lidar_buildings.io.results.run_folder import CLASSIFIED, PARTIAL, Share, output_names
 from lidar_buildings.io.results.tile_products import load_rows, load_sources
 
 #: About so many points at most are read for a page, as that takes longest.
@@ -41,43 +39,6 @@ def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]
     firsts = range(0, cloud.point_count, every * _STRETCH)
     runs = [(first, min(first + _STRETCH, cloud.point_count)) for first in firsts]
     yield from (points for _, points in cloud.runs(runs))
-
-
-@contextmanager
-def cloud_sample(cloud: Path, every: int) -> Iterator[Callable[[int, NDArray[Any]], None]]:
-    """
-    Give a function that is told a cloud's points as they are written, and keeps one of so `every` stretches.
-
-    They are where `kept_points` finds them as long as the run is not finished. OutputError if they cannot be
-    written.
-    """
-    with atomic_file(_place(cloud)) as temporary, open(temporary, "wb") as file:
-
-        def add(first: int, points: NDArray[Any]) -> None:
-            row = np.arange(first, first + len(points))
-            points[row // _STRETCH % every == 0].tofile(file)
-
-        yield add
-
-
-def kept_points(cloud: Cloud) -> laspy.ScaleAwarePointRecord | None:
-    """Return the points of a cloud's stretches if they were kept while it was written."""
-    path = _place(cloud.path)
-    if not path.is_file():
-        return None
-    header = cloud.header
-    records = np.fromfile(path, header.point_format.dtype())
-    return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
-
-
-def forget_points(folder: Path) -> None:
-    """Delete what was kept of a result's clouds."""
-    for path in (folder / PARTIAL).glob("*.shown"):
-        path.unlink()
-
-
-def _place(cloud: Path) -> Path:
-    return cloud.parents[1] / PARTIAL / f"{cloud.name}.shown"
 
 
 _COLUMNS = ("classification", "height_above_ground", "facade", "building_id", "plane_id", "edge")
@@ -144,16 +105,13 @@ class _Job(NamedTuple):
     name: str
     fragments: list[Path]
     without: Collection[int]
-    copc: bool
-    every: int
 
 
 class WrittenCloud(NamedTuple):
     """What became of one input."""
 
     output: str | None = None  #: the file's name in the output folder, None where the input could not be read
-    copc: str | None = None  #: name of the second file, if one was made
-    problem: str = ""  #: why one of them is missing, empty if none is
+    problem: str = ""  #: why it is missing, empty if it is not
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
     n_facade: int = 0  #: points of façades
@@ -165,15 +123,13 @@ def write_clouds(
     fragments: Sequence[Path],
     *,
     without: Collection[int],
-    copc: bool = False,
     share: Share = map,
 ) -> list[WrittenCloud]:
     """
     Write every input's classified file; an input that cannot be read is noted, the others are written.
 
-    `fragments` are saved tiles, sorted by stamp; `without` are ids of buildings to leave out. If `copc` each
-    is written as COPC, too. `share`, as `map`, may do several files at the same time, in other processes.
-    OutputError if a file cannot be written.
+    `fragments` are saved tiles, sorted by stamp; `without` are ids of buildings to leave out. `share`, as
+    `map`, may do several files at the same time, in other processes. OutputError if a file cannot be written.
     """
     touching: list[list[Path]] = [[] for _ in inputs]
     for fragment in fragments:
@@ -181,12 +137,10 @@ def write_clouds(
             if source < len(inputs):
                 touching[source].append(fragment)
     if inputs:
-        for name in (CLASSIFIED, COPC) if copc else (CLASSIFIED,):
-            with writing(folder / name):
-                (folder / name).mkdir(exist_ok=True)
-    every = every_stretch(sum(one.point_count for one in inputs))
+        with writing(folder / CLASSIFIED):
+            (folder / CLASSIFIED).mkdir(exist_ok=True)
     jobs = [
-        _Job(folder, number, one, name, touching[number], without, copc, every)
+        _Job(folder, number, one, name, touching[number], without)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     return list(share(_write_cloud, jobs))
@@ -203,20 +157,7 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
         with PointResults(table, cloud.point_count) as results:
             results.fill(job.fragments, job.number, without=job.without)
-            with cloud_sample(job.folder / output, job.every) as keep:
-                per_class = write_classified(cloud, results.rows, job.folder / output, keep)
-            counts = results.count("known"), results.count("facade")
-            written = WrittenCloud(output, None, "", per_class, *counts)
-        return _with_copc(job, written) if job.copc else written
+            per_class = write_classified(cloud, results.rows, job.folder / output)
+            return WrittenCloud(output, "", per_class, results.count("known"), results.count("facade"))
     except InputError as error:
         return WrittenCloud(problem=str(error))
-
-
-def _with_copc(job: _Job, written: WrittenCloud) -> WrittenCloud:
-    """Write a classified file as COPC, too, or say why it is impossible."""
-    copc = f"{COPC}/{job.name}.copc.laz"
-    try:
-        write_copc(open_cloud(job.folder / str(written.output)), job.folder / copc)
-    except InputError as error:
-        return written._replace(problem=str(error))
-    return written._replace(copc=copc)

@@ -93,13 +93,6 @@ class OutputConfig(RasterConfig):
         advanced=True,
     )
 
-    copc: bool = fixed(
-        False,
-        "Whether each classified cloud is written a second time, as COPC: in the order of an octree, for "
-        "viewers that show any part at any detail.",
-        advanced=True,
-    )
-
     def __post_init__(self) -> None:
         """Check every value, and whether what a format needs is installed."""
         super().__post_init__()

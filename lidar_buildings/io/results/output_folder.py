@@ -22,7 +22,7 @@ from lidar_buildings.io.clouds.agreement import crs_with_heights
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
-from lidar_buildings.io.results.classified_files import forget_points, write_clouds
+from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.output_config import OUTPUT_FORMATS, REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
@@ -160,19 +160,13 @@ class OutputFolder:
         crs = crs_with_heights(self.inputs, self.frame)
         with ThreadPoolExecutor(2) as beside:
             cloud_files = beside.submit(
-                write_clouds,
-                self.path,
-                self.inputs,
-                fragments,
-                without=pieces,
-                copc=self._files.copc,
-                share=share,
+                write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
             )
             raster_files = beside.submit(write_rasters, self.path, fragments, self.frame, crs)
             buildings, statuses, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
-        outputs, copcs = [one.output for one in clouds], [one.copc for one in clouds]
-        files = [*filter(None, outputs + copcs), *buildings]
+        outputs = [one.output for one in clouds]
+        files = [*filter(None, outputs), *buildings]
         new = [one.problem for source, one in enumerate(clouds) if one.problem and source not in told_of]
         per_class = sum((one.per_class for one in clouds), np.zeros(256, dtype=np.int64))
         n_points = sum(file.point_count for file in self.inputs)
@@ -200,7 +194,6 @@ class OutputFolder:
         run = run_record(own, summary, info)
         if write_report and report:
             write_report(self.path, run)
-        forget_points(self.path)
         with atomic_file(self.path / RUN) as temporary:
             temporary.write_text(json.dumps(run, indent=2, default=str) + "\n", encoding="utf-8")
         if self.is_live or has_failed or self._use is Use.UPDATE:

@@ -41,7 +41,7 @@ _POINTS, LOCK = "points", "lock"
 #: What in it is there for the run that begins.
 _NOT_OF_RUN = (PLACED, _POINTS, LOCK)
 RUN = "run.json"
-CLASSIFIED, COPC = "classified", "copc"
+CLASSIFIED = "classified"
 #: Folder with the files of buildings where there are too many for one each.
 BLOCKS = "blocks"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"

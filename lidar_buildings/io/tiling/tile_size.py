@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.io.clouds.agreement import agreed_system, shared_origin
 from lidar_buildings.io.clouds.cloud import CloudExtent
-from lidar_buildings.io.clouds.copc import Cube, read_nodes
+from lidar_buildings.io.clouds.copc import read_nodes
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, MOST_TILES, Rectangle
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 
@@ -127,14 +127,21 @@ def expected_points(
     return np.bincount(number, points)[has_core]
 
 
+#: Bits of a place along the Z-curve.
+_BITS = 21
+
+
 def reading_order(areas: Sequence[Rectangle | None]) -> list[int]:
     """Order files by the Z-curve (Morton 1966) through their middles, those without points (None) first."""
     empty = [i for i, area in enumerate(areas) if area is None]
     filled = [(i, area) for i, area in enumerate(areas) if area is not None]
     north, east = bounds_of([area for _, area in filled]).mean(axis=1).T[::-1]
-    places = np.column_stack([north, east, np.zeros(len(filled))])
+    places = np.column_stack([north, east])
     low, high = places.min(axis=0, initial=np.inf), places.max(axis=0, initial=-np.inf)
-    codes = Cube.around(low, high).codes(places)
+    side = float(np.max(high - low)) or 1.0
+    cells = np.minimum((places - low) / side * 2**_BITS, 2**_BITS - 1).astype(np.int64)
+    bits = ((cells[:, axis] >> bit & 1) << 2 * bit + axis for bit in range(_BITS) for axis in (0, 1))
+    codes = sum(bits, np.zeros(len(filled), dtype=np.int64))
     return empty + [filled[k][0] for k in np.argsort(codes, kind="stable")]
 
 

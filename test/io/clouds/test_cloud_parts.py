@@ -10,7 +10,6 @@ from support import cloud_files, counted_store
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import cloud as clouds_of
 from lidar_buildings.io.clouds import copc
-from lidar_buildings.io.clouds.copc import write_copc
 from lidar_buildings.io.clouds.fetch import write_part
 from lidar_buildings.io.clouds.las import open_cloud, read_tile
 
@@ -28,11 +27,7 @@ def paths(tmp_path_factory):
         cloud_files.saved(cloud_files.with_wkt(cloud, "EPSG:28992"), folder / f"a{ending}")
         for ending in (".las", ".laz")
     ]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lidar_buildings.io.clouds.copc._LEAF", 200)
-        patch.setattr("lidar_buildings.io.clouds.copc.SAMPLE_BITS", 3)
-        write_copc(open_cloud(found[1]), folder / "a.copc.laz")
-    return [*found, folder / "a.copc.laz"]
+    return [*found, cloud_files.saved_copc(cloud, folder / "a.copc.laz", level=4)]
 
 
 def within(tile, bounds):

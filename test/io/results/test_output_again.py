@@ -13,7 +13,6 @@ from support.saved_tiles import load_products
 from lidar_buildings.cli import main
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.clouds.find_inputs import InputFile
-from lidar_buildings.io.results.classified_files import cloud_sample
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import LOCK, PARTIAL, sole_use
 from lidar_buildings.io.tiling.tiling import TileSource
@@ -166,11 +165,3 @@ def test_nothing_is_left_of_a_run_that_wrote_nothing(tmp_path):
         with sole_use(tmp_path / name), sole_use(tmp_path / name):
             pass
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
-
-
-def test_points_that_cannot_be_kept_end_in_one_line(tmp_path):
-    with (
-        pytest.raises(OutputError, match=r"a\.laz\.shown: cannot be written"),
-        cloud_sample(tmp_path / "classified" / "a.laz", 1) as keep,
-    ):
-        keep(0, np.zeros(3))

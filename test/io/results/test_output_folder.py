@@ -8,7 +8,6 @@ import laspy
 import numpy as np
 import pyogrio
 import pytest
-from laspy.copc import CopcReader
 from support import cloud_files
 from support.cut_surveys import tiles_of
 from support.made_results import bytes_of, products_of, run
@@ -174,18 +173,6 @@ def test_equal_names_of_different_folders_are_both_written(tmp_path, survey):
         for number, name in enumerate(("x.laz", "x_2.laz")):
             mine = laspy.read(source.inputs[number].path)
             assert np.array_equal(laspy.read(tmp_path / "out" / "classified" / name).X, mine.X)
-
-
-def test_classified_clouds_are_written_as_copc_on_request(tmp_path, survey):
-    source, tiles = survey
-    summary = run(tmp_path / "out", source, tiles, files=OutputConfig(formats=["cityjson"], copc=True))
-    names = {"copc/0.copc.laz", "copc/1.copc.laz"}
-    assert names < set(summary.files)
-    with CopcReader.open(tmp_path / "out" / "copc" / "0.copc.laz") as reader:
-        found = np.sort(np.asarray(reader.query()["BuildingId"]))
-    assert np.array_equal(found, np.sort(laspy.read(tmp_path / "out" / "classified" / "0.laz")["BuildingId"]))
-    run(tmp_path / "out", source, tiles, overwrite=True)
-    assert not (tmp_path / "out" / "copc").exists()
 
 
 def test_more_buildings_than_a_file_may_hold_are_written_in_blocks_and_replaced(tmp_path, survey):

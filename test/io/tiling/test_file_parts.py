@@ -3,13 +3,12 @@
 import pickle
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 
+import laspy
 import numpy as np
 import pytest
 from support import cloud_files
 
 from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.clouds.copc import write_copc
-from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling import file_parts
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.building_pool import WorkerLostError
@@ -112,9 +111,7 @@ def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp
 
 
 def test_parts_of_copc_have_the_points_that_stand_there(village, submit, monkeypatch, tmp_path):
-    monkeypatch.setattr("lidar_buildings.io.clouds.copc._LEAF", 1000)
-    path = tmp_path / "a.copc.laz"
-    write_copc(open_cloud(next(village.glob("*.laz"))), path)
+    path = cloud_files.saved_copc(laspy.read(next(village.glob("*.laz"))), tmp_path / "a.copc.laz")
     expected, _ = tiles_of(path)
     small_parts(monkeypatch, 5_000)
     assert_equal(tiles_of(path, submit=submit)[0], expected)
