@@ -11,12 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from bench.common.clouds import read_tile
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.surfaces.surface_patches import connected_parts
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 from lidar_buildings.evaluation.scores.edges import (
     NO_ROOF,
@@ -24,7 +26,6 @@ from lidar_buildings.evaluation.scores.edges import (
     fewest_points,
     roofs_of_points,
     roofs_of_polygons,
-    split_at_steps,
 )
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
@@ -58,6 +59,44 @@ def split(area: RoofArea) -> RoofArea:
     """
     gap, least = 2.0 * alpha_of_spacing(area.spacing), fewest_points(area.spacing)
     return area._replace(roof=split_at_steps(area.points, area.roof, gap, min_points=least))
+
+
+def split_at_steps(
+    points: NDArray[np.float64], roof: NDArray[np.int64], gap: float, *, min_points: int = 1
+) -> NDArray[np.int64]:
+    """
+    Split each roof into parts between which the surface steps, so that a step is an edge of the upper part.
+
+    Points no further apart than `gap` in space belong together. Smaller parts than `min_points` (chimneys,
+    dormers, noise) stay with the nearest larger part of their roof in plan; a roof without a larger one stays
+    whole.
+    """
+    found = np.full(len(points), NO_ROOF, dtype=np.int64)
+    n_parts = 0
+    for number in np.unique(roof[roof >= 0]):
+        rows = np.flatnonzero(roof == number)
+        part = _merged_into_large(points[rows], connected_parts(points[rows], gap), min_points)
+        found[rows] = n_parts + part
+        n_parts += int(part.max()) + 1
+    return found
+
+
+def _merged_into_large(
+    points: NDArray[np.float64], part: NDArray[np.int64], min_points: int
+) -> NDArray[np.int64]:
+    """Give points of small parts to the part of the nearest point in plan that is of a large one."""
+    large = np.bincount(part)[part] >= min_points
+    if not large.any():
+        return np.zeros_like(part)
+    if large.all():
+        return part
+    # Of several as near, the first by x, y, z: the order of the points has no say.
+    rows = np.flatnonzero(large)
+    rows = rows[np.lexsort(points[rows].T[::-1])]
+    nearest = cKDTree(points[rows, :2]).query(points[~large, :2])[1]
+    merged = part.copy()
+    merged[~large] = part[rows[nearest]]
+    return merged
 
 
 def _blocks_of_a_map(folder: Path) -> RoofArea:

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from bench.common.plotting import plt
-from lidar_buildings.evaluation.scores.edges import EdgeScore
+from lidar_buildings.evaluation.scores.cells import Figures
 
 #: Class → title, and what the paper's text says of its figures: least, greatest and mean [%].
 CLASSES = {"edge": ("edges", (61.0, 98.0, 79.0)), "non_edge": ("other points", (92.0, 100.0, 97.0))}
@@ -26,7 +26,7 @@ LOOKS = {
 VARIANTS = {"published": "as published", "default": "thinned (default)"}
 
 
-def draw_scores(path: Path, scores: Mapping[str, Mapping[str, Mapping[str, EdgeScore]]]) -> None:
+def draw_scores(path: Path, scores: Mapping[str, Mapping[str, Mapping[str, Figures]]]) -> None:
     """Draw variant → method → area → figures: a panel per variant, class and figure, the mean last."""
     columns = [(variant, kind) for variant in scores for kind in CLASSES]
     size = (4.1 * len(columns), 2.3 * len(FIGURES) + 0.9)
@@ -53,7 +53,7 @@ def draw_scores(path: Path, scores: Mapping[str, Mapping[str, Mapping[str, EdgeS
 
 def _draw_bars(
     axes: plt.Axes,
-    scores: Mapping[str, Mapping[str, EdgeScore]],
+    scores: Mapping[str, Mapping[str, Figures]],
     member: str,
     paper: tuple[float, float, float],
 ) -> None:
@@ -63,7 +63,7 @@ def _draw_bars(
     axes.axhline(mean, color="0.6", linewidth=0.8, linestyle="--", zorder=1)
     width = 0.86 / len(scores)
     for k, (method, by_area) in enumerate(scores.items()):
-        values = [100 * getattr(score, member) for score in by_area.values()]
+        values = [100 * score[member] for score in by_area.values()]
         places = np.arange(len(values) + 1) + (k - (len(scores) - 1) / 2) * width
         axes.bar(places, [*values, np.nanmean(values)], width, color=LOOKS[method][1], zorder=2)
         names = [*by_area, "mean"]

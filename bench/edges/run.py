@@ -29,7 +29,8 @@ from bench.common.tables import percent, table
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
-from lidar_buildings.evaluation.scores.edges import EdgeScore, alpha_of_spacing, reference_edges, score_edges
+from lidar_buildings.evaluation.scores.cells import Figures
+from lidar_buildings.evaluation.scores.edges import alpha_of_spacing, reference_edges, score_edges
 
 #: The methods of the paper's Figure 7, and the parameters that choose them.
 METHODS: dict[str, dict[str, str]] = {
@@ -42,7 +43,7 @@ METHODS: dict[str, dict[str, str]] = {
 CONTROL = "rims_alone"
 #: What the methods are run with beside their own parameters.
 VARIANTS = {"published": AS_PUBLISHED, "default": EdgeLabellingConfig()}
-#: Members of EdgeScore in the order of the table, with their headings.
+#: Figures in the order of the table, with their headings.
 FIGURES = {
     "edge_completeness": "edge compl.",
     "edge_correctness": "corr.",
@@ -83,9 +84,9 @@ def label_area(area: RoofArea, method: str, config: EdgeLabellingConfig) -> NDAr
 def scores_of(
     areas: Mapping[str, RoofArea],
     configs: Mapping[str, EdgeLabellingConfig],
-) -> dict[str, dict[str, EdgeScore]]:
+) -> dict[str, dict[str, Figures]]:
     """Score each method in each area: method → area → figures."""
-    scores: dict[str, dict[str, EdgeScore]] = {method: {} for method in configs}
+    scores: dict[str, dict[str, Figures]] = {method: {} for method in configs}
     for name, area in areas.items():
         truth = edges_of(area)
         for method, config in configs.items():
@@ -93,18 +94,18 @@ def scores_of(
     return scores
 
 
-def means_of(scores: Mapping[str, EdgeScore]) -> dict[str, float]:
+def means_of(scores: Mapping[str, Figures]) -> dict[str, float]:
     """Return the means over areas, each weighing the same; those where there is nothing to share left out."""
-    found = {name: np.array([getattr(score, name) for score in scores.values()]) for name in FIGURES}
+    found = {name: np.array([score[name] for score in scores.values()]) for name in FIGURES}
     return {name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in found.items()}
 
 
-def rows_of(scores: Mapping[str, Mapping[str, EdgeScore]]) -> list[list[str]]:
+def rows_of(scores: Mapping[str, Mapping[str, Figures]]) -> list[list[str]]:
     """Lines of the table: each method's areas, and their mean."""
     rows = []
     for method, by_area in scores.items():
         for area, score in by_area.items():
-            rows.append([method, area, *(percent(getattr(score, name)) for name in FIGURES)])
+            rows.append([method, area, *(percent(score[name]) for name in FIGURES)])
         rows.append([method, "mean", *(percent(mean) for mean in means_of(by_area).values())])
     return rows
 

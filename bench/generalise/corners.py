@@ -115,7 +115,7 @@ def counts_of(points: NDArray[np.float64], drawn: Wireframe, solids: list[Solid]
         far=len(mine),
         corners=len(frame.corners),
         corners_drawn=len(drawn.corners),
-        edges_paired=edges.n_edges_matched,
+        edges_paired=edges["n_edges_matched"],
         edges=len(frame.edges),
         edges_drawn=len(drawn.edges),
         z_offsets=frame.corners[mine, 2] - drawn.corners[theirs, 2],

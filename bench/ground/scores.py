@@ -12,29 +12,29 @@ from numpy.typing import NDArray
 from bench.common.clouds import Cloud
 from bench.common.tables import percent
 from bench.ground.methods import ground_mask
-from lidar_buildings.evaluation.scores.cells import GroundScore, score_ground
+from lidar_buildings.evaluation.scores.cells import Confusion, score_ground
 
-#: Heading → member of GroundScore, and whether it is shown in percent.
+#: Heading → member of Confusion, and whether it is shown in percent.
 FIGURES = (("total", "total_error"), ("type I", "type_1_error"), ("type II", "type_2_error"))
 
 
-def score_of_mask(mask: NDArray[np.bool_], is_ground: NDArray[np.bool_]) -> GroundScore:
+def score_of_mask(mask: NDArray[np.bool_], is_ground: NDArray[np.bool_]) -> Confusion:
     """Score a filter's ground against the reference's."""
     return score_ground(np.where(mask, 2, 1), np.where(is_ground, 2, 1))
 
 
-def score_of(cloud: Cloud, method: str, settings: Mapping[str, Any] | None = None) -> GroundScore:
+def score_of(cloud: Cloud, method: str, settings: Mapping[str, Any] | None = None) -> Confusion:
     """Run a method and score it."""
     return score_of_mask(ground_mask(cloud, method, settings), cloud.is_ground)
 
 
-def cells_of(score: GroundScore) -> list[str]:
+def cells_of(score: Confusion) -> list[str]:
     """Total, type I and type II error in percent, and kappa in percent."""
     shares = [*(getattr(score, member) for _, member in FIGURES), score.kappa]
     return [percent(share) for share in shares]
 
 
-def mean_cells(scores: Sequence[GroundScore]) -> list[str]:
+def mean_cells(scores: Sequence[Confusion]) -> list[str]:
     """Return the means over clouds, each cloud weighing the same."""
     members = [*(member for _, member in FIGURES), "kappa"]
     return [percent(float(np.nanmean([getattr(s, member) for s in scores]))) for member in members]

@@ -22,7 +22,8 @@ from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.readers.city_model import read_city_model
 from lidar_buildings.evaluation.readers.labelled_points import read_roof_points
-from lidar_buildings.evaluation.scores.models import ModelPointScore, score_model_points
+from lidar_buildings.evaluation.scores.cells import Figures
+from lidar_buildings.evaluation.scores.models import WITHIN, score_model_points
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
@@ -77,7 +78,7 @@ class CloudModels(NamedTuple):
     name: str
     buildings: list[BuiltModel]
     #: Distances of the provider's class 6 to the finest roofs, None where there is no such class.
-    points: ModelPointScore | None
+    points: Figures | None
 
     def n_at(self, level: str) -> int:
         """Number of buildings whose finest level this is."""
@@ -137,7 +138,7 @@ def buildings_of(path: Path) -> list[BuiltModel]:
     ]
 
 
-def points_of(output: Path, files: Sequence[Path]) -> ModelPointScore | None:
+def points_of(output: Path, files: Sequence[Path]) -> Figures | None:
     """Measure the provider's class 6 against the finest roofs."""
     points = np.concatenate([read_roof_points(file, (6,))[0] for file in files])
     if not len(points):
@@ -182,9 +183,9 @@ def _cells(cloud: CloudModels) -> list[str]:
         str(n_solids),
         str(n_solids - len(cloud.invalid())),
         *(f"{np.percentile(rmse, share):.3f}" if len(rmse) else "–" for share in (50, 95)),
-        f"{points.median:.3f}" if points else "–",
-        *(map(percent, points.within) if points else ["–"] * 3),
-        percent(points.uncovered) if points else "–",
+        f"{points['median']:.3f}" if points else "–",
+        *(map(percent, (points[f"within_{100 * d:.0f}_cm"] for d in WITHIN)) if points else ["–"] * 3),
+        percent(points["uncovered"]) if points else "–",
     ]
 
 

@@ -15,7 +15,9 @@ from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.core.stages.plane_fitting.fitting import RoofPlanes, fit_roof_planes
-from lidar_buildings.evaluation.scores.models import ModelScore, score_models
+from lidar_buildings.evaluation.scores.cells import Figures
+from lidar_buildings.evaluation.scores.models import score_models
+from lidar_buildings.evaluation.scores.wireframe import n_corners
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: The finest level; the others come in its place.
@@ -52,7 +54,7 @@ class Verdict(NamedTuple):
     n_found: int
     n_extra: int
     angle_deg: float  #: largest angle between a true face and the plane found for it [deg]
-    score: ModelScore  #: of the finest solid
+    score: Figures  #: of the finest solid
     #: Largest difference of a ridge's elevation [m]; infinite if one has no counterpart, NaN without any.
     ridge_error: float
     is_valid: bool  #: whether every solid passes the checks
@@ -70,17 +72,17 @@ class Verdict(NamedTuple):
     @property
     def volume_error(self) -> float:
         """Volume of the finest solid / true volume − 1, without sign; NaN without a solid."""
-        return abs(float(self.score.volume_ratio[0]) - 1.0)
+        return abs(float(self.score["volume_ratio_per_reference"][0]) - 1.0)
 
     @property
     def vertices_equal(self) -> bool:
         """Whether the LoD2.2 has as many vertices as the truth as it is written."""
-        return self.has_finest and self.score.counts.vertices_result == self.score.counts.vertices_reference
+        return self.has_finest and len(self.model.solids[FINEST].vertices) == len(self.scene.solid.vertices)
 
     @property
     def corners_equal(self) -> bool:
         """Whether the LoD2.2 has as many corners as the truth."""
-        return self.has_finest and self.score.counts.same_corners == 1.0
+        return self.has_finest and n_corners(self.model.solids[FINEST]) == n_corners(self.scene.solid)
 
 
 def judged(scenes: Iterable[ModelScene], configs: PipelineConfig | None = None) -> list[Verdict]:
@@ -168,7 +170,7 @@ def bad_table(verdicts: Sequence[Verdict]) -> str:
                 one.model.status.value,
                 str(one.model.attributes.get("roof_type")),
                 f"{100 * one.volume_error:.2f}",
-                f"{one.score.heights.rmse:.3f}",
+                f"{one.score['height_rmse']:.3f}",
                 one.model.reason or "–",
             ]
             for one in verdicts
@@ -188,7 +190,7 @@ def _cells(verdicts: Sequence[Verdict]) -> list[str]:
         str(sum(one.n_extra for one in verdicts)),
         _largest((one.angle_deg for one in verdicts), 2),
         _largest((one.ridge_error for one in verdicts), 3),
-        _largest((one.score.heights.rmse for one in verdicts), 3),
+        _largest((one.score["height_rmse"] for one in verdicts), 3),
         _largest((100 * one.volume_error for one in verdicts), 2),
         str(sum(one.vertices_equal for one in verdicts)),
         str(sum(one.corners_equal for one in verdicts)),
@@ -201,11 +203,11 @@ def _largest(values: Iterable[float], digits: int) -> str:
     return f"{max(known):.{digits}f}" if known else "–"
 
 
-def _ridge_error(score: ModelScore) -> float:
+def _ridge_error(score: Figures) -> float:
     """Return the largest error, infinity if a ridge has no counterpart, NaN where there is no ridge."""
-    if score.ridges.n_reference and score.ridges.recall < 1.0:
+    if score["ridge_n_reference"] and score["ridge_recall"] < 1.0:
         return math.inf
-    return score.ridges.largest
+    return float(score["ridge_largest"])
 
 
 def _truths(scene: ModelScene, faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

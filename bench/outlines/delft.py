@@ -96,20 +96,20 @@ def quality_cells(polygons: NDArray[Any], reference: Reference) -> list[str]:
     n_valid = int(np.count_nonzero(shapely.is_valid(polygons) & ~shapely.is_empty(polygons)))
     score = score_outlines(polygons, reference.blocks, area=reference.area)
     corners = score_corners(polygons, reference.blocks, area=reference.area)
-    found = np.flatnonzero(score.iou >= MIN_IOU)
-    pairs = shapely.make_valid(polygons[score.partner[found]]), reference.blocks[found]
+    found = np.flatnonzero(score["iou_per_reference"] >= MIN_IOU)
+    pairs = shapely.make_valid(polygons[score["partner_per_reference"][found]]), reference.blocks[found]
     angles = score_directions(*pairs, limits=shapely.union_all(reference.area))
     return [
-        f"{score.area_iou:.3f}",
-        f"{score.boundary_of_unions.mean:.2f}",
-        f"{score.n_found}/{score.n_reference}",
-        f"{score.f1:.2f}",
-        f"{score.mean_iou:.3f}",
-        str(score.n_vertices_result),
-        str(score.n_vertices_reference_simplified),
-        f"{corners.precision:.2f}",
-        f"{corners.recall:.2f}",
-        f"{angles.median_deg:.2f}",
+        f"{score['area_iou']:.3f}",
+        f"{score['boundary_of_unions_mean']:.2f}",
+        f"{score['n_found']}/{score['n_reference']}",
+        f"{score['f1']:.2f}",
+        f"{score['mean_iou']:.3f}",
+        str(score["n_vertices_result"]),
+        str(score["n_vertices_reference"]),
+        f"{corners['precision']:.2f}",
+        f"{corners['recall']:.2f}",
+        f"{angles['median_deg']:.2f}",
         f"{n_valid}/{len(polygons)}",
     ]
 

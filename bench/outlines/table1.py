@@ -15,7 +15,6 @@ from bench.outlines.chain import Building, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.truth import tile_of
 from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
-from lidar_buildings.evaluation.scores.outlines import AdjustmentScore, score_adjustment
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Buildings per data set, as in the paper.
@@ -31,12 +30,22 @@ PAPER = {"Baltimore": (2.7, 2.4), "Toronto": (1.2, 1.1), "Purdue campus": (1.0, 
 PAPER_SIGMA = (0.18, 0.21)
 
 
+class Adjustment(NamedTuple):
+    """Means over buildings with straight or curved walls; NaN if there are none."""
+
+    n_buildings: int
+    n_as_traced: int  #: left out
+    spacing: float  #: [m]
+    max_offset: float  #: [m]
+    sigma: float  #: root of the mean variance, as in the paper [m]
+
+
 class Row(NamedTuple):
     """A line of the table."""
 
     name: str  #: of the data
     buildings: list[Building]  #: at most ten
-    score: AdjustmentScore  #: their means
+    score: Adjustment  #: their means
 
 
 def row_of_cloud(cloud: RoofCloud, configs: PipelineConfig) -> Row:
@@ -95,12 +104,14 @@ def slope_through_origin(rows: Sequence[Row], figure: str) -> tuple[float, float
 
 def _row(name: str, buildings: list[Building]) -> Row:
     """Average some buildings; those that kept their traced outline count as such."""
-    score = score_adjustment(
-        [one.spacing for one in buildings],
-        [one.sigma if one.is_regular else 0.0 for one in buildings],
-        [one.max_offset for one in buildings],
+    regular = [one for one in buildings if one.is_regular]
+    means = np.mean(
+        [(one.spacing, one.max_offset, one.sigma**2) for one in regular] or [(np.nan,) * 3], axis=0
     )
-    return Row(name, buildings, score)
+    spacing, offset, sigma = float(means[0]), float(means[1]), float(np.sqrt(means[2]))
+    return Row(
+        name, buildings, Adjustment(len(regular), len(buildings) - len(regular), spacing, offset, sigma)
+    )
 
 
 def _cells(row: Row) -> list[str]:
@@ -111,7 +122,7 @@ def _cells(row: Row) -> list[str]:
         str(score.n_as_traced),
         *_lengths(score.spacing, score.max_offset),
         f"{score.sigma:.3f}",
-        f"{100 * score.sigma_share:.1f} %",
+        f"{100 * score.sigma / score.spacing:.1f} %",
     ]
 
 

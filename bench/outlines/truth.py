@@ -14,8 +14,9 @@ from bench.outlines.chain import chain_of, vertex_count
 from bench.outlines.peers import run_peer
 from bench.scenes.outlines import OutlineScene
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.evaluation.scores.cells import Figures
 from lidar_buildings.evaluation.scores.corners import score_directions
-from lidar_buildings.evaluation.scores.outlines import BoundaryDistances, boundary_distances
+from lidar_buildings.evaluation.scores.outlines import boundary_distances
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: A building counts as found, and a courtyard, from this intersection over union on.
@@ -44,7 +45,7 @@ class Verdict(NamedTuple):
     iou: float  #: with the truth
     n_vertices: int  #: of the outline
     n_courtyards_found: int  #: true courtyards with a hole of IoU ≥ 0.5
-    distances: BoundaryDistances  #: of the two boundaries [m]
+    distances: Figures  #: of the two boundaries [m]
     #: Between walls and those of the truth: 95 % of the walls' length differ by less [deg].
     angle_95_deg: float
 
@@ -80,7 +81,7 @@ def verdict(scene: OutlineScene, polygons: Sequence[shapely.Polygon]) -> Verdict
         n_vertices=vertex_count(polygon),
         n_courtyards_found=_courtyards_found(polygon, scene.truth),
         distances=boundary_distances(*sides),
-        angle_95_deg=score_directions(*sides).percentile_95_deg,
+        angle_95_deg=score_directions(*sides)["percentile_95_deg"],
     )
 
 
@@ -91,7 +92,7 @@ def summary_cells(verdicts: Sequence[Verdict]) -> list[str]:
     found_yards = sum(one.n_courtyards_found for one in verdicts)
     spacing = np.array([one.scene.spacing for one in verdicts])
     distances = (
-        np.array([(one.distances.mean, one.distances.hausdorff) for one in verdicts]) / spacing[:, None]
+        np.array([(one.distances["mean"], one.distances["hausdorff"]) for one in verdicts]) / spacing[:, None]
     )
     angles = [one.angle_95_deg for one in verdicts if one.scene.kind != "curved"]
     return [

@@ -59,7 +59,7 @@ def test_files_are_read_as_one_cloud_near_the_map_s_origin_with_time_and_truth(d
 def test_every_method_of_the_package_is_scored(method):
     score = agreement.score_of(small_scene(), method)
     assert score.total_error < 0.1
-    assert score.n_points == len(small_scene().points)
+    assert score.total == len(small_scene().points)
 
 
 def test_every_sample_there_is_is_scored_and_the_mean(data, capsys):

@@ -58,7 +58,7 @@ def test_the_truth_itself_is_found_with_all_its_corners_and_courtyards():
     right = outline_truth.verdict(scene, [scene.truth])
     assert (right.is_found, right.corners_right, right.n_courtyards_found) == (True, True, 1)
     assert right.iou == pytest.approx(1.0)
-    assert right.distances.hausdorff == pytest.approx(0.0, abs=1e-9)
+    assert right.distances["hausdorff"] == pytest.approx(0.0, abs=1e-9)
     assert right.angle_95_deg == pytest.approx(0.0, abs=1e-6)
 
 
@@ -142,7 +142,7 @@ def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
     text = outline_table1.table_1([row])
     assert lines_of(text, "paper: Baltimore")[0].split()[3:6] == ["2.70", "2.40", "0.89"]
     slope, deviation = outline_table1.slope_through_origin([row], "sigma")
-    assert slope == pytest.approx(row.score.sigma_share)
+    assert slope == pytest.approx(row.score.sigma / row.score.spacing)
     assert deviation == pytest.approx(0.0, abs=1e-9)
 
 

@@ -21,8 +21,6 @@ LODS = ("1.2", "1.3", "2.2")
 #: Option → its least and greatest value, from the precision of points and maps to the size of buildings.
 _RANGES = {
     "cell": (0.05, 100.0),
-    "fill": (0.0, 10.0),
-    "alpha": (0.01, 100.0),
     "corner_tolerance": (0.01, 100.0),
 }
 #: A result's building points, and a reference's unless told otherwise.
@@ -39,16 +37,10 @@ class ScoreOptions:
 
     area: MetricPolygons | None = None  #: the area of interest: only what lies inside counts
     cell: float = 0.5  #: side of the cells in which buildings are compared [m]
-    #: How far an empty cell looks for its nearest point [spacings]; see `evaluation.scores.cells`.
-    fill: float = 1.5
     #: The reference's classes of ground (default 2) or of buildings and roofs (default 6).
     reference_classes: Collection[int] | None = None
-    #: Whether outlines that share a wall are compared as one block; see `evaluation.scores.blocks`.
+    #: Whether outlines that share a wall are compared as one block; see `evaluation.scores.outlines`.
     merge_touching: bool = False
-    #: Radius of the disc that finds the reference's edges [m]; 1.342 point spacings if None.
-    alpha: float | None = None
-    #: Whether a step in height parts one roof of the reference from another, and so is an edge.
-    split_steps: bool = False
     #: How far a corner of an outline or of a roof may lie from the one that it stands for [m].
     corner_tolerance: float = 1.0
     lod: str = LODS[-1]  #: the finest level of detail that is looked at: ``"1.2"``, ``"1.3"`` or ``"2.2"``
@@ -56,7 +48,7 @@ class ScoreOptions:
     def __post_init__(self) -> None:
         for name, (least, greatest) in _RANGES.items():
             value = getattr(self, name)
-            if value is not None and not least <= value <= greatest:
+            if not least <= value <= greatest:
                 option = name.replace("_", "-")
                 raise ParameterError(f"score --{option} {value:g}: must be within {least:g} to {greatest:g}")
         if self.lod not in LODS:
@@ -66,9 +58,9 @@ class ScoreOptions:
 #: The kinds of comparison, and which options apply to each.
 KINDS = {
     "ground": {"reference_classes"},
-    "buildings": {"cell", "fill", "reference_classes"},
+    "buildings": {"cell", "reference_classes"},
     "outlines": {"merge_touching", "corner_tolerance"},
-    "edges": {"alpha", "split_steps", "reference_classes"},
+    "edges": {"reference_classes"},
     "planes": set(),
     "models": {"lod", "corner_tolerance", "reference_classes"},
 }
@@ -78,8 +70,14 @@ KINDS = {
 class Score:
     """What a comparison gave."""
 
+    title: str  #: what was compared with what
     figures: dict[str, Any]  #: name → number, unrounded; None for a share or mean of nothing
-    table: str  #: the same for reading, one figure a line
+
+    def table(self) -> str:
+        """Return the title, and a line for each figure but lists."""
+        shown = {name: value for name, value in self.figures.items() if not isinstance(value, list)}
+        width = max(map(len, shown))
+        return "\n".join([self.title, *(f"  {name:<{width}}  {_text(shown[name]):>10}" for name in shown)])
 
 
 def run_score(
@@ -107,7 +105,6 @@ def run_score(
     chosen = ScoreOptions(**options)
     # Imported late: --help answers at once.
     from lidar_buildings.evaluation.command.figures import FIGURES
-    from lidar_buildings.evaluation.command.table import score_table
     from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
 
     area = None if aoi is None else read_metric_polygons(Path(aoi))
@@ -117,7 +114,7 @@ def run_score(
     figures = {name: _none_for_nan(value) for name, value in found.items()}
     title = f"{kind}: {result_path} against {reference_path}" + (f" within {aoi}" if aoi else "")
     title += ", touching ones merged into blocks" if chosen.merge_touching else ""
-    return Score(figures, score_table(title, figures))
+    return Score(title, figures)
 
 
 def add_score_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,8 +127,6 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     add("reference", type=Path, metavar="REFERENCE", help=f"folder of a survey, {what}")
     add("--aoi", type=Path, metavar="FILE", help="polygons: count only what lies inside")
     add("--cell", type=float, metavar="M", help=f"buildings: side of a cell [m] (default: {default.cell})")
-    fill = "buildings: search radius of an empty cell for its nearest point"
-    add("--fill", type=float, metavar="SPACINGS", help=f"{fill} (default: {default.fill}; 0: not at all)")
     classes = "all but outlines and planes: the reference's classes of that kind, as in 2,9,11"
     add("--reference-classes", type=_classes, metavar="N[,N...]", help=f"{classes} (default: 2 or 6)")
     merge = "outlines: compare blocks of buildings that share walls, as lidar cannot separate them"
@@ -139,10 +134,6 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     corner = "outlines, models: largest distance between matching corners [m]"
     corner += f" (default: {default.corner_tolerance})"
     add("--corner-tolerance", type=float, metavar="M", help=corner)
-    alpha = "edges: radius of the disc of the reference's alpha shapes [m] (default: 1.342 point spacings)"
-    add("--alpha", type=float, metavar="M", help=alpha)
-    split = "edges: separate roofs of the reference at height steps"
-    add("--split-steps", action="store_true", default=None, help=split)
     add("--lod", choices=LODS, help=f"models: finest level of detail to compare (default: {LODS[-1]})")
     add("--json", action="store_true", help="print JSON with unrounded numbers")
 
@@ -168,7 +159,7 @@ def score_command(options: argparse.Namespace) -> int:
         score = run_score(kind, options.result, options.reference, aoi=options.aoi, **own)
         found.append({"kind": kind, **score.figures})
         if not options.json:
-            print(score.table, flush=True)
+            print(score.table(), flush=True)
     if options.json:
         print(json.dumps(found if len(found) > 1 else found[0], indent=2))
     return 0
@@ -194,6 +185,13 @@ def _classes(text: str) -> tuple[int, ...]:
 
 def _none_for_nan(value: Any) -> Any:
     """Return a figure, or a list of them, with None for shares and means of nothing."""
-    if isinstance(value, list):
-        return [_none_for_nan(one) for one in value]
+    if hasattr(value, "tolist"):
+        return [_none_for_nan(one) for one in value.tolist()]
     return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _text(value: Any) -> str:
+    """Return a figure as text, a dash for None."""
+    if value is None:
+        return "–"
+    return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -51,6 +51,21 @@ class Confusion:
         return ratio(2 * self.hits, 2 * self.hits + self.false_alarms + self.misses)
 
     @property
+    def type_1_error(self) -> float:
+        """Share of the reference that was rejected (Sithole and Vosselman, 2004)."""
+        return ratio(self.misses, self.hits + self.misses)
+
+    @property
+    def type_2_error(self) -> float:
+        """Share of the others that was accepted."""
+        return ratio(self.false_alarms, self.false_alarms + self.rejections)
+
+    @property
+    def total_error(self) -> float:
+        """Share of all on which both differ."""
+        return ratio(self.misses + self.false_alarms, self.total)
+
+    @property
     def kappa(self) -> float:
         """
         Agreement beyond what chance would give (Cohen 1960): 1 is perfect, 0 is chance.
@@ -59,9 +74,8 @@ class Confusion:
         """
         yes = (self.hits + self.false_alarms) * (self.hits + self.misses)
         no = (self.misses + self.rejections) * (self.false_alarms + self.rejections)
-        expected = yes + no
         # In whole numbers: both sides of (p_o − p_e) / (1 − p_e) times total².
-        return ratio((self.hits + self.rejections) * self.total - expected, self.total**2 - expected)
+        return ratio((self.hits + self.rejections) * self.total - yes - no, self.total**2 - yes - no)
 
 
 def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
@@ -75,6 +89,15 @@ def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
     hits = int(np.count_nonzero(result_mask & reference_mask))
     yes, wanted = int(np.count_nonzero(result_mask)), int(np.count_nonzero(reference_mask))
     return Confusion(hits, yes - hits, wanted - hits, len(result_mask) - yes - wanted + hits)
+
+
+#: Name of a figure, as in `doc/scores.md` → its value; a share or mean of nothing is NaN.
+Figures = dict[str, Any]
+
+
+def named(prefix: str, figures: Figures) -> Figures:
+    """Return figures whose names begin with a prefix."""
+    return {f"{prefix}_{name}": value for name, value in figures.items()}
 
 
 def ratio(part: float, whole: float) -> float:
@@ -102,7 +125,7 @@ def root_mean_square(values: NDArray[np.float64]) -> float:
 CellSet = NDArray[np.int64]
 #: How far an empty cell looks for its nearest point [spacings]: of cells among randomly strewn points,
 #: exp(−π 1.5²) = 0.1 % have none so near. A larger gap is water or shadow and holds no building.
-REACH = 1.5
+_REACH = 1.5
 #: Columns and rows must stay below this, so that a key fits into 64 bits.
 MAX_NUMBER = 2**31 - 1
 #: Cell centres tested against a polygon at a time [cells].
@@ -123,28 +146,23 @@ def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
     return _as_set(np.concatenate([*found, np.empty(0, np.int64)]))
 
 
-def cells_of_points(
-    points: ArrayLike, is_building: ArrayLike, cell: float, *, reach: float = REACH
-) -> CellSet:
+def cells_of_points(points: ArrayLike, is_building: ArrayLike, cell: float) -> CellSet:
     """
     Return the cells [m] that hold a building point, and the empty ones whose nearest point is one.
 
-    An empty cell looks as far as `reach`, in measured point spacings, from its centre; 0 leaves it empty. So
-    at low density a roof is a closed surface that ends halfway between its points and the ground's, and a
-    cell with points of other classes only stays what they are. All points count, not the building's only.
-    ValueError if `cell` is not positive, or so small that coordinates overflow; if `reach` is negative; if
+    An empty cell looks 1.5 measured point spacings far from its centre. So at low density a roof is a closed
+    surface that ends halfway between its points and the ground's, and a cell with points of other classes
+    only stays what they are. ValueError if `cell` is not positive, or so small that coordinates overflow; if
     the lengths differ.
     """
     plan, chosen = np.asarray(points, dtype=np.float64)[:, :2], np.asarray(is_building, dtype=bool)
     if chosen.shape != (len(plan),):
         raise ValueError(f"is_building has shape {chosen.shape}: must be ({len(plan)},)")
     _checked_size(cell, plan)
-    if not (np.isfinite(reach) and reach >= 0):
-        raise ValueError(f"reach = {reach}: must be a number of point spacings, at least 0")
     own = _as_set(keys_of(plan[chosen], cell))
-    if reach == 0 or not len(own):
+    if not len(own):
         return own
-    distance = reach * measure_spacing(points)
+    distance = _REACH * measure_spacing(points)
     empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(keys_of(plan, cell)), assume_unique=True)
     filled = empty[_nearest_is_building(cell_centres(empty, cell), plan, chosen, distance)]
     return _as_set(np.concatenate([own, filled]))
@@ -248,41 +266,19 @@ def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
         )
 
 
-@dataclass(frozen=True)
-class BuildingScore:
-    """Agreement of building areas in cells; a share of nothing is NaN."""
-
-    cell: float  #: side of a cell [m]
-    #: Building cells of the result, of the reference, and of both.
-    n_result_cells: int
-    n_reference_cells: int
-    n_common_cells: int
-    recall: float  #: common / reference (completeness)
-    precision: float  #: common / result (correctness)
-    iou: float  #: common / either (quality)
-
-
 def score_buildings(
     result: CellSet, reference: CellSet, *, cell: float = DEFAULT_CELL, area: ArrayLike | None = None
-) -> BuildingScore:
+) -> Confusion:
     """
     Compare the building cells of a result with those of a reference (Rutzinger et al. 2009, pixel-based).
 
-    Only cells with their centre inside an area count, where one is given.
+    Only cells with their centre inside an area count, where one is given. Cells that are in neither are not
+    counted.
     """
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)
-    n_common_cells = len(np.intersect1d(result, reference, assume_unique=True))
-    agreement = Confusion(n_common_cells, len(result) - n_common_cells, len(reference) - n_common_cells, 0)
-    return BuildingScore(
-        cell=cell,
-        n_result_cells=len(result),
-        n_reference_cells=len(reference),
-        n_common_cells=n_common_cells,
-        recall=agreement.recall,
-        precision=agreement.precision,
-        iou=agreement.iou,
-    )
+    n_common = len(np.intersect1d(result, reference, assume_unique=True))
+    return Confusion(n_common, len(result) - n_common, len(reference) - n_common, 0)
 
 
 #: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.
@@ -296,49 +292,12 @@ RESULT_GROUND = (
 REFERENCE_GROUND = (int(PointClass.GROUND),)
 
 
-@dataclass(frozen=True)
-class GroundScore:
-    """The errors as Sithole and Vosselman (2004) define them; a share of nothing is NaN."""
-
-    #: Points of the reference.
-    n_points: int
-    n_ground: int
-    n_object: int
-    #: Ground taken for object, and object taken for ground.
-    n_ground_rejected: int
-    n_object_accepted: int
-    type_1_error: float  #: ground rejected / ground
-    type_2_error: float  #: object accepted / object
-    total_error: float  #: both errors / points
-    kappa: float  #: Cohen's kappa
-
-
 def score_ground(
-    result: ArrayLike,
-    reference: ArrayLike,
-    *,
-    result_ground: Collection[int] = RESULT_GROUND,
-    reference_ground: Collection[int] = REFERENCE_GROUND,
-) -> GroundScore:
+    result: ArrayLike, reference: ArrayLike, *, reference_ground: Collection[int] = REFERENCE_GROUND
+) -> Confusion:
     """
     Compare two classifications of the same points: ground, or object (everything else).
 
     Give 2, 9, 11 as ground where the reference has water and roads apart. ValueError if the lengths differ.
     """
-    agreement = confusion_of(
-        np.isin(np.asarray(result), list(result_ground)),
-        np.isin(np.asarray(reference), list(reference_ground)),
-    )
-    n_ground = agreement.hits + agreement.misses
-    n_object = agreement.total - n_ground
-    return GroundScore(
-        n_points=agreement.total,
-        n_ground=n_ground,
-        n_object=n_object,
-        n_ground_rejected=agreement.misses,
-        n_object_accepted=agreement.false_alarms,
-        type_1_error=ratio(agreement.misses, n_ground),
-        type_2_error=ratio(agreement.false_alarms, n_object),
-        total_error=ratio(agreement.misses + agreement.false_alarms, agreement.total),
-        kappa=agreement.kappa,
-    )
+    return confusion_of(np.isin(result, RESULT_GROUND), np.isin(reference, list(reference_ground)))

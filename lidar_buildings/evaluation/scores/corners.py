@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
-from lidar_buildings.evaluation.scores.cells import mean, ratio
+from lidar_buildings.evaluation.scores.cells import Figures, mean, ratio
 from lidar_buildings.evaluation.scores.outlines import (
     limits_of,
     open_rings,
@@ -30,25 +29,13 @@ DEFAULT_TOLERANCE = 1.0
 MIN_TURN_DEG = 10.0
 
 
-@dataclass(frozen=True)
-class CornerScore:
-    """Agreement of corners, see `doc/scores.md`; a share of nothing is NaN."""
-
-    n_result: int
-    n_reference: int
-    n_matched: int
-    precision: float
-    recall: float
-    mean_distance: float
-
-
 def score_corners(
     result: ArrayLike,
     reference: ArrayLike,
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     area: ArrayLike | None = None,
-) -> CornerScore:
+) -> Figures:
     """
     Match corners one to one, as `match_corners` does, and count what is left on either side.
 
@@ -61,14 +48,14 @@ def score_corners(
     corners = (corners_of(valid_polygons(side)) for side in (result, reference))
     mine, theirs = (own[within(own, limits)] for own in corners)
     _, _, distances = match_corners(mine, theirs, tolerance)
-    return CornerScore(
-        n_result=len(mine),
-        n_reference=len(theirs),
-        n_matched=len(distances),
-        precision=ratio(len(distances), len(mine)),
-        recall=ratio(len(distances), len(theirs)),
-        mean_distance=mean(distances),
-    )
+    return {
+        "n_result": len(mine),
+        "n_reference": len(theirs),
+        "n_matched": len(distances),
+        "precision": ratio(len(distances), len(mine)),
+        "recall": ratio(len(distances), len(theirs)),
+        "mean_distance": mean(distances),
+    }
 
 
 def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
@@ -128,28 +115,15 @@ STEP = 0.25
 DEFAULT_REACH = 1.0
 
 
-@dataclass(frozen=True)
-class DirectionScore:
-    """
-    Angles between walls that belong together, every metre of wall with the same weight.
-
-    `doc/scores.md` says what the figures are.
-    """
-
-    median_deg: float
-    percentile_95_deg: float
-    matched_share: float
-
-
 def score_directions(
     result: NDArray[Any],
     reference: NDArray[Any],
     *,
     reach: float = DEFAULT_REACH,
     limits: shapely.Geometry | None = None,
-) -> DirectionScore:
+) -> Figures:
     """
-    Compare the directions of walls, outline by outline; the rows are partners.
+    Compare the directions of walls, outline by outline, every metre with the same weight; rows are partners.
 
     A result's wall belongs to the reference's wall that is the nearest to most of its length, within `reach`
     [m]. Only walls with their middle inside the limits count, where they are given.
@@ -162,11 +136,11 @@ def score_directions(
         lengths.append(np.hypot(*(walls[:, 1] - walls[:, 0]).T))
     angle, length = np.concatenate(angles), np.concatenate(lengths)
     matched = np.isfinite(angle)
-    return DirectionScore(
-        median_deg=_weighted_quantile(angle[matched], length[matched], 0.5),
-        percentile_95_deg=_weighted_quantile(angle[matched], length[matched], 0.95),
-        matched_share=ratio(float(length[matched].sum()), float(length.sum())),
-    )
+    return {
+        "median_deg": _weighted_quantile(angle[matched], length[matched], 0.5),
+        "percentile_95_deg": _weighted_quantile(angle[matched], length[matched], 0.95),
+        "matched_share": ratio(float(length[matched].sum()), float(length.sum())),
+    }
 
 
 def _walls(polygon: shapely.Geometry) -> NDArray[np.float64]:

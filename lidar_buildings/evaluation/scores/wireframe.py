@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, Face, Solid
-from lidar_buildings.evaluation.scores.cells import mean, percentile, ratio, root_mean_square
+from lidar_buildings.evaluation.scores.cells import Figures, mean, percentile, ratio, root_mean_square
 from lidar_buildings.evaluation.scores.corners import match_corners
 from lidar_buildings.evaluation.scores.outlines import spots_along
 
@@ -26,53 +26,25 @@ _LEAST_UPRIGHT = 1e-3
 _GRID = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class RoofSurfaces:
-    """All roof faces of some buildings."""
-
-    polygons: NDArray[Any]  #: the faces in plan, shapely.Polygon [m]
-    slopes: NDArray[np.float64]  #: rise of each face's plane along x and y [m/m], shape (n_faces, 2)
-    origins: NDArray[np.float64]  #: a point of each plane [m], shape (n_faces, 3)
-    building: NDArray[np.int64]  #: row of the building that each face belongs to, shape (n_faces,)
-
-    def over(self, xy: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """
-        Return the building (−1 = none) and the roof's elevation (NaN) at positions of shape (n, 2).
-
-        Where several roofs lie over one another the highest counts.
-        """
-        spots = np.asarray(xy, dtype=np.float64)[:, :2]
-        building = np.full(len(spots), -1, dtype=np.int64)
-        elevation = np.full(len(spots), np.nan)
-        points = shapely.points(spots)
-        row, face = shapely.STRtree(self.polygons).query(points, predicate="intersects")
-        offset = spots[row] - self.origins[face, :2]
-        z = self.origins[face, 2] + (self.slopes[face] * offset).sum(axis=1)
-        # The highest comes last and stays; of equal ones that of the first building.
-        order = np.lexsort((-self.building[face], z))
-        building[row[order]], elevation[row[order]] = self.building[face[order]], z[order]
-        return building, elevation
-
-
-def roof_surfaces(buildings: Sequence[Solids]) -> RoofSurfaces:
-    """Collect the roof faces of buildings, of whose parts each has a solid."""
-    polygons, slopes, origins, rows = [], [], [], []
-    for row, parts in enumerate(buildings):
-        for solid in parts:
-            for face in faces_of(solid, ROOF_SURFACE):
-                rings = solid.face_rings(face)
-                slope = _slope_of(rings[0])
-                if slope is not None:
-                    polygons.append(_plan(rings))
-                    slopes.append(slope)
-                    origins.append(rings[0].mean(axis=0))
-                    rows.append(row)
-    return RoofSurfaces(
-        np.array(polygons, dtype=object),
-        np.array(slopes).reshape(-1, 2),
-        np.array(origins).reshape(-1, 3),
-        np.array(rows, dtype=np.int64),
-    )
+def roof_elevations(solids: Iterable[Solid], xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return the elevation of the highest roof at positions of shape (n, 2 or more), NaN without a roof [m].
+    """
+    polygons, origins, normals = [], [], []
+    for solid in solids:
+        for face in faces_of(solid, ROOF_SURFACE):
+            rings = solid.face_rings(face)
+            normal = unit_normal(rings[0])
+            if abs(normal[2]) >= _LEAST_UPRIGHT:
+                polygons.append(_plan(rings))
+                origins.append(rings[0].mean(axis=0))
+                normals.append(normal)
+    row, face = shapely.STRtree(polygons).query(shapely.points(xy[:, :2]), predicate="intersects")
+    origin, normal = np.reshape(origins, (-1, 3))[face], np.reshape(normals, (-1, 3))[face]
+    rise = ((origin[:, :2] - xy[row, :2]) * normal[:, :2]).sum(axis=1) / normal[:, 2]
+    elevation = np.full(len(xy), np.nan)
+    np.fmax.at(elevation, row, origin[:, 2] + rise)
+    return elevation
 
 
 def footprints(buildings: Sequence[Solids]) -> NDArray[Any]:
@@ -104,14 +76,6 @@ def _footprint(parts: Solids) -> shapely.Geometry:
 
 def _plan(rings: Sequence[NDArray[np.float64]]) -> shapely.Polygon:
     return shapely.Polygon(rings[0][:, :2], [ring[:, :2] for ring in rings[1:]])
-
-
-def _slope_of(ring: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Return the rise of a ring's plane along x and y [m/m], None for an upright one."""
-    normal = unit_normal(ring)
-    if abs(normal[2]) < _LEAST_UPRIGHT:
-        return None
-    return float(-normal[0] / normal[2]), float(-normal[1] / normal[2])
 
 
 #: Faces that meet at a smaller angle are one surface, and edges that turn by less are one line [deg].
@@ -256,28 +220,7 @@ _STEP = 0.25
 _N_NEAR = 12
 
 
-@dataclass(frozen=True)
-class WireframeScore:
-    """Agreement of two wireframes, see `doc/scores.md`; a share or mean of nothing is NaN."""
-
-    n_corners_result: int
-    n_corners_reference: int
-    n_corners_matched: int
-    corner_precision: float
-    corner_recall: float
-    corner_f1: float
-    corner_offset: float
-    n_edges_result: int
-    n_edges_reference: int
-    n_edges_matched: int
-    edge_precision: float
-    edge_recall: float
-    edge_f1: float
-    edge_length_precision: float
-    edge_length_recall: float
-
-
-def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) -> WireframeScore:
+def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) -> Figures:
     """
     Match corners one to one, as many as possible and then as near as possible, and edges by their ends.
 
@@ -289,23 +232,21 @@ def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) 
     mine, theirs, distance = match_corners(result.corners, reference.corners, tolerance)
     n_mine, n_theirs = len(result.corners), len(reference.corners)
     n_edges = _n_common_edges(result, reference, mine, theirs)
-    return WireframeScore(
-        n_corners_result=n_mine,
-        n_corners_reference=n_theirs,
-        n_corners_matched=len(mine),
-        corner_precision=ratio(len(mine), n_mine),
-        corner_recall=ratio(len(mine), n_theirs),
-        corner_f1=ratio(2 * len(mine), n_mine + n_theirs),
-        corner_offset=mean(distance),
-        n_edges_result=len(result.edges),
-        n_edges_reference=len(reference.edges),
-        n_edges_matched=n_edges,
-        edge_precision=ratio(n_edges, len(result.edges)),
-        edge_recall=ratio(n_edges, len(reference.edges)),
-        edge_f1=ratio(2 * n_edges, len(result.edges) + len(reference.edges)),
-        edge_length_precision=_share_followed(result.segments, reference.segments, tolerance),
-        edge_length_recall=_share_followed(reference.segments, result.segments, tolerance),
-    )
+    return {
+        "n_corners_result": n_mine,
+        "n_corners_reference": n_theirs,
+        "n_corners_matched": len(mine),
+        "corner_precision": ratio(len(mine), n_mine),
+        "corner_recall": ratio(len(mine), n_theirs),
+        "corner_f1": ratio(2 * len(mine), n_mine + n_theirs),
+        "corner_offset": mean(distance),
+        "n_edges_result": len(result.edges),
+        "n_edges_reference": len(reference.edges),
+        "n_edges_matched": n_edges,
+        "edge_f1": ratio(2 * n_edges, len(result.edges) + len(reference.edges)),
+        "edge_length_precision": _share_followed(result.segments, reference.segments, tolerance),
+        "edge_length_recall": _share_followed(reference.segments, result.segments, tolerance),
+    }
 
 
 def _n_common_edges(
@@ -345,29 +286,17 @@ def _spots(
     return spots, (vectors / lengths[:, None])[row], (lengths / np.bincount(row))[row]
 
 
-@dataclass(frozen=True)
-class RidgeScore:
-    """Agreement of ridges, see `doc/scores.md`; a share or mean of nothing is NaN."""
-
-    n_reference: int
-    recall: float
-    bias: float
-    rmse: float
-    largest: float
-
-
-def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> RidgeScore:
+def score_ridges(result: Wireframe, reference: Wireframe, tolerance: float) -> Figures:
     """Compare the elevation of each ridge with that of the nearest ridge of the result, in plan."""
     ridges = reference.segments[reference.is_ridge]
     errors = ridge_errors(result.segments[result.is_ridge], ridges, tolerance)
     found = errors[np.isfinite(errors)]
-    return RidgeScore(
-        n_reference=len(ridges),
-        recall=ratio(len(found), len(ridges)),
-        bias=mean(found),
-        rmse=root_mean_square(found),
-        largest=percentile(np.abs(found), 100),
-    )
+    return {
+        "n_reference": len(ridges),
+        "recall": ratio(len(found), len(ridges)),
+        "rmse": root_mean_square(found),
+        "largest": percentile(np.abs(found), 100),
+    }
 
 
 def ridge_errors(

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 import shapely
-from support.score_files import ORIGIN, write_cloud, write_polygons
+from support.score_files import write_cloud, write_polygons
 
 from lidar_buildings.cli import main
-from lidar_buildings.core.model.errors import InputError, ParameterError
+from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.evaluation.command.score import run_score
 
 STEP = 0.5
@@ -46,7 +46,7 @@ def test_the_rims_of_roofs_are_the_edges_of_a_cloud_and_of_polygons(tmp_path, ho
     result = write_labels(tmp_path / "out" / "classified" / "a.laz", points, classes, rim)
     cloud = write_cloud(tmp_path / "survey" / "a.laz", points, np.zeros_like(classes), truth=classes)
     polygons = write_polygons(tmp_path / "map.gpkg", [shapely.box(25, 6, 31, 14), shapely.box(5, 6, 15, 14)])
-    for reference, first in ((cloud, WEST_RIM), (polygons, EAST_RIM)):
+    for reference in (cloud, polygons):
         for mine in (result, tmp_path / "out"):
             figures = run_score("edges", mine, reference).figures
             assert (figures["n_points"], figures["n_unlabelled"], figures["n_roofs"]) == (BOTH, 0, 2)
@@ -54,7 +54,6 @@ def test_the_rims_of_roofs_are_the_edges_of_a_cloud_and_of_polygons(tmp_path, ho
             assert figures["edge_f_score"] == figures["non_edge_f_score"] == 1.0
             assert figures["spacing"] == pytest.approx(STEP, rel=0.1)
             assert figures["alpha"] == pytest.approx(1.342 * figures["spacing"], rel=1e-3)
-            assert figures["n_edges_reference_per_roof"][0] == first
 
 
 def test_figures_of_labels_that_are_partly_wrong(tmp_path, houses):
@@ -69,9 +68,6 @@ def test_figures_of_labels_that_are_partly_wrong(tmp_path, houses):
     assert figures["edge_correctness"] == pytest.approx(WEST_RIM / (WEST_RIM + 10))
     n_others = BOTH - WEST_RIM - EAST_RIM
     assert figures["non_edge_completeness"] == pytest.approx((n_others - 10) / n_others)
-    assert figures["edge_completeness_per_roof"] == [1.0, 0.0]
-    assert figures["edge_correctness_per_roof"][1] is None
-    assert figures["middle_per_roof"][0] == pytest.approx([ORIGIN[0] + 10, ORIGIN[1] + 10])
 
 
 def test_roof_points_that_the_result_does_not_have_are_counted_and_not_judged(tmp_path, houses):
@@ -130,45 +126,23 @@ def test_the_area_of_interest_takes_points_and_cuts_no_roof(tmp_path, houses):
     assert (figures["n_points"], figures["n_roofs"]) == (10 * 16, 1)
     assert figures["n_edges_reference"] == 2 * 10 + 14
     assert figures["edge_f_score"] == 1.0
-    assert figures["n_points_per_roof"] == [160, 0]
 
 
-def test_a_step_between_touching_roofs_is_an_edge_on_request(tmp_path, houses):
-    points, classes, rim = houses
-    step = (classes == 6) & (abs(points[:, 0] - 10) < 0.4)
-    points[:, 2] += np.where((classes == 6) & (points[:, 0] > 10), 3.0, 0.0)
-    result = write_labels(tmp_path / "a.laz", points, classes, rim | step)
-    reference = write_cloud(tmp_path / "b.laz", points, classes)
-    whole = run_score("edges", result, reference).figures
-    assert whole["edge_correctness"] == pytest.approx((WEST_RIM + EAST_RIM) / (WEST_RIM + EAST_RIM + 2 * 14))
-    split = run_score("edges", result, reference, split_steps=True).figures
-    assert (whole["n_roofs"], split["n_roofs"]) == (2, 3)
-    assert split["edge_f_score"] == 1.0
-
-
-def test_classes_of_the_reference_and_the_radius_can_be_given(tmp_path, houses):
+def test_classes_of_the_reference_can_be_given(tmp_path, houses):
     points, classes, rim = houses
     result = write_labels(tmp_path / "a.laz", points, classes, rim)
     other = write_cloud(tmp_path / "b.laz", points, np.where(classes == 6, 26, 1))
     assert run_score("edges", result, other).figures["n_points"] == 0
     assert run_score("edges", result, other, reference_classes=(26,)).figures["edge_f_score"] == 1.0
-    # A disc that fits between four points of the lattice.
-    narrow = run_score("edges", result, other, reference_classes=(26,), alpha=0.3).figures
-    assert narrow["alpha"] == 0.3
-    assert narrow["n_edges_reference"] == BOTH
-    with pytest.raises(ParameterError, match="--alpha 0: must be within"):
-        run_score("edges", result, other, alpha=0.0)
 
 
 def test_the_command_prints_table_and_json(tmp_path, houses, capsys):
     points, classes, rim = houses
     paths = [str(write_labels(tmp_path / f"{name}.laz", points, classes, rim)) for name in "ab"]
-    assert main(["score", "edges", *paths, "--alpha", "0.7", "--split-steps"]) == 0
+    assert main(["score", "edges", *paths]) == 0
     title, *lines = capsys.readouterr().out.splitlines()
     assert title.startswith("edges: ")
-    figures = {line[:36].strip(): line[36:].split()[0] for line in lines}
-    assert figures["edges: F-score"] == "1.0000"
-    assert figures["radius of the alpha shapes' discs"] == "0.700"
+    assert dict(line.split() for line in lines)["edge_f_score"] == "1.0000"
     assert main(["score", "edges", *paths, "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert (found["kind"], found["n_roofs"]) == ("edges", 2)
@@ -194,7 +168,6 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path, houses, capsys):
         ((elsewhere, labelled), "map.gpkg: is not a LAS or LAZ file"),
         ((labelled, tmp_path / "nowhere.gpkg"), "nowhere.gpkg: no such file"),
         ((labelled, elsewhere, "--aoi", area), "EPSG:25832, EPSG:28992"),
-        ((labelled, bare, "--alpha", "-1"), "--alpha -1: must be within"),
         ((labelled, bare, "--cell", "1"), "--cell does not apply to edges"),
     )
     for arguments, words in cases:
@@ -203,6 +176,5 @@ def test_what_cannot_be_compared_is_said_in_one_line(tmp_path, houses, capsys):
         assert output.out == ""
         assert len(output.err.splitlines()) == 1
         assert words in output.err
-    assert main(["score", "ground", str(bare), str(bare), "--split-steps"]) == 2
     with pytest.raises(InputError, match="contains no polygon"):
         run_score("edges", labelled, bare, aoi=write_polygons(tmp_path / "none.gpkg", []))

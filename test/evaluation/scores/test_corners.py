@@ -39,36 +39,41 @@ def test_corners_of_courtyards_count():
 
 def test_the_same_outlines_have_the_same_corners():
     score = score_corners([box(0, 0, 10, 10)], [box(0, 0, 10, 10)])
-    assert (score.n_matched, score.precision, score.recall, score.mean_distance) == (4, 1.0, 1.0, 0.0)
+    assert (score["n_matched"], score["precision"], score["recall"], score["mean_distance"]) == (
+        4,
+        1.0,
+        1.0,
+        0.0,
+    )
 
 
 @pytest.mark.parametrize(("tolerance", "n_matched"), [(0.4, 0), (0.6, 4)])
 def test_corners_match_within_the_tolerance(tolerance, n_matched):
     # Moved by (0.3, 0.4): all corners 0.5 m off.
     score = score_corners([translate(box(0, 0, 9, 9), 0.3, 0.4)], [box(0, 0, 9, 9)], tolerance=tolerance)
-    assert score.n_matched == n_matched
+    assert score["n_matched"] == n_matched
     if n_matched:
-        assert score.mean_distance == pytest.approx(0.5)
+        assert score["mean_distance"] == pytest.approx(0.5)
 
 
 def test_a_missed_bay_costs_recall_and_an_invented_one_precision():
     plain, bay = box(0, 0, 20, 10), shapely.union_all([box(0, 0, 20, 10), box(8, 10, 12, 13)])
     missed, invented = score_corners([plain], [bay]), score_corners([bay], [plain])
-    assert (missed.precision, missed.recall) == (1.0, 0.5)
-    assert (invented.precision, invented.recall) == (0.5, 1.0)
+    assert (missed["precision"], missed["recall"]) == (1.0, 0.5)
+    assert (invented["precision"], invented["recall"]) == (0.5, 1.0)
 
 
 def test_a_corner_is_used_once():
     # A corner cut off by 0.6 m has two corners near the reference's one.
     cut = shapely.Polygon([(0, 0), (10, 0), (10, 9.4), (9.4, 10), (0, 10)])
     score = score_corners([cut], [box(0, 0, 10, 10)])
-    assert (score.n_result, score.n_reference, score.n_matched) == (5, 4, 4)
-    assert score.mean_distance == pytest.approx(0.6 / 4)
+    assert (score["n_result"], score["n_reference"], score["n_matched"]) == (5, 4, 4)
+    assert score["mean_distance"] == pytest.approx(0.6 / 4)
 
 
 def test_only_corners_inside_the_area_count_and_none_where_it_cuts():
     score = score_corners([box(0, 0, 40, 10)], [box(0, 0, 30, 10)], area=[box(-5, -5, 20, 15)])
-    assert (score.n_result, score.n_reference, score.n_matched) == (2, 2, 2)
+    assert (score["n_result"], score["n_reference"], score["n_matched"]) == (2, 2, 2)
 
 
 def test_matching_does_not_depend_on_the_order_of_outlines():
@@ -78,15 +83,15 @@ def test_matching_does_not_depend_on_the_order_of_outlines():
     ]
     moved = [translate(house, *random.normal(0, 0.5, 2)) for house in houses]
     one, other = score_corners(houses, moved), score_corners(houses[::-1], moved[::-1])
-    assert (one.n_matched, one.precision) == (other.n_matched, other.precision)
-    assert one.mean_distance == pytest.approx(other.mean_distance)
+    assert (one["n_matched"], one["precision"]) == (other["n_matched"], other["precision"])
+    assert one["mean_distance"] == pytest.approx(other["mean_distance"])
 
 
 def test_nothing_has_no_corners():
     score = score_corners([], [box(0, 0, 1, 1)])
-    assert (score.n_matched, score.recall) == (0, 0.0)
-    assert math.isnan(score.precision)
-    assert math.isnan(score.mean_distance)
+    assert (score["n_matched"], score["recall"]) == (0, 0.0)
+    assert math.isnan(score["precision"])
+    assert math.isnan(score["mean_distance"])
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, math.nan, math.inf])
