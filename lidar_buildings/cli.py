@@ -142,79 +142,72 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _add_live(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--output", required=True, type=Path, metavar="DIR", help="folder for the results")
+    add(
         "--scan",
         dest="topic",
         metavar="TOPIC",
         action=Once,
         help="topic of the scans (default: scan; for a bag its only one)",
     )
-    parser.add_argument(
+    add(
         "--odometry",
         metavar="TOPIC",
         action=Once,
         help="topic of the poses (default: odometry; for a bag its only one); /tf is read, too",
     )
-    parser.add_argument("--fix", metavar="TOPIC", action=Once, help="topic of GNSS positions (default: fix)")
-    parser.add_argument(
-        "--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and stop at its end"
-    )
-    parser.add_argument(
+    add("--fix", metavar="TOPIC", action=Once, help="topic of GNSS positions (default: fix)")
+    add("--replay", type=Path, metavar="BAG", help="play a bag instead of listening, and stop at its end")
+    add(
         "--rate",
         type=float,
         metavar="R",
         help="play at R times the recorded speed (default: 1; 0: as fast as possible)",
     )
     add_part_of_bag(parser)
-    parser.add_argument(
-        "--reliable", action="store_true", help="subscribe reliably: the publisher must be reliable, too"
-    )
+    add("--reliable", action="store_true", help="subscribe reliably: the publisher must be reliable, too")
     add_record(parser)
     add_settings(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
-    parser.add_argument("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
+    add("--overwrite", action="store_true", help="replace the contents of DIR")
+    add("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
     parser.set_defaults(command=_later("live"), **UNTOLD)
 
 
 def _add_inspect(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
+    add = parser.add_argument
+    add("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs")
+    add("--json", action="store_true", help="print JSON, for scripts")
     parser.set_defaults(command=_later("inspect"))
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     switch = argparse.BooleanOptionalAction
-    parser.add_argument(
-        "--output", type=Path, metavar="DIR", help="folder for the survey and its ground truth"
-    )
-    parser.add_argument("--scene", default="village", metavar="NAME", help="scene (default: village)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="random seed (default: 0)")
-    parser.add_argument("--density", type=float, metavar="D", help="points per square metre")
-    parser.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
-    parser.add_argument("--live", action="store_true", help="publish scans and poses in real time")
-    parser.add_argument("--bag", type=Path, metavar="DIR", help="write scans and poses to a ROS 2 bag")
-    parser.add_argument(
+    add("--output", type=Path, metavar="DIR", help="folder for the survey and its ground truth")
+    add("--scene", default="village", metavar="NAME", help="scene (default: village)")
+    add("--seed", type=int, default=0, metavar="N", help="random seed (default: 0)")
+    add("--density", type=float, metavar="D", help="points per square metre")
+    add("--overwrite", action="store_true", help="replace the contents of DIR")
+    add("--live", action="store_true", help="publish scans and poses in real time")
+    add("--bag", type=Path, metavar="DIR", help="write scans and poses to a ROS 2 bag")
+    add(
         "--scanner",
         choices=("airborne", "vehicle"),
         default="airborne",
         help="platform of the scanner (default: airborne)",
     )
-    parser.add_argument("--pulse-rate", type=float, metavar="N", help="pulses per second of the live scanner")
-    parser.add_argument(
+    add("--pulse-rate", type=float, metavar="N", help="pulses per second of the live scanner")
+    add(
         "--tf",
         action=switch,
         default=True,
         help="live: publish poses and mounting on /tf and /tf_static, too",
     )
-    parser.add_argument("--fix", action="store_true", help="live: publish NavSatFix instead of map_origin")
-    parser.add_argument(
-        "--wait", action=switch, default=True, help="live: wait for a subscriber to the scans"
-    )
-    parser.add_argument("--reliable", action="store_true", help="live: publish scans reliably")
-    parser.add_argument("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
+    add("--fix", action="store_true", help="live: publish NavSatFix instead of map_origin")
+    add("--wait", action=switch, default=True, help="live: wait for a subscriber to the scans")
+    add("--reliable", action="store_true", help="live: publish scans reliably")
+    add("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
     parser.set_defaults(command=_simulate)
 
 
@@ -241,31 +234,30 @@ def _add_view(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
-    parser.add_argument(
+    add = parser.add_argument
+    add("folder", type=Path, metavar="DIR", help="output folder of a run")
+    add(
         "building",
         metavar="BUILDING",
         help="readable_id, building_id, or coordinates X,Y (also where a building is missing)",
     )
-    parser.add_argument(
-        "--page", type=Path, metavar="FILE", help="also write an HTML page about the building"
-    )
+    add("--page", type=Path, metavar="FILE", help="also write an HTML page about the building")
     parser.set_defaults(command=_later("explain", "view"))
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--namespace", metavar="NAME", help="show only this graph (default: all)")
-    parser.add_argument("--once", action="store_true", help="print one table and exit")
-    parser.add_argument(
-        "--wait", type=float, default=10.0, metavar="S", help="time to wait for a graph [s] (default: 10)"
-    )
+    add = parser.add_argument
+    add("--namespace", metavar="NAME", help="show only this graph (default: all)")
+    add("--once", action="store_true", help="print one table and exit")
+    add("--wait", type=float, default=10.0, metavar="S", help="time to wait for a graph [s] (default: 10)")
     parser.set_defaults(command=_later("top"))
 
 
 def _add_node(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", metavar="NAME", help="name such as ground_filter (see doc/nodes.md)")
+    add = parser.add_argument
+    add("name", metavar="NAME", help="name such as ground_filter (see doc/nodes.md)")
     ros = "as `ros2 run` takes them, such as --ros-args -p output:=result"
-    parser.add_argument("arguments", nargs=argparse.REMAINDER, metavar="...", help=ros)
+    add("arguments", nargs=argparse.REMAINDER, metavar="...", help=ros)
     parser.set_defaults(command=_later("node"))
 
 

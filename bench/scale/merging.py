@@ -26,7 +26,7 @@ from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import rasterise_tile
 from lidar_buildings.simulation import simulate_survey
 
 #: From house to house [m]; whole cells of the rasters.

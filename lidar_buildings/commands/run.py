@@ -13,8 +13,7 @@ from dataclasses import asdict, replace
 from multiprocessing import get_context
 from typing import TYPE_CHECKING
 
-from lidar_buildings.commands.progress import RunOutcome
-from lidar_buildings.commands.run_outcome import outcome_as_json, tell_outcome, tell_problems
+from lidar_buildings.commands.progress import RunOutcome, outcome_as_json, tell_outcome, tell_problems
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling

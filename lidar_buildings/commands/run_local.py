@@ -14,8 +14,13 @@ import numpy as np
 
 from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
-from lidar_buildings.commands.tile_update import EarlierBuilding, earlier_buildings
-from lidar_buildings.commands.tile_work import TileOutcome, TileWork, do_tile
+from lidar_buildings.commands.tile_work import (
+    EarlierBuilding,
+    TileOutcome,
+    TileWork,
+    do_tile,
+    earlier_buildings,
+)
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.results.output_folder import OutputFolder

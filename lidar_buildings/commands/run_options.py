@@ -35,7 +35,8 @@ class Once(argparse.Action):
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add all of `run`."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "input",
         nargs="+",
         metavar="INPUT",
@@ -49,22 +50,20 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="… to keep up to date, without ROS: only tiles whose points changed are processed",
     )
-    parser.add_argument(
-        "--topic", metavar="NAME", action=Once, help="bags: topic of the scans (default: the only one)"
-    )
-    parser.add_argument(
+    add("--topic", metavar="NAME", action=Once, help="bags: topic of the scans (default: the only one)")
+    add(
         "--odometry",
         metavar="NAME",
         action=Once,
         help="bags: topic of the poses (default: the only one; else /tf)",
     )
     add_part_of_bag(parser)
-    parser.add_argument(
+    add(
         "--georeferenced",
         action="store_true",
         help="bags: the scans are already in map coordinates; no poses are needed",
     )
-    parser.add_argument(
+    add(
         "--rate",
         type=float,
         metavar="R",
@@ -72,28 +71,24 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_record(parser)
     add_settings(parser)
-    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    add("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     add_bounds(parser)
-    parser.add_argument(
+    add(
         "--crs",
         metavar="EPSG:N",
         help="coordinate reference system of inputs without one (3D Tiles need one)",
     )
-    parser.add_argument(
+    add(
         "--footprints",
         type=Path,
         metavar="FILE",
         help="use the polygons of this file (GeoPackage, Shapefile, GeoJSON …) instead of traced outlines",
     )
-    parser.add_argument(
-        "--footprints-layer", metavar="NAME", help="polygon layer to use, if the file has several"
+    add("--footprints-layer", metavar="NAME", help="polygon layer to use, if the file has several")
+    add(
+        "--footprint-id", metavar="COLUMN", help="column with the footprint ids (default: chosen by its name)"
     )
-    parser.add_argument(
-        "--footprint-id",
-        metavar="COLUMN",
-        help="column with the footprint ids (default: chosen by its name)",
-    )
-    parser.add_argument("--no-ros", action="store_true", help="call the stages directly, without ROS")
+    add("--no-ros", action="store_true", help="call the stages directly, without ROS")
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
@@ -113,9 +108,7 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     before.add_argument(
         "--retry-failed", action="store_true", help="reprocess the failed tiles in DIR, without ROS"
     )
-    parser.add_argument(
-        "--namespace", metavar="NAME", help="ROS namespace of the nodes (default: a unique one)"
-    )
+    add("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: a unique one)")
     words = parser.add_mutually_exclusive_group()
     words.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
@@ -128,23 +121,21 @@ def add_record(parser: argparse.ArgumentParser) -> None:
 
 def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
     """Add which time of a bag is wanted."""
-    parser.add_argument("--start", type=float, metavar="S", help="bags: skip the first S seconds")
-    parser.add_argument("--duration", type=float, metavar="S", help="bags: read S seconds (default: all)")
+    add = parser.add_argument
+    add("--start", type=float, metavar="S", help="bags: skip the first S seconds")
+    add("--duration", type=float, metavar="S", help="bags: read S seconds (default: all)")
 
 
 def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     """Add all of `plan`: of what `run` can be told, what its cost depends on."""
-    parser.add_argument(
-        "input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs, also as URLs"
-    )
-    parser.add_argument(
-        "--workers", type=at_least_one, default=0, metavar="N", help="with N dask.distributed processes"
-    )
-    parser.add_argument("--no-ros", action="store_true", help="without ROS, on the cores of this machine")
+    add = parser.add_argument
+    add("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders or globs, also as URLs")
+    add("--workers", type=at_least_one, default=0, metavar="N", help="with N dask.distributed processes")
+    add("--no-ros", action="store_true", help="without ROS, on the cores of this machine")
     add_settings(parser)
-    parser.add_argument("--tile-size", type=float, metavar="M", help="side of a tile [m]")
+    add("--tile-size", type=float, metavar="M", help="side of a tile [m]")
     add_bounds(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON, for scripts")
+    add("--json", action="store_true", help="print JSON, for scripts")
     parser.set_defaults(**UNTOLD)
 
 
@@ -161,22 +152,21 @@ def add_bounds(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add how parameters are set, and the last stage."""
-    parser.add_argument(
-        "--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml")
+    add(
         "--preset",
         metavar="NAME",
         help="parameters of a published method: santos, villalba or sampath_shan; --params and --set win",
     )
-    parser.add_argument(
+    add(
         "--set",
         action="append",
         default=[],
         metavar="STAGE.NAME=VALUE",
         help="set one parameter (repeatable)",
     )
-    parser.add_argument("--until", metavar="STAGE", help="stop after this stage")
+    add("--until", metavar="STAGE", help="stop after this stage")
 
 
 def at_least_one(text: str) -> int:

@@ -31,12 +31,7 @@ def simulate_live_command(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         recorders: list[SurveyBag | SurveyFiles] = []
         if options.bag is not None:
-            bag = SurveyBag(
-                options.bag,
-                survey,
-                with_tf=options.tf,
-                with_fix=options.fix,
-            )
+            bag = SurveyBag(options.bag, survey, with_tf=options.tf, with_fix=options.fix)
             recorders.append(stack.enter_context(bag))
         if options.output is not None:
             recorders.append(stack.enter_context(SurveyFiles(options.output, survey)))

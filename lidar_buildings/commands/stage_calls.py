@@ -28,11 +28,11 @@ from lidar_buildings.core.surfaces.plane_adjustment import common_point
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
 from lidar_buildings.pipeline.tile_stages import (
     filter_ground,
     fit_planes,
     label_roof_edges,
+    rasterise_tile,
     roof_points,
     select_roof_points,
 )

@@ -2,33 +2,140 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from lidar_buildings.commands.tile_update import (
-    EarlierBuilding,
-    digest_of,
-    is_unchanged,
-    with_kept_ids,
-    write_digests,
-)
+import numpy as np
+import shapely
+
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
+from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.models.cityjson import feature_line
-from lidar_buildings.io.results.tile_products import TileProducts
+from lidar_buildings.io.results.tile_products import TileProducts, load_shapes
 from lidar_buildings.io.tiling.tile_grid import Buffer
 from lidar_buildings.io.tiling.tile_store import SpooledTile
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import rasterise_tile
+
+#: What beside a saved tile tells of the points that it was made from.
+_ENDING = ".points"
+#: The id in a line of the city model, whose coordinates are those of the building's anchor.
+_NAME = re.compile(r'"id":"building-(-?\d+\.\d)-(-?\d+\.\d)"')
+_NUMBER = re.compile(r'"building_id":(\d+)')
+#: A building keeps the id of one with which it shares more than this part of both: there is at most one.
+_SHARED = 0.5
+
+
+def digest_of(tile: PointTile) -> str:
+    """Return what tells a tile's points, and all else that its result depends on, from any others."""
+    known = tile.point_spacing, tile.dark_limit, tile.bounds, tile.frame, tile.stamp
+    digest = hashlib.blake2b(repr(known).encode(), digest_size=16)
+    for name, column in {"points": tile.points, **tile.columns}.items():
+        digest.update(f"{name} {column.shape}".encode())
+        digest.update(np.ascontiguousarray(column).data)
+    return digest.hexdigest()
+
+
+def write_digests(saved: Path, digests: Iterable[tuple[Buffer, str]]) -> None:
+    """Note beside a saved tile from which points it was made, those of each buffer that it grew to."""
+    with atomic_file(saved.with_suffix(_ENDING), has_rivals=True) as temporary:
+        temporary.write_text(json.dumps(list(digests)))
+
+
+def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
+    """Whether a tile was saved, and from the points that it has."""
+    try:
+        digests = json.loads(saved.with_suffix(_ENDING).read_text())
+    except (OSError, ValueError):
+        return False
+    grown = ((replace(tile, buffer=Buffer(*buffer)), digest) for buffer, digest in digests)
+    return saved.exists() and bool(digests) and all(digest_of(one.read()) == digest for one, digest in grown)
+
+
+class EarlierBuilding(NamedTuple):
+    """A building of an earlier result, in the map frame [m]."""
+
+    number: int  #: its id
+    anchor: tuple[float, float]  #: the position that the id is made from
+    polygon: shapely.Polygon
+
+
+def earlier_buildings(tiles: Iterable[Path], frame: MapFrame) -> list[EarlierBuilding]:
+    """Read those that have models from saved tiles."""
+    found = []
+    for path in tiles:
+        shapes = load_shapes(path)
+        polygons = {one.building_id: one.outline.polygon for one in shapes.outlines}
+        for line in shapes.features:
+            name, number = _NAME.search(line), _NUMBER.search(line)
+            if name and number and int(number[1]) in polygons:
+                x, y, _ = frame.to_map(np.array([[float(name[1]), float(name[2]), 0.0]]))[0].tolist()
+                found.append(EarlierBuilding(int(number[1]), (x, y), polygons[int(number[1])]))
+    return found
+
+
+def with_kept_ids(result: TileResult, earlier: Sequence[EarlierBuilding]) -> TileResult:
+    """
+    Give buildings the ids that they had, where their westernmost points are others now.
+
+    The earlier ones had their anchors in the tile: no other tile can give their ids to another building.
+    """
+    natural = {one.building_id for one in result.outlines}
+    known = {old.number for old in earlier}
+    kept: dict[int, EarlierBuilding] = {}
+    for old in earlier:
+        if old.number not in natural:
+            shared = {
+                one.building_id: shapely.intersection(old.polygon, one.outline.polygon).area
+                / max(old.polygon.area, one.outline.area)
+                for one in result.outlines
+                if old.polygon.intersects(one.outline.polygon)
+            }
+            same = max(shared, key=lambda one: shared[one], default=0)
+            if shared.get(same, 0.0) > _SHARED and same not in known:
+                kept[same] = old
+    if not kept:
+        return result
+    number_of = {new: old.number for new, old in kept.items()}
+    roofs = result.roofs
+    if roofs is not None and roofs.building_id is not None:
+        ids, place = np.unique(roofs.building_id, return_inverse=True)
+        named = np.array([number_of.get(one, one) for one in ids.tolist()], dtype=np.uint32)
+        roofs = roofs.with_columns(building_id=named[place])
+    models = [
+        replace(one, building_id=kept[one.building_id].number, anchor=kept[one.building_id].anchor)
+        if one.building_id in kept
+        else one
+        for one in result.models
+    ]
+    return replace(
+        result,
+        roofs=roofs,
+        traced=_renumbered(result.traced, number_of),
+        outlines=_renumbered(result.outlines, number_of),
+        models=tuple(sorted(models, key=lambda one: one.building_id)),
+    )
+
+
+def _renumbered(
+    outlines: Iterable[BuildingOutline], number_of: dict[int, int]
+) -> tuple[BuildingOutline, ...]:
+    named = [replace(one, building_id=number_of.get(one.building_id, one.building_id)) for one in outlines]
+    return tuple(sorted(named, key=lambda one: one.building_id))
 
 
 @dataclass(frozen=True)

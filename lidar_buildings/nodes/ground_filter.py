@@ -11,8 +11,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS, GroundFilterNodeConfig
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
-from lidar_buildings.pipeline.tile_stages import FilteredTile, filter_ground
+from lidar_buildings.pipeline.tile_stages import FilteredTile, filter_ground, rasterise_tile
 from lidar_buildings.ros.point_cloud import grid_message, to_message
 from lidar_buildings.ros.qos import CLOUD
 from lidar_buildings.ros.stage_node import StageNode

@@ -27,7 +27,7 @@ from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.survey_folder import SurveyFolder
 from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
 from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, TRACED_OUTLINES
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import rasterise_tile
 from lidar_buildings.ros.features import FeaturePool, closed_tile, is_withdrawal
 from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY

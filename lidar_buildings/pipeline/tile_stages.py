@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, is_of_groups
 from lidar_buildings.core.model.ids import rows_by_building
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -28,6 +29,8 @@ from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import number_planes
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
+from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 from lidar_buildings.pipeline.tile_walls import roofs_and_walls
 
@@ -168,3 +171,24 @@ def _fitted_planes(job: _PlaneJob) -> NDArray[np.uint16]:
 
 def _no_planes(job: _PlaneJob, reason: str) -> NDArray[np.uint16]:
     return np.zeros(len(job.points), dtype=np.uint16)
+
+
+def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> TerrainRasters | None:
+    """
+    Make the rasters of a classified tile; None where none are wanted, or points have no class.
+
+    Cells are aligned in the source's coordinates of the frame, which a tile that came as a message does not
+    know.
+    """
+    if config.raster_resolution == 0.0 or tile.classification is None:
+        return None
+    x, y, _ = frame.origin
+    return make_rasters(
+        tile.points,
+        tile.classification,
+        config,
+        return_number=tile.return_number,
+        is_core=tile.is_core,
+        point_spacing=tile.point_spacing,
+        origin=(x, y),
+    )

@@ -92,9 +92,7 @@ def trace_buildings(
     outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
     places = (extent_of(tile.points.take(rows, axis=0)[:, :2]) for _, rows in owned)
     clipped = reduce(
-        or_,
-        (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places),
-        NONE,
+        or_, (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places), NONE
     )
     return TracedTile(tile.with_columns(building_id=number_of), tuple(outlines), clipped)
 
@@ -197,11 +195,7 @@ class _TracingJob(NamedTuple):
 
 def _traced(job: _TracingJob) -> Outline:
     traced = trace_boundary(
-        job.points,
-        job.config,
-        pattern=job.pattern,
-        point_spacing=job.point_spacing,
-        ground=job.ground,
+        job.points, job.config, pattern=job.pattern, point_spacing=job.point_spacing, ground=job.ground
     )
     return traced.outline.as_carried()
 

@@ -9,7 +9,7 @@ import pytest
 from support import cloud_files
 
 from bench.scale.headers import make_survey
-from lidar_buildings.commands.cost_model import Way, expected_cost, measure_slowness
+from lidar_buildings.commands.plan import Way, expected_cost, measure_slowness
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import agreement
 from lidar_buildings.io.clouds.find_inputs import open_each

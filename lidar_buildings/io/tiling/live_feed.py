@@ -21,8 +21,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
-from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, write_placed_points
-from lidar_buildings.io.tiling.live_side import scale_of
+from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, scale_of, write_placed_points
 from lidar_buildings.io.tiling.live_survey import LiveSurvey
 from lidar_buildings.io.tiling.map_place import FrameSearch
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig

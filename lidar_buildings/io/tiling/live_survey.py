@@ -19,7 +19,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.point_log import PointLog, records_of
+from lidar_buildings.io.tiling.spool import PointLog, records_of
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
 from lidar_buildings.io.tiling.tile_store import SpooledTile, TileStore

@@ -28,7 +28,7 @@ from lidar_buildings.io.results.terrain_files import (
     write_rasters,
 )
 from lidar_buildings.io.results.tile_products import TileProducts, load_raster_window
-from lidar_buildings.pipeline.tile_rasters import rasterise_tile
+from lidar_buildings.pipeline.tile_stages import rasterise_tile
 
 SURVEY_FOOT = 1200 / 3937
 DUTCH = MapFrame("EPSG:28992", (85_000.0, 447_000.0, 0.0))

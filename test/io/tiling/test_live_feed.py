@@ -158,10 +158,7 @@ def test_a_building_at_the_seam_of_tiles_of_other_densities_comes_out_once(tmp_p
 
 def test_a_feed_that_goes_on_keeps_its_spacing(tmp_path):
     found = []
-    for scans in (
-        flight_over_a_seam(),
-        [scan(T0 + 10 * SECOND, points(at=(170.0, 20.0, 0.0)), frame="map")],
-    ):
+    for scans in (flight_over_a_seam(), [scan(T0 + 10 * SECOND, points(at=(170.0, 20.0, 0.0)), frame="map")]):
         with Running(tmp_path, tile_size=100.0, buffer=30.0) as run:
             for one in scans:
                 run.feed.add_scan(one)

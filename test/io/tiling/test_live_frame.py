@@ -14,8 +14,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
-from lidar_buildings.io.tiling.live_files import Recorded
-from lidar_buildings.io.tiling.live_side import FeedScale
+from lidar_buildings.io.tiling.live_files import FeedScale, Recorded
 from lidar_buildings.io.tiling.map_place import Fix, FrameSearch, MapPlace, SatelliteFixes, moved_origin
 
 #: The frame of odometry that began along a street, in a zone of UTM.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.live_side import FeedScale, scale_of
+from lidar_buildings.io.tiling.live_files import FeedScale, scale_of
 
 BUFFER = 75.0
 T0 = 1_700_000_000_000_000_000
