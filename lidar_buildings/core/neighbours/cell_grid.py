@@ -21,6 +21,8 @@ MAX_COUNTED_CELLS = 8
 LONGEST_GAP, MAX_RASTER_CELLS = 8, 4_000_000
 #: Cells a block of work: some ten thousand points.
 CELLS_A_BLOCK = 2048
+#: Cells at the very reach count as within, whatever rounding makes of it.
+SLACK = 1e-9
 #: Steps of the sort within a cell (Ciura 2001, each further one 2.25 times the one before).
 SHELL_STEPS = (85_764, 38_117, 16_941, 7_529, 3_346, 1_487, 661, 294, 132, 57, 23, 10, 4, 1)
 
@@ -30,16 +32,56 @@ class CellGrid(NamedTuple):
 
     points: NDArray[np.float64]  #: the points cell by cell [m], shape (n_points, 2 or 3)
     rows: NDArray[np.intp]  #: the input row of each, shape (n_points,)
-    #: The numbers of the occupied cells, rising: row by row from the south-west, shape (n_cells,).
-    numbers: NDArray[np.int64]
-    #: Cell k holds the points first[k] to first[k + 1] (exclusive), shape (n_cells + 1,).
+    numbers: NDArray[np.int64]  #: where the cells stand, rising, row by row from the south-west, (n_cells,)
+    #: Cell k holds the points first[k] to first[k + 1] (exclusive); none only after `select`, (n_cells + 1,).
     first: NDArray[np.int64]
     n_columns: int  #: by how much the number of a cell's northern neighbour is higher
     size: float  #: side of a cell [m]
-    #: The cell k of each point; empty unless made by `neighbourhoods.build_grid`, shape (n_points,).
-    cell: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-    #: The cell itself and its eight neighbours, −1 where empty; empty as `cell` is, shape (n_cells, 9).
-    adjacent: NDArray[np.int64] = np.zeros((0, 9), dtype=np.int64)
+
+    @property
+    def cell(self) -> NDArray[np.int64]:
+        """The cell of each point."""
+        return np.repeat(np.arange(len(self.numbers)), np.diff(self.first))
+
+    @property
+    def places(self) -> NDArray[np.int32]:
+        """Row and place in it of each cell, from the south-west; shape (n_cells, 2)."""
+        return np.column_stack(np.divmod(self.numbers, self.n_columns)).astype(np.int32)
+
+    def select(self, kept: NDArray[np.bool_]) -> CellGrid:
+        """Return some of the points in the same cells; their `rows` are positions among these points."""
+        rows = np.flatnonzero(kept)
+        return self._replace(points=self.points.take(rows, axis=0), rows=rows, first=self.first_of(kept))
+
+    def holding(self, wanted: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the cells with wanted points, rising."""
+        return np.flatnonzero(np.diff(self.first_of(wanted)))
+
+    def first_of(self, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Return where the cells of `select` begin."""
+        before = np.zeros(len(kept) + 1, dtype=np.int32)
+        before[1:] = kept  # numpy sums truth values several times as slowly
+        return np.cumsum(before, out=before)[self.first].astype(np.int64)
+
+    def around(
+        self, reach: float, asking: NDArray[np.intp] | None = None, *, north: bool = False
+    ) -> NDArray[np.int32]:
+        """
+        Return the runs of cells within reach of any place in each cell, row by row from the south.
+
+        `reach` is in plan [m]; `asking` are cells, rising, all if not given; with `north` the rows south of
+        each cell's own are left out. Returned are each run's first cell and the one after its last,
+        (n_cells, n_rows, 2), equal where it is empty. Cells just beyond the reach may be among them.
+        """
+        steps = math.ceil(reach / self.size - SLACK)
+        across = np.maximum(abs(np.arange(-steps, steps + 1)) - 1, 0) * self.size
+        half = np.ceil(np.sqrt(np.maximum(reach**2 - across**2, 0.0)) / self.size - SLACK)
+        own = self.numbers if asking is None else self.numbers[asking]
+        south = 0 if north else steps
+        runs = np.empty((len(own), 1 + steps + south, 2), dtype=np.int32)
+        half = half[steps - south :].astype(np.int64)
+        _find_runs(own, self.numbers, self.n_columns, half, south, runs)
+        return runs
 
 
 def rows_by_cell(points: NDArray[np.float64], cell: float) -> CellGrid:
@@ -233,3 +275,70 @@ def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
                 best = rows[i]
         lowest[k] = best
     return lowest
+
+
+@kernel
+def _find_runs(own, numbers, n_columns, half, south, runs):  # type: ignore[no-untyped-def]
+    """Find the runs of one cell after the other, each row's from that of the cell before."""
+    begin = np.zeros(len(half), dtype=np.int64)
+    end, start = np.zeros(len(half), dtype=np.int64), 0
+    for row in range(len(half)):
+        begin[row] = first_from(numbers, own[0] + (row - south) * n_columns - half[row]) if len(own) else 0
+    for k in range(len(own)):
+        # That of the cell before as a rule: a division for each would take longer than all else.
+        while own[k] >= start + n_columns:
+            start = own[k] // n_columns * n_columns
+        place = own[k] - start
+        for row in range(len(half)):
+            middle = own[k] + (row - south) * n_columns
+            west, east = middle - min(half[row], place), middle + min(half[row], n_columns - 1 - place)
+            while begin[row] < len(numbers) and numbers[begin[row]] < west:
+                begin[row] += 1
+            end[row] = max(begin[row], end[row])
+            while end[row] < len(numbers) and numbers[end[row]] <= east:
+                end[row] += 1
+            runs[k, row, 0], runs[k, row, 1] = begin[row], end[row]
+
+
+@kernel
+def first_from(numbers, least):  # type: ignore[no-untyped-def]
+    """Return where rising numbers are no longer less, as np.searchsorted, which takes longer to compile."""
+    begin, end = 0, len(numbers)
+    while begin < end:
+        middle = (begin + end) // 2
+        if numbers[middle] < least:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@kernel
+def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-untyped-def]
+    """
+    Return where the run of a row's occupied cells begins and ends that lie at most `reach` from a column.
+
+    Row and column, counted from the first cell's as `numbers` are, may lie beyond the grid.
+    """
+    west, east = max(column - reach, 0), min(column + reach, n_columns - 1)
+    begin = first_from(numbers, row * n_columns + west)
+    return begin, first_from(numbers, row * n_columns + east + 1)
+
+
+@kernel
+def neighbours_of(grid, runs, x, y, z, radius, in_plan, near):  # type: ignore[no-untyped-def]
+    """
+    Write the points within a radius of a position to `near`, in the grid's order; return how many.
+
+    `runs` are those of the position's cell, (n_rows, 2); `near` holds as many numbers as there are points,
+    those beyond the count are rubbish.
+    """
+    points, upright = grid.points, 0.0 if in_plan else 1.0
+    found = 0
+    for row in range(len(runs)):
+        for j in range(grid.first[runs[row, 0]], grid.first[runs[row, 1]]):
+            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, upright * (points[j, 2] - z)
+            if dx * dx + dy * dy + dz * dz <= radius * radius:
+                near[found] = j
+                found += 1
+    return found

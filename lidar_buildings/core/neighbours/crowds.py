@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 
 #: Voxels along a column's side: nine centimetres for the columns of a dense cloud.
 VOXELS_A_COLUMN = 4
@@ -16,7 +16,7 @@ VOXELS_A_COLUMN = 4
 MOST = 4
 
 
-def without_crowds(columns: Columns) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def without_crowds(columns: CellGrid) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """
     Choose points that stand for all: of each voxel at most `MOST`, spread evenly over its heights.
 

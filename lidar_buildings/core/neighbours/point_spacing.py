@@ -10,9 +10,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
-from lidar_buildings.core.neighbours.cell_grid import cell_numbers
-from lidar_buildings.core.neighbours.nearest_neighbours import nth_distances
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, cell_numbers
 
 #: Spacing of a cloud that has none (fewer than two distinct positions) [m].
 FALLBACK_SPACING = 1.0
@@ -26,8 +24,6 @@ MAX_PROBES = 20_000
 FEW_PROBES = 200
 #: Distances beyond this multiple of the median weigh no more: a few strays far off have no say.
 MAX_STRAY = 3.0
-#: Points of the strips that positions are sorted in, on average, and the most that are sorted by insertion.
-POINTS_A_STRIP, LARGE_STRIP = 8, 64
 
 #: What is measured more densely is taken for as dense as this [m]: no building has details so fine.
 FINEST = 2.0**-3.25
@@ -44,100 +40,39 @@ def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     The density at a point, one of `max_probes` at most, is that of the disc reaching to its k-th neighbour in
     plan, k/(π d²). The median, weighted by the area of the discs, is the density of the middle of the
     occupied area: holes, the surroundings of the cloud and overlaps of strips over less than half of it do
-    not count, and repeated positions count once. Order of points does not matter. Some million points a
-    second on one core.
+    not count, and repeated positions count once. Order of points does not matter.
 
     `FALLBACK_SPACING` if there are fewer than two distinct positions. ValueError if `points` has another
     shape or is not finite.
     """
-    x, y, _ = checked_points(points).T
-    positions = distinct_positions(x, y)
-    if len(positions) < 2:
+    plan = distinct_positions(checked_points(points))
+    if len(plan) < 2:
         return FALLBACK_SPACING
     # In a small cloud most points lie near its edge: fewer neighbours reach less far beyond it.
-    k = min(NEIGHBOURS, max(1, len(positions) // 10))
-    plan = positions.view(np.float64).reshape(-1, 2)
-    step = math.ceil(len(plan) / max_probes)
-    distance, reach = nth_distances(plan, step, k)
-    middle, median = middle_of(distance)
-    if not (math.isfinite(middle) and reach >= MAX_STRAY * median):
-        # Too many have their neighbours farther off than is usual for it not to matter how far.
-        tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
-        # The nearest one found is the point itself.
-        middle, _ = middle_of(tree.query(plan[::step], [k + 1])[0].ravel())
+    k = min(NEIGHBOURS, max(1, len(plan) // 10))
+    tree = cKDTree(plan, balanced_tree=False, compact_nodes=False)
+    # The nearest one found is the point itself.
+    middle = _middle_of(tree.query(plan[:: math.ceil(len(plan) / max_probes)], [k + 1])[0].ravel())
     # Between a lattice (k) and the area-weighted median of a Poisson process (k + 2/3).
     return middle * math.sqrt(math.pi / (k + 1 / 3))
 
 
-def middle_of(distance: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the median weighted by area, infinite if it is not known, and the plain one."""
+def distinct_positions(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the distinct positions in plan by x, then y, shape (n_positions, 2) [m]."""
+    plan = points[np.lexsort((points[:, 1], points[:, 0])), :2]
+    is_new = np.ones(len(plan), dtype=np.bool_)
+    is_new[1:] = (plan[1:] != plan[:-1]).any(axis=1)
+    return plan[is_new]
+
+
+def _middle_of(distance: NDArray[np.float64]) -> float:
+    """Return the median weighted by area, infinite if it is not known."""
     distance, half = np.sort(distance), len(distance) // 2
     median = float(distance[half] if len(distance) % 2 else 0.5 * (distance[half - 1] + distance[half]))
     if not math.isfinite(median):
-        return math.inf, math.inf
+        return math.inf
     area = np.cumsum(np.minimum(distance, MAX_STRAY * median) ** 2)
-    return float(distance[np.searchsorted(area, 0.5 * area[-1])]), median
-
-
-def distinct_positions(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """
-    Return the distinct positions x + iy by x, then y.
-
-    Points are put into narrow strips by x, which are sorted one by one, on all cores: 0.3 s for two million
-    points, for which numpy's unique takes more than 3 s.
-    """
-    if len(x) == 0:
-        return np.zeros(0, dtype=np.complex128)
-    low, n_strips = float(x.min()), 1 + len(x) // POINTS_A_STRIP
-    width = (float(x.max()) - low) / n_strips
-    first = np.zeros(n_strips + 1, dtype=np.int64)
-    positions = _by_strip(x, y, low, width, first)
-    for_row_blocks(lambda a, b: _sort_strips(positions, first, a, b), n_strips)
-    for k in np.flatnonzero(np.diff(first) > LARGE_STRIP):
-        positions[first[k] : first[k + 1]].sort()
-    differs = np.ones(len(positions), dtype=np.bool_)
-    differs[1:] = positions[1:] != positions[:-1]
-    return positions if differs.all() else positions[differs]
-
-
-@kernel
-def _by_strip(x, y, low, width, first):  # type: ignore[no-untyped-def]
-    """Return positions strip by strip, and write to `first` where each strip begins."""
-    last = len(first) - 2
-    strip = np.zeros(len(x), dtype=np.int32)
-    for i in range(len(x)):
-        if 0.0 < width < np.inf:
-            strip[i] = min(np.int64((x[i] - low) / width), last)
-        first[strip[i] + 1] += 1
-    for k in range(1, len(first)):
-        first[k] += first[k - 1]
-    place = first[:-1].copy()
-    positions = np.empty(len(x), dtype=np.complex128)
-    for i in range(len(x)):
-        positions[place[strip[i]]] = complex(x[i], y[i])
-        place[strip[i]] += 1
-    return positions
-
-
-@kernel
-def _sort_strips(positions, first, begin, end):  # type: ignore[no-untyped-def]
-    """Sort the positions within the strips begin to end, but for large ones, by insertion."""
-    for k in range(begin, end):
-        if first[k + 1] - first[k] > LARGE_STRIP:
-            continue
-        for i in range(first[k] + 1, first[k + 1]):
-            one = positions[i]
-            j = i
-            while j > first[k] and _comes_first(one, positions[j - 1]):
-                positions[j] = positions[j - 1]
-                j -= 1
-            positions[j] = one
-
-
-@kernel
-def _comes_first(one, other):  # type: ignore[no-untyped-def]
-    """Whether a position comes before another by x, then y."""
-    return one.real < other.real or (one.real == other.real and one.imag < other.imag)
+    return float(distance[np.searchsorted(area, 0.5 * area[-1])])
 
 
 def steady_spacing(points: ArrayLike, expected: float | None) -> float:
@@ -207,3 +142,81 @@ def rounded_spacing(spacing: float) -> float:
     if not math.isfinite(spacing):
         raise ValueError("points lie so far apart that squares of distances overflow: give metres")
     return float(QUANTUM ** round(math.log(spacing, QUANTUM)))
+
+
+#: Fewest points that each neighbour that a density is estimated from needs in its group.
+POINTS_A_NEIGHBOUR = 10
+#: Cells on each side in which the neighbours of a group's points are sought.
+REACH = 4
+#: Multipliers of the hash that picks probes (xorshift64* of Vigna 2016; golden ratio).
+_MIX, _GOLDEN = np.uint64(2685821657736338717), np.uint64(0x9E3779B97F4A7C15)
+
+
+def mark_probes(
+    points: NDArray[np.float64], group: NDArray[np.int64], size: NDArray[np.int64], most: int, fewest: int
+) -> NDArray[np.bool_]:
+    """
+    Pick about `most` points of each group, or all of smaller ones, by their coordinates alone.
+
+    Groups of fewer than `fewest` points have none.
+    """
+    words = np.ascontiguousarray(points[:, :2]).view(np.uint64)
+    mixed = words[:, 0] * _GOLDEN + words[:, 1]
+    mixed ^= mixed >> np.uint64(31)
+    mixed *= _MIX
+    mixed ^= mixed >> np.uint64(29)
+    mixed *= _MIX
+    share = (mixed >> np.uint64(11)).astype(np.float64) / 2.0**53
+    own = np.where(group >= 0, size[group], 0) if len(size) else np.zeros(len(group), dtype=np.int64)
+    return (own >= max(fewest, 1)) & (share * own < most)
+
+
+def group_spacings(
+    points: NDArray[np.float64], cells: CellGrid, group: NDArray[np.int64], n_groups: int
+) -> NDArray[np.float64]:
+    """
+    Measure 1/√density of each group of points from its own points alone; group −1 is none.
+
+    As `measure_spacing`, but from a sample, and with neighbours sought nearby only, in `cells` a few spacings
+    wide. NaN for a group of fewer than 20 points, or most of whose neighbours are not near.
+    """
+    size = np.bincount(group[group >= 0], minlength=n_groups)
+    is_probe = mark_probes(points, group, size, FEW_PROBES, 2 * POINTS_A_NEIGHBOUR)
+    probes = np.flatnonzero(is_probe)
+    nth = np.minimum(NEIGHBOURS, size // POINTS_A_NEIGHBOUR)
+    distance, asking = np.full(len(group), np.inf), cells.holding(is_probe[cells.rows])
+    runs = cells.first[cells.around(REACH * cells.size, asking)]
+    _find_nth(cells, asking, runs, group, nth, is_probe, REACH * cells.size, distance)
+    order = probes[np.argsort(group[probes], kind="stable")]
+    first = np.searchsorted(group[order], np.arange(n_groups + 1))
+    spacings = np.full(n_groups, np.nan)
+    for number in np.flatnonzero(np.diff(first)):
+        middle = _middle_of(distance[order[first[number] : first[number + 1]]])
+        if 0.0 < middle < math.inf:
+            spacings[number] = middle * math.sqrt(math.pi / (nth[number] + 1 / 3))
+    return spacings
+
+
+@kernel
+def _find_nth(cells, asking, runs, group, nth, is_probe, reach, distance):  # type: ignore[no-untyped-def]
+    """Write how far from each probe the n-th other point of its group is in plan, if within reach."""
+    least = np.empty(NEIGHBOURS + 1)
+    for one in range(len(asking)):
+        for m in range(cells.first[asking[one]], cells.first[asking[one] + 1]):
+            i = cells.rows[m]
+            if not is_probe[i]:
+                continue
+            last = nth[group[i]]  # the nearest one is the point itself
+            least[:] = reach * reach
+            for row in range(runs.shape[1]):
+                for j in range(runs[one, row, 0], runs[one, row, 1]):
+                    dx, dy = cells.points[j, 0] - cells.points[m, 0], cells.points[j, 1] - cells.points[m, 1]
+                    square, k = dx * dx + dy * dy, last
+                    if square >= least[last] or group[cells.rows[j]] != group[i]:
+                        continue
+                    while k > 0 and least[k - 1] > square:
+                        least[k] = least[k - 1]
+                        k -= 1
+                    least[k] = square
+            if least[last] < reach * reach:
+                distance[i] = math.sqrt(least[last])

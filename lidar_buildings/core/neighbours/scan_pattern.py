@@ -6,23 +6,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.scan_neighbours import (
-    CELLS_A_BLOCK,
-    UNIT,
-    Pulses,
-    add_directions,
-    lines_beside,
-    mark_probes,
-    steps_along,
-)
+from lidar_buildings.core.neighbours.point_spacing import mark_probes
 
 #: Points whose neighbours are looked at in a group; a mean direction of so many is known to a few degrees.
 MAX_PROBES = 160
@@ -40,6 +32,35 @@ MIN_RATIO = 1.5
 MAX_RATIO = 40.0
 #: Side of the cells in which neighbours are sought [spacings].
 CELL = 1.5
+#: What 1 is in whole numbers.
+UNIT = 2**30
+#: Points nearer than this are of one pulse, or of one that was recorded twice [spacings].
+SAME_PULSE = 0.05
+#: Neighbours farther than the second by more than this factor, squared, do not count: they would by 1/64.
+LAST = 4.0
+#: Neighbours so little farther than the second nearest are as near.
+TIE = 1.0 + 1e-6
+#: Neighbours on the line lie within this angle of its direction: cosine of 30°.
+ON_LINE = 0.866
+#: Cells on each side in which the lines beside are sought,
+REACH = 4
+#: which are at least this share of what density and step say away from a pulse.
+OFF_LINE = 0.4
+
+
+class Pulses(NamedTuple):
+    """Points and what tells which of them follow each other."""
+
+    points: NDArray[np.float64]  #: in any order [m], shape (n_points, 3)
+    time: NDArray[np.float64]  #: empty if not known, shape (n_points,)
+    strip: NDArray[np.int64]  #: empty if not known, shape (n_points,)
+
+    def select(self, rows: NDArray[np.intp]) -> Pulses:
+        """Return some of the points."""
+        time = self.time[rows] if len(self.time) else self.time
+        return Pulses(
+            self.points.take(rows, axis=0), time, self.strip[rows] if len(self.strip) else self.strip
+        )
 
 
 @dataclass(frozen=True)
@@ -141,8 +162,10 @@ def _lines(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Return which groups have lines, and the direction that their neighbours prefer [rad]."""
     n_groups = int(group.max(initial=-1)) + 1
-    sums = np.zeros((n_groups, 3), dtype=np.int64)
-    add_directions(pulses, cells, group, is_probe, spacing, by_time, sums)
+    sums, asking = np.zeros((n_groups, 3), dtype=np.int64), cells.holding(is_probe[cells.rows])
+    runs = cells.first[cells.around(cells.size, asking)]
+    no_axis, step = np.zeros((0, 2)), np.zeros(0)
+    _follow(pulses, cells, asking, runs, group, is_probe, spacing, by_time, sums, no_axis, step)
     cosine, sine, n_probes = sums[:, 0] / UNIT, sums[:, 1] / UNIT, sums[:, 2]
     concentration = np.hypot(cosine, sine) / np.maximum(n_probes, 1)
     direction = (np.arctan2(sine, cosine) / 2.0) % math.pi
@@ -186,20 +209,13 @@ def _spaced(
 ) -> list[tuple[int, ScanPattern]]:
     """Return (group, pattern) of every group whose spacings along and across its lines clearly differ."""
     axis = np.column_stack((np.cos(direction), np.sin(direction)))
-    step = np.full(len(group), np.nan)
-    n_cells = len(cells.numbers)
-    for_row_blocks(
-        lambda a, b: steps_along(pulses, cells, group, is_probe, spacing, by_time, axis, step, a, b),
-        n_cells,
-        CELLS_A_BLOCK,
-    )
+    step, sides = np.full(len(group), np.nan), np.full((len(group), 2), np.nan)
+    asking, sums = cells.holding(is_probe[cells.rows]), np.zeros((0, 3), dtype=np.int64)
+    runs = cells.first[cells.around(cells.size, asking)]
+    _follow(pulses, cells, asking, runs, group, is_probe, spacing, by_time, sums, axis, step)
     along = _medians(step, group, len(axis))
-    sides = np.full((len(group), 2), np.nan)
-    for_row_blocks(
-        lambda a, b: lines_beside(pulses, cells, group, is_probe, spacing, axis, along, sides, a, b),
-        n_cells,
-        CELLS_A_BLOCK,
-    )
+    runs = cells.first[cells.around(REACH * cells.size, asking)]
+    _lines_beside(pulses, cells, asking, runs, group, is_probe, spacing, axis, along, sides)
     both = _medians(sides.sum(axis=1) / 2.0, group, len(axis))
     # At the rim of a roof there are lines on one side only; so many lines apart are all rim.
     either = _medians(np.fmax(sides[:, 0], sides[:, 1]), group, len(axis))
@@ -219,3 +235,131 @@ def _medians(values: NDArray[Any], group: NDArray[np.int64], n_groups: int) -> N
     known = np.flatnonzero(count >= MIN_PROBES // 2)
     medians[known] = values[order[first[known] + count[known] // 2]]
     return medians
+
+
+@kernel
+def _follow(pulses, cells, asking, runs, group, is_probe, spacing, by_time, sums, axis, step):  # type: ignore[no-untyped-def]
+    """
+    Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to the nearest neighbours, group by group.
+
+    The two nearest count in full and farther ones less and less, so that on a lattice, where many are
+    equally near, all of them count. Sums are of whole numbers: the same in whatever order points come. With
+    `axis` known, write instead each probe's mean distance to the nearest neighbours along its line.
+    """
+    near = np.empty((64, 3))
+    for one in range(len(asking)):
+        n = (runs[one, :, 1] - runs[one, :, 0]).sum()
+        if n > len(near):
+            near = np.empty((n, 3))
+        for k in range(cells.first[asking[one]], cells.first[asking[one] + 1]):
+            i = cells.rows[k]
+            if not is_probe[i]:
+                continue
+            count, second = _gather(pulses, cells, runs[one], group, i, spacing, by_time, near)
+            if second == np.inf:
+                continue
+            if len(axis) > 0:
+                step[i] = spacing * _mean_step(near[:count], second, axis[group[i]], spacing)
+            else:
+                cosine, sine = _mean_direction(near[:count], second)
+                sums[group[i], 0] += np.int64(UNIT * cosine)
+                sums[group[i], 1] += np.int64(UNIT * sine)
+                sums[group[i], 2] += 1
+
+
+@kernel
+def _lines_beside(pulses, cells, asking, runs, group, is_probe, spacing, axis, along, sides):  # type: ignore[no-untyped-def]
+    """Write each probe's distance to the next line on its left and on its right."""
+    near = np.empty(2)
+    for one in range(len(asking)):
+        for k in range(cells.first[asking[one]], cells.first[asking[one] + 1]):
+            i = cells.rows[k]
+            if not is_probe[i] or not along[group[i]] > 0.0:
+                continue
+            cos, sin = axis[group[i]]
+            step = along[group[i]]
+            least = OFF_LINE * spacing * spacing / step
+            near[0], near[1] = np.inf, np.inf
+            for row in range(runs.shape[1]):
+                for m in range(runs[one, row, 0], runs[one, row, 1]):
+                    j = cells.rows[m]
+                    dx = pulses.points[j, 0] - pulses.points[i, 0]
+                    dy = pulses.points[j, 1] - pulses.points[i, 1]
+                    if abs(dx * cos + dy * sin) > step or not _are_mates(pulses, group, i, j):
+                        continue
+                    beside = dy * cos - dx * sin
+                    side = 0 if beside > 0.0 else 1
+                    if least <= abs(beside) < near[side]:
+                        near[side] = abs(beside)
+            for side in range(2):
+                if near[side] < np.inf:
+                    sides[i, side] = near[side]
+
+
+@kernel
+def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
+    """Whether two points are of one group and strip."""
+    return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
+
+
+@kernel
+def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
+    """
+    Write a point's neighbours (dx, dy, squared distance in time or in plan) to `near`.
+
+    Returns how many there are and the second smallest distance, infinite where there is none.
+    """
+    count, nearest, second = 0, np.inf, np.inf
+    same = (SAME_PULSE * spacing) ** 2
+    points = pulses.points
+    x, y = points[i, 0], points[i, 1]
+    for row in range(len(runs)):
+        for m in range(runs[row, 0], runs[row, 1]):
+            j = cells.rows[m]
+            dx, dy = points[j, 0] - x, points[j, 1] - y
+            far = dx * dx + dy * dy
+            if far <= same:
+                continue
+            if by_time:
+                far = (pulses.time[j] - pulses.time[i]) ** 2
+            if far > LAST * second or far == 0.0 or not _are_mates(pulses, group, i, j):
+                continue
+            if far < nearest:
+                nearest, second = far, nearest
+            elif far < second:
+                second = far
+            near[count, 0], near[count, 1], near[count, 2] = dx, dy, far
+            count += 1
+    return count, second
+
+
+@kernel
+def _mean_direction(near, second):  # type: ignore[no-untyped-def]
+    """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
+    cosine, sine, total = 0, 0, 0
+    for k in range(len(near)):
+        if near[k, 2] > LAST * second:
+            continue
+        dx, dy = near[k, 0], near[k, 1]
+        ratio = min(1.0, second / near[k, 2])
+        weight = UNIT * ratio * ratio * ratio
+        square = dx * dx + dy * dy
+        cosine += np.int64(weight * (dx * dx - dy * dy) / square)
+        sine += np.int64(weight * 2.0 * dx * dy / square)
+        total += np.int64(weight)
+    return cosine / total, sine / total
+
+
+@kernel
+def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
+    """
+    Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.
+    """
+    total, count = 0, 0
+    for k in range(len(near)):
+        dx, dy = near[k, 0], near[k, 1]
+        along = abs(dx * axis[0] + dy * axis[1])
+        if near[k, 2] <= second * TIE and along >= ON_LINE * math.hypot(dx, dy):
+            total += np.int64(UNIT * along / spacing)
+            count += 1
+    return total / UNIT / count if count > 0 else np.nan

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.neighbours.columns import Columns, by_column, gathered
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, root
 
-#: Columns a step: points in one of half a step's side are all connected in plan.
+#: CellGrid a step: points in one of half a step's side are all connected in plan.
 COLUMNS_A_STEP = 2.0
 #: What is farther apart than this is never of one block, and no neighbourhood reaches across: half of a
 #: window of the segmentation across lines as far apart as lines can be [spacings].
@@ -20,7 +20,7 @@ APART_SPACINGS = 15.0
 
 
 def smooth_patches(
-    columns: Columns,
+    columns: CellGrid,
     normals: NDArray[np.float64],
     reach: NDArray[np.float64],
     *,
@@ -53,13 +53,13 @@ def connected_parts(
 ) -> NDArray[np.int64]:
     """Number the parts of a cloud that are connected by steps no longer than a radius [m]."""
     # In plan all of a column is of one part, in whatever order.
-    columns = (gathered if in_plan else by_column)(points, radius / COLUMNS_A_STEP)
+    columns = (rows_by_cell if in_plan else sort_by_cell)(points, radius / COLUMNS_A_STEP)
     part = np.empty(len(points), dtype=np.int64)
     part[columns.rows] = connected_columns(columns, radius, in_plan=in_plan)
     return part
 
 
-def connected_columns(columns: Columns, radius: float, *, in_plan: bool = False) -> NDArray[np.int64]:
+def connected_columns(columns: CellGrid, radius: float, *, in_plan: bool = False) -> NDArray[np.int64]:
     """
     Number the parts of points in columns that are connected by steps no longer than a radius [m].
 

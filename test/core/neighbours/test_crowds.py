@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.crowds import MOST, VOXELS_A_COLUMN, without_crowds
 
 SIZE = 0.375
@@ -16,13 +16,13 @@ def voxels(points):
 
 
 def test_points_of_an_even_cloud_all_stand_for_themselves():
-    is_chosen, place = without_crowds(by_column(EVEN, SIZE))
+    is_chosen, place = without_crowds(sort_by_cell(EVEN, SIZE))
     assert is_chosen.all()
     np.testing.assert_array_equal(place, np.arange(len(EVEN)))
 
 
 def test_a_voxel_keeps_few_points_spread_over_its_heights():
-    columns = by_column(np.vstack([EVEN, CROWD]), SIZE)
+    columns = sort_by_cell(np.vstack([EVEN, CROWD]), SIZE)
     is_chosen, place = without_crowds(columns)
     chosen = columns.points[is_chosen]
     _, of_voxel = np.unique(voxels(chosen), axis=0, return_counts=True)
@@ -40,16 +40,18 @@ def test_a_voxel_keeps_few_points_spread_over_its_heights():
 def test_the_order_of_the_points_does_not_matter():
     points = np.vstack([EVEN, CROWD])
     shuffled = points[np.random.default_rng(2).permutation(len(points))]
-    (one, place), (other, same_place) = (without_crowds(by_column(rows, SIZE)) for rows in (points, shuffled))
+    (one, place), (other, same_place) = (
+        without_crowds(sort_by_cell(rows, SIZE)) for rows in (points, shuffled)
+    )
     np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(place, same_place)
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (-4e6, 9e6, -300.0)])
 def test_places_far_from_the_origin_and_no_points_are_taken_alike(shift):
-    columns = by_column(CROWD + shift, SIZE)
+    columns = sort_by_cell(CROWD + shift, SIZE)
     is_chosen, place = without_crowds(columns)
     assert 0 < is_chosen.sum() < 0.15 * len(CROWD)
     assert place.max() == is_chosen.sum() - 1
-    none = without_crowds(by_column(np.zeros((0, 3)), SIZE))
+    none = without_crowds(sort_by_cell(np.zeros((0, 3)), SIZE))
     assert [len(one) for one in none] == [0, 0]

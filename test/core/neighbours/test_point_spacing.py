@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours import point_spacing
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.neighbours.point_spacing import (
     FALLBACK_SPACING,
     given_or_measured,
+    group_spacings,
     measure_spacing,
     quantised_spacing,
 )
@@ -105,24 +106,6 @@ def test_a_few_strays_far_off_have_no_say():
     assert measure_spacing(np.vstack([cloud, strays])) == pytest.approx(0.5, rel=0.05)
 
 
-@pytest.mark.parametrize("kind", ["even", "strays", "half of it sparse", "columns", "line", "lattice"])
-def test_the_spacing_is_the_one_found_by_a_tree_of_all_points(kind, monkeypatch):
-    cloud = poisson_cloud(4.0, 120)
-    cloud = {
-        "even": cloud,
-        "strays": np.vstack([cloud, [[1e7, 3.0, 0.0], [-1e9, 1e8, 0.0]]]),
-        "half of it sparse": np.vstack([cloud, poisson_cloud(0.001, 4000)]),
-        "columns": np.repeat(cloud[:500], 90, axis=0) * [0.0, 1.0, 1.0] + cloud[0],
-        "line": cloud[:3000] * [0.0, 1.0, 0.0],
-        "lattice": square_lattice(0.5, 90),
-    }[kind]
-    found = measure_spacing(cloud)
-    monkeypatch.setattr(
-        point_spacing, "nth_distances", lambda plan, step, n: (np.full(len(plan[::step]), np.inf), 0.0)
-    )
-    assert measure_spacing(cloud) == found
-
-
 def test_a_given_spacing_is_taken_and_must_be_a_length():
     cloud = square_lattice(0.5, 20)
     assert given_or_measured(cloud, 0.7) == 0.7
@@ -136,3 +119,29 @@ def test_distances_beyond_all_numbers_are_refused_or_none():
     assert quantised_spacing([[0.0, 0.0, 0.0], [5e-324, 0.0, 0.0]]) == 1.0
     with pytest.raises(ValueError, match="overflow"):
         quantised_spacing(np.random.default_rng(0).uniform(-1e200, 1e200, (50, 3)))
+
+
+def spacings_of(clouds):
+    """Return the spacings of several clouds as groups of one."""
+    points = np.concatenate(clouds)
+    group = np.repeat(np.arange(len(clouds)), [len(one) for one in clouds])
+    return group_spacings(points, rows_by_cell(points, 1.0), group, len(clouds))
+
+
+def test_groups_of_different_density_that_touch_are_told_apart_in_any_order():
+    clouds = [poisson_cloud(6.7, 30), poisson_cloud(2.0, 20, seed=2) + np.array([30.0, 0.0, 0.0])]
+    found = spacings_of(clouds)
+    np.testing.assert_allclose(found, [measure_spacing(one) for one in clouds], rtol=0.06)
+    np.testing.assert_array_equal(spacings_of([one[::-1] for one in clouds]), found)
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), poisson_cloud(0.5, 3.0), np.ones((200, 3))])
+def test_few_or_equal_points_have_no_spacing(points):
+    assert np.isnan(spacings_of([points])).all()
+
+
+def test_points_of_no_group_are_left_out():
+    points = poisson_cloud(5.0, 20)
+    group = np.where(np.arange(2000) % 2, 0, -1)
+    found = group_spacings(points, rows_by_cell(points, 1.0), group, 1)
+    assert found[0] == pytest.approx(measure_spacing(points[1::2]), rel=0.06)

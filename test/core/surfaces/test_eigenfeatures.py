@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lidar_buildings.core.neighbours import parallel
-from lidar_buildings.core.surfaces.eigenfeatures import eigen_features, features
+from lidar_buildings.core.surfaces import eigenfeatures
+from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 
 
 def disc(n=4000):
@@ -15,43 +16,30 @@ def disc(n=4000):
     return np.vstack([np.zeros(3), spread])
 
 
-def at_centre(points):
-    """Return λ/R² of the first point's neighbourhood of radius 1."""
-    return eigen_features(points, [1.0]).eigenvalues[0]
-
-
 def wavy_cloud(n=3000, seed=0):
     rng = np.random.default_rng(seed)
     xy = rng.uniform(0, 20, (n, 2))
     return np.column_stack([xy, np.where(xy[:, 0] > 10, 3.0, 0.4 * xy[:, 0]) + rng.normal(0, 0.05, n)])
 
 
-# The values are those of Gross & Thoennessen (2006).
-def test_a_dense_disc_has_the_eigenvalues_of_a_plane():
-    assert at_centre(disc()) == pytest.approx([1 / 4, 1 / 4, 0], abs=0.001)
+DISC = disc()
+FOLD = np.where(DISC[:, 1:2] < 0, DISC[:, [0, 2, 1]] * [1, 1, -1], DISC)
+#: Values of Gross & Thoennessen (2006); a quarter disc about its diagonal ±45°: across it the variance is
+#: 1/4 − 1/(2π), along it 1/4 + 1/(2π) − m².
+SHAPES = {
+    "plane": (DISC, [1 / 4, 1 / 4, 0]),
+    "straight edge": (DISC[DISC[:, 1] >= 0], [1 / 4, 1 / 4 - 16 / (9 * np.pi**2), 0]),
+    "corner": (
+        DISC[(DISC[:, :2] >= 0).all(axis=1)],
+        [1 / 4 - 1 / (2 * np.pi), 1 / 4 + 1 / (2 * np.pi) - 32 / (9 * np.pi**2), 0],
+    ),
+    "ridge": (FOLD, [1 / 4, 1 / 8, 1 / 8 - 8 / (9 * np.pi**2)]),
+}
 
 
-def test_a_dense_half_disc_has_the_eigenvalues_of_a_straight_edge():
-    points = disc()
-    points = points[points[:, 1] >= 0]
-    assert at_centre(points) == pytest.approx([1 / 4, 1 / 4 - 16 / (9 * np.pi**2), 0], abs=0.001)
-
-
-def test_a_dense_quarter_disc_has_the_eigenvalues_of_a_corner():
-    points = disc()
-    points = points[(points[:, :2] >= 0).all(axis=1)]
-    # About the diagonal ±45° only; across it the variance is 1/4 − 1/(2π), along it 1/4 + 1/(2π) − m².
-    along = 1 / 4 + 1 / (2 * np.pi) - 32 / (9 * np.pi**2)
-    across = 1 / 4 - 1 / (2 * np.pi)
-    assert at_centre(points) == pytest.approx([across, along, 0], abs=0.001)
-
-
-def test_the_ridge_between_two_walls_has_the_eigenvalues_of_two_planes():
-    points = disc()
-    folded = points.copy()
-    folded[points[:, 1] < 0, 2] = -points[points[:, 1] < 0, 1]
-    folded[points[:, 1] < 0, 1] = 0
-    assert at_centre(folded) == pytest.approx([1 / 4, 1 / 8, 1 / 8 - 8 / (9 * np.pi**2)], abs=0.001)
+@pytest.mark.parametrize(("points", "expected"), SHAPES.values(), ids=SHAPES.keys())
+def test_dense_shapes_have_the_published_eigenvalues(points, expected):
+    assert eigen_features(points, [1.0]).eigenvalues[0] == pytest.approx(expected, abs=0.001)
 
 
 def test_a_line_has_a_third():
@@ -161,7 +149,7 @@ def test_the_order_of_rows_does_not_change_a_bit(n, seed):
 def test_neither_threads_nor_blocks_change_a_bit(monkeypatch, n_threads, block):
     points = wavy_cloud()
     expected = eigen_features(points, [1.0, 1.5, 2.0])
-    monkeypatch.setattr(features, "CELLS_A_BLOCK", block)
+    monkeypatch.setattr(eigenfeatures, "CELLS_A_BLOCK", block)
     monkeypatch.setattr(parallel.os, "cpu_count", lambda: n_threads)
     assert_same_bits(eigen_features(points, [1.0, 1.5, 2.0]), slice(None), expected, slice(None))
 
@@ -264,20 +252,6 @@ def test_a_coordinate_that_is_not_a_number_is_refused_by_name():
 def test_a_neighbourhood_of_no_points_is_refused_by_name():
     with pytest.raises(ValueError, match="min_neighbours = 0"):
         eigen_features(np.zeros((3, 3)), [1.0], min_neighbours=0)
-
-
-def test_more_radii_than_a_batch_holds_are_refused_by_name():
-    with pytest.raises(ValueError, match="radii has 600 entries"):
-        eigen_features(np.zeros((3, 3)), np.linspace(1, 2, 600))
-
-
-def test_as_many_radii_as_a_batch_holds_are_served():
-    points = wavy_cloud(200)
-    found = eigen_features(points, np.geomspace(0.5, 5.0, 512))
-    assert (np.diff(np.unique(found.radius)) > 0).all()
-    near, values, _ = brute_force(points, 50, found.radius[50] * (1 + 1e-12))
-    assert found.n_neighbours[50] == len(near)
-    assert found.eigenvalues[50] == pytest.approx(values, abs=1e-12)
 
 
 @pytest.mark.parametrize(

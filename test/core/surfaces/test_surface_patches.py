@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell, sort_by_cell
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, connected_parts, plan_areas
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches as of_columns
 
@@ -19,7 +18,7 @@ def upward(points):
 
 def smooth_patches(points, normals, radius, **limits):
     """Return the patch of each point, in their order."""
-    columns, patch = by_column(points, np.max(radius) / 2), np.empty(len(points), dtype=np.int64)
+    columns, patch = sort_by_cell(points, np.max(radius) / 2), np.empty(len(points), dtype=np.int64)
     reach = np.broadcast_to(radius, len(points))[columns.rows]
     patch[columns.rows] = of_columns(columns, normals[columns.rows], reach, **limits)
     return patch
@@ -58,7 +57,7 @@ def test_a_curved_roof_is_one_patch():
 @pytest.mark.parametrize("size", [0.2, 0.5, 0.8, 3.0])
 def test_parts_are_those_of_breadth_first_search(in_plan, size):
     points = np.random.default_rng(0).uniform(0, (40, 10, 10), (300, 3))
-    columns, part = by_column(points, size), np.empty(300, dtype=np.int64)
+    columns, part = sort_by_cell(points, size), np.empty(300, dtype=np.int64)
     part[columns.rows] = connected_columns(columns, 1.3, in_plan=in_plan)
     reach = np.linalg.norm((points[:, None] - points)[..., : 2 if in_plan else 3], axis=2) <= 1.3
     for _ in range(9):

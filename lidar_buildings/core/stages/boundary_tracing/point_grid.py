@@ -66,11 +66,10 @@ def build_point_grid(
     along, across = 0.5 * window * pattern.along, 0.5 * window * pattern.across
     cosine, sine = float(np.cos(pattern.direction)), float(np.sin(pattern.direction))
     frame = (cosine / along, sine / along, -sine / across, cosine / across)
-    positions = distinct_positions(points[:, 0], points[:, 1])
-    x, y = positions.real, positions.imag
+    x, y = positions = np.ascontiguousarray(distinct_positions(points).T)
     u, v = frame[0] * x + frame[1] * y, frame[2] * x + frame[3] * y
     low_u = high_u = low_v = high_v = largest = 0.0
-    if len(positions):
+    if positions.size:
         low_u, high_u, low_v, high_v = (float(one) for one in (u.min(), u.max(), v.min(), v.max()))
         largest = float(np.abs(points[:, :2]).max())
     # A sparse cloud of great extent gets larger cells, so that there are not many more than points.

@@ -208,15 +208,12 @@ def measures_of(found: EigenFeatures, features: str) -> NDArray[np.float64]:
 
 
 def roofs_in_plan(cells: CellGrid) -> NDArray[np.int64]:
-    """
-    Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one.
-
-    Cells are those of `build_grid`.
-    """
-    one, beside = np.nonzero(cells.adjacent >= 0)
-    number = union_find.numbered(
-        union_find.sets_of_pairs(len(cells.numbers), one, cells.adjacent[one, beside])
-    )
+    """Number roofs from 0, per input row: points in cells that touch, be it at a corner, are of one."""
+    beside = cells.around(cells.size).reshape(-1, 2)
+    length = np.diff(beside)[:, 0]
+    own = np.repeat(np.repeat(np.arange(len(cells.numbers)), 3), length)
+    touched = np.repeat(beside[:, 1] - np.cumsum(length), length) + np.arange(len(own))
+    number = union_find.numbered(union_find.sets_of_pairs(len(cells.numbers), own, touched))
     roof = np.empty(len(cells.points), dtype=np.int64)
-    roof[cells.rows] = np.repeat(number, np.diff(cells.first))
+    roof[cells.rows] = number[cells.cell]
     return roof

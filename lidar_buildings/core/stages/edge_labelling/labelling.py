@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from lidar_buildings.core.model.point_array import checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellGrid
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.edge_labelling.clusters import (
     OK,
@@ -108,7 +107,7 @@ def label_edges(
     spacing = given_or_measured(points, point_spacing)
     radii = np.unique(np.geomspace(MIN_RADIUS, max(config.max_radius, MIN_RADIUS), config.n_radii)) * spacing
     found = eigen_features(points, list(radii), min_neighbours=MIN_NEIGHBOURS)
-    cells = build_grid(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
+    cells = sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
     edge, clusters, status = _band(found, cells, config)
     if config.thinning != "none":
         max_step = MAX_STEP * spacing if config.thinning == "surface" else np.inf

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 
 #: Points nearer than this part of the disc's radius are at the same place: which side they lie on is chance.
 SAME_PLACE = 1e-6
@@ -62,9 +61,9 @@ def on_rims(
     """
     rim = np.zeros(len(band), dtype=np.bool_)
     roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else roof_id[cells.rows]
-    in_band = band[cells.rows]
+    in_band, runs = band[cells.rows], cells.first[cells.around(cells.size)]
     for_row_blocks(
-        lambda begin, end: _find_rims(cells, roof, in_band, radius, reach, max_step, rim, begin, end),
+        lambda begin, end: _find_rims(cells, runs, roof, in_band, radius, reach, max_step, rim, begin, end),
         len(cells.numbers),
         CELLS_A_BLOCK,
     )
@@ -72,13 +71,11 @@ def on_rims(
 
 
 @kernel
-def _find_rims(cells, roof, in_band, radius, reach, max_step, rim, begin, end):  # type: ignore[no-untyped-def]
+def _find_rims(cells, around, roof, in_band, radius, reach, max_step, rim, begin, end):  # type: ignore[no-untyped-def]
     """Fill the rows of the points of cells begin to end."""
     arcs = np.empty((MAX_OPEN, 2))
-    windows = first_windows(cells.numbers, cells.n_columns, 1, begin)
     for cell in range(begin, end):
-        move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
-        runs = cells.first[windows.ravel()].reshape(windows.shape)  # numba 0.58 takes one axis of rows
+        runs = around[cell]
         for i in range(cells.first[cell], cells.first[cell + 1]):
             if _is_near(cells.points, roof, in_band, i, runs, reach, max_step):
                 rim[cells.rows[i]] = _is_touched(cells.points, roof, i, runs, radius, max_step, arcs)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
-from lidar_buildings.core.neighbours.windows import cells_in_row
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, cells_in_row, rows_by_cell, sort_by_cell
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
 #: A low error lies further than this below what surrounds it, a high one than that from everything else [m].

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import raster_cells, sort_by_cell
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import cells_in_row, raster_cells, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.neighbours.union_find import flatten, link
-from lidar_buildings.core.neighbours.windows import cells_in_row
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
 
@@ -137,11 +135,11 @@ def nearest_by_sector(
 
     At most one candidate a place; none farther away in plan than `reach` [m].
     """
-    cells = by_column(candidates, reach)
+    cells = sort_by_cell(candidates, reach)
     found = np.full((len(rows), N_SECTORS), -1, dtype=np.int32)
     runs = cells.first[cells.around(reach)]
     cell = np.empty(len(candidates), dtype=np.int64)
-    cell[cells.rows] = cells.column
+    cell[cells.rows] = cells.cell
     for_row_blocks(
         lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
         len(rows),

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid
+from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane
 from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
@@ -73,11 +72,11 @@ def survey_points(points: FloatArray, radius: float) -> Survey:
 def _surveyed(points: FloatArray, radius: float) -> Survey:
     """Survey with a fixed radius."""
     grid, row_of = distinct_grid(points, radius)
-    distinct = grid.points
+    distinct, runs = grid.points, grid.first[grid.around(radius)]
     neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
     planes, roughness = np.empty((len(distinct), 4)), np.empty(len(distinct))
     for_row_blocks(
-        lambda a, b: _look_around(grid, radius, neighbours, planes, roughness, a, b),
+        lambda a, b: _look_around(grid, runs, radius, neighbours, planes, roughness, a, b),
         len(grid.first) - 1,
         CELLS_A_BLOCK,
     )
@@ -99,13 +98,13 @@ def distinct_grid(points: FloatArray, size: float) -> tuple[CellGrid, IntArray]:
 
     The grid's own rows are of no use.
     """
-    grid = build_grid(points, size)
+    grid = sort_by_cell(points, size)
     is_new = np.ones(len(points), dtype=bool)
     is_new[1:] = (grid.points[1:] != grid.points[:-1]).any(axis=1)
     row_of = np.empty(len(points), dtype=np.int64)
     row_of[grid.rows] = np.cumsum(is_new) - 1
     # Sorted points stay in their order.
-    return (grid if is_new.all() else build_grid(grid.points[is_new], size)), row_of
+    return (grid if is_new.all() else sort_by_cell(grid.points[is_new], size)), row_of
 
 
 def _noise_of(roughness: FloatArray) -> float:
@@ -118,18 +117,18 @@ def _noise_of(roughness: FloatArray) -> float:
 
 
 @kernel
-def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
+def _look_around(grid, runs, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
     """
     Fill in the neighbours, evenly thinned if too many, and own planes of the points in cells begin to end.
     """
     most = 0
     for c in range(begin, end):
-        most = max(most, _count_around(grid, c))
+        most = max(most, (runs[c, :, 1] - runs[c, :, 0]).sum())
     rows, xyz = np.empty(most, np.int32), np.empty((most, 3))
     near = np.empty(most + 1, np.int32)
     moments = np.empty(N_MOMENTS)
     for c in range(begin, end):
-        around = _gather_around(grid, c, rows, xyz)
+        around = _gather(grid.points, runs[c], rows, xyz)
         for i in range(grid.first[c], grid.first[c + 1]):
             x, y, z = grid.points[i]
             found = _within(xyz[:around], x, y, z, radius, near)
@@ -151,25 +150,14 @@ def _look_around(grid, radius, neighbours, planes, roughness, begin, end):  # ty
 
 
 @kernel
-def _count_around(grid, c):  # type: ignore[no-untyped-def]
-    """Return how many points a cell and the cells around it have."""
+def _gather(points, runs, rows, xyz):  # type: ignore[no-untyped-def]
+    """Put the points of runs side by side; return how many."""
     n = 0
-    for beside in grid.adjacent[c]:
-        if beside >= 0:
-            n += grid.first[beside + 1] - grid.first[beside]
-    return n
-
-
-@kernel
-def _gather_around(grid, c, rows, xyz):  # type: ignore[no-untyped-def]
-    """Put the points of a cell and the cells around it side by side; return how many."""
-    n = 0
-    for beside in grid.adjacent[c]:
-        if beside >= 0:
-            for j in range(grid.first[beside], grid.first[beside + 1]):
-                rows[n] = j
-                xyz[n, 0], xyz[n, 1], xyz[n, 2] = grid.points[j, 0], grid.points[j, 1], grid.points[j, 2]
-                n += 1
+    for row in range(len(runs)):
+        for j in range(runs[row, 0], runs[row, 1]):
+            rows[n] = j
+            xyz[n, 0], xyz[n, 1], xyz[n, 2] = points[j, 0], points[j, 1], points[j, 2]
+            n += 1
     return n
 
 

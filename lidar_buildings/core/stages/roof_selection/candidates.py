@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.columns import Columns, gathered
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import sector_of
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
@@ -36,7 +36,7 @@ class Candidates:
     A method returns which of them are roof; small buildings are dropped by `buildings`.
     """
 
-    columns: Columns  #: points from `min_height` on; the other arrays are in their order
+    columns: CellGrid  #: points from `min_height` on; the other arrays are in their order
     #: Whether the pulse ended there, and whether that is all that came back of it, shape (n_points,).
     is_last: NDArray[np.bool_]
     is_only: NDArray[np.bool_]
@@ -51,9 +51,9 @@ class Candidates:
         return self.columns.points
 
     @cached_property
-    def cells(self) -> Columns:
+    def cells(self) -> CellGrid:
         """Which points lie in each cell, few of which stay empty on a surface; no second copy of them."""
-        return replace(gathered(self.points, self.cell), points=np.empty((0, 3)))
+        return rows_by_cell(self.points, self.cell)._replace(points=np.empty((0, 3)))
 
     def parts(
         self, rows: NDArray[np.integer], step: float, *, in_plan: bool = False
@@ -95,7 +95,7 @@ class Surroundings(NamedTuple):
 
 
 def near_tangent_plane(
-    columns: Columns,
+    columns: CellGrid,
     normals: NDArray[np.float64],
     is_surface: NDArray[np.bool_],
     radius: float,
@@ -110,15 +110,15 @@ def near_tangent_plane(
     return _joined(columns, columns.select(is_surface), normals, is_surface, radius, max_distance, 1.0)
 
 
-def near_in_plan(columns: Columns, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
+def near_in_plan(columns: CellGrid, targets: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
     """Tell which points are targets or lie within reach of one in plan [m]."""
     near = columns.select(targets)
     return _joined(columns, near, near.points, targets, reach, np.inf, 0.0)
 
 
 def _joined(
-    columns: Columns,
-    surface: Columns,
+    columns: CellGrid,
+    surface: CellGrid,
     normals: NDArray[np.float64],
     is_surface: NDArray[np.bool_],
     radius: float,
@@ -138,7 +138,7 @@ def _joined(
 
 
 def surroundings(
-    columns: Columns, chosen: NDArray[np.bool_], reach: float, wanted: NDArray[np.bool_]
+    columns: CellGrid, chosen: NDArray[np.bool_], reach: float, wanted: NDArray[np.bool_]
 ) -> Surroundings:
     """
     Look at the chosen points around those columns that hold wanted points; for others there is no answer.

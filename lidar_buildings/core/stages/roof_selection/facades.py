@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.stages.roof_selection.candidates import near_in_plan, surroundings
 
 #: A façade lies within this many spacings of its roof's points in plan: an edge is missed by half a spacing.
@@ -24,7 +24,7 @@ MIN_HEIGHT = 0.8
 
 
 def find_facades(
-    columns: Columns,
+    columns: CellGrid,
     height: NDArray[np.float64],
     is_roof: NDArray[np.bool_],
     is_last: NDArray[np.bool_],
@@ -37,7 +37,7 @@ def find_facades(
 
     Parameters
     ----------
-    columns : Columns
+    columns : CellGrid
         What is roof or wall, and what can be façade: neither ground nor of a class that stays [m].
     height : ndarray of shape (n_points,)
         Above ground [m].
@@ -55,7 +55,7 @@ def find_facades(
     """
     if reach <= 0.0 or not is_roof.any():
         return np.zeros(len(height), dtype=bool)
-    column, z = columns.column, columns.points[:, 2]
+    column, z = columns.cell, columns.points[:, 2]
     far = max(reach, REACH_SPACINGS * spacing)
     can_be = ~is_roof & (height >= max(MIN_HEIGHT, spacing))
     hangs = can_be & (z <= highest[column])

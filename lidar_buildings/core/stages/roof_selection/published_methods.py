@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.columns import Columns
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.roof_selection.candidates import (
     MAX_ANGLE_DEG,
@@ -159,7 +158,7 @@ def single_return_planes(candidates: Candidates, config: RoofSelectionConfig) ->
 
 
 def _planes(
-    columns: Columns, radius: float, config: RoofSelectionConfig
+    columns: CellGrid, radius: float, config: RoofSelectionConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the normals, and which points lie within a plane of some extent."""
     features = eigen_features(columns.points, [radius], min_neighbours=MIN_PLANE_POINTS)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Rejection
-from lidar_buildings.core.neighbours.columns import Columns, gathered
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.stages.roof_selection.candidates import (
@@ -114,13 +114,13 @@ class _Known(NamedTuple):
 class _Patches(NamedTuple):
     """Smooth points, the patch of each, its normal, and its roughness in parts of the largest."""
 
-    columns: Columns
+    columns: CellGrid
     label: NDArray[np.int64]
     normals: NDArray[np.float64]
     roughness: NDArray[np.float64]
 
 
-def _patches(columns: Columns, known: _Known, chosen: NDArray[np.bool_], max_offset: float) -> _Patches:
+def _patches(columns: CellGrid, known: _Known, chosen: NDArray[np.bool_], max_offset: float) -> _Patches:
     """Join some of the last returns to patches."""
     own, is_chosen = np.flatnonzero(chosen), np.zeros(len(columns.points), dtype=bool)
     is_chosen[known.rows[own]] = True
@@ -318,7 +318,7 @@ def is_deck(
     is_near = np.flatnonzero(np.isfinite(lowest)[label])
     ground = ground.take(np.flatnonzero(ground[:, 2] >= lowest.min(initial=np.inf) - MAX_STEP), axis=0)
     points, label = points.take(is_near, axis=0), label[is_near]
-    columns = gathered(np.vstack([points, ground]), cell)
+    columns = rows_by_cell(np.vstack([points, ground]), cell)
     owner = np.concatenate([label, np.full(len(ground), -1)])[columns.rows]
     steps = (REACH + cell) / columns.size
     ends, met = np.zeros((2, n_surfaces, N_SECTORS), dtype=np.int64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.columns import Columns, by_column
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, neighbours_of, sort_by_cell
 from lidar_buildings.core.neighbours.crowds import without_crowds
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection.candidates import (
@@ -156,7 +155,7 @@ def select_roofs(
     is_low = (height < LOW_SHARE * config.min_height) & ~_is_of(NOISE)[classes]
     rows = np.flatnonzero(is_open)
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
-    columns = by_column(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
+    columns = sort_by_cell(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
     rows = rows[columns.rows]
     is_roof, facade = np.zeros(len(points), dtype=bool), np.zeros(len(points), dtype=np.uint8)
     is_chosen, place = without_crowds(columns)
@@ -165,7 +164,7 @@ def select_roofs(
     if not is_chosen.all():
         columns, chosen, each = columns.select(is_chosen), rows[is_chosen], place
     # Points are taken in when they are asked for: a second copy of all makes a tenth of a tile's memory.
-    columns = replace(columns, points=np.empty((0, 3)), rows=np.empty(0, dtype=np.intp))
+    columns = columns._replace(points=np.empty((0, 3)), rows=np.empty(0, dtype=np.intp))
     del is_chosen, place
     is_raised = height[chosen].astype(float, copy=False) >= config.min_height
     raised = chosen[is_raised]
@@ -257,14 +256,14 @@ def _is_of(classes: tuple[PointClass, ...]) -> NDArray[np.bool_]:
 
 
 def _filled(
-    columns: Columns, points: NDArray[np.float64], rows: NDArray[np.intp], first: NDArray[np.int64]
-) -> Columns:
+    columns: CellGrid, points: NDArray[np.float64], rows: NDArray[np.intp], first: NDArray[np.int64]
+) -> CellGrid:
     """Return columns with some of the points, which come column by column."""
-    return replace(columns, points=points.take(rows, axis=0), first=first)
+    return columns._replace(points=points.take(rows, axis=0), first=first)
 
 
 def _open_classes(
-    columns: Columns,
+    columns: CellGrid,
     height: NDArray[np.float64],
     is_roof: NDArray[np.bool_],
     is_wall: NDArray[np.bool_],
@@ -278,7 +277,7 @@ def _open_classes(
     stands = is_roof | is_wall
     reach = max(TOP_REACH, RADIUS_SPACINGS * spacing)
     highest = surroundings(columns, is_roof, reach, ~is_roof).highest
-    above = columns.points[:, 2] - highest[columns.column]
+    above = columns.points[:, 2] - highest[columns.cell]
     classes[above <= 0.0] = PointClass.UNCLASSIFIED
     is_bare = above > TOP_REACH
     del above  # memory
@@ -311,19 +310,20 @@ def last_and_only_returns(
     of = checked_column("number_of_returns", number_of_returns, n, np.int64)
     is_only = of <= 1
     if n and not is_only.any():
-        grid = build_grid(points, SAME_ECHO)
-        for_row_blocks(lambda begin, end: _find_twins(grid, number, is_only, begin, end), n)
+        grid = sort_by_cell(points, SAME_ECHO)
+        runs, of_point = grid.around(SAME_ECHO), grid.cell
+        for_row_blocks(lambda begin, end: _find_twins(grid, runs, of_point, number, is_only, begin, end), n)
     return (number >= of) | is_only, is_only
 
 
 @kernel
-def _find_twins(grid, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
+def _find_twins(grid, runs, cell, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
     """Mark sorted points begin to end next to which a return of another number lies."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
         row = grid.rows[i]
-        for k in range(neighbours_of(grid, grid.cell[i], x, y, z, SAME_ECHO, False, near)):
+        for k in range(neighbours_of(grid, runs[cell[i]], x, y, z, SAME_ECHO, False, near)):
             if number[grid.rows[near[k]]] != number[row]:
                 has_twin[row] = True
                 break

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Rejection
-from lidar_buildings.core.neighbours.columns import Columns, by_column
-from lidar_buildings.core.neighbours.windows import first_from
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, first_from, sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates, near_tangent_plane, surroundings
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roof_patches import (
@@ -64,12 +63,12 @@ def find_roofs(
     return _without_narrow(candidates, roof | stands, config, rejection), is_wall, rejection
 
 
-def _held(columns: Columns, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
+def _held(columns: CellGrid, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:
     """Tell which points stand on a roof: roof all around in plan, and at about its height."""
     around = surroundings(columns, roof, max(PART_REACH, min(PART_REACH_RADII * radius, FACE_WIDTH)), ~roof)
     low, high = around.lowest - PART_SINK, around.highest + MAX_PART_HEIGHT
     is_inside = around.n_sectors >= MIN_SECTORS
-    column, z = columns.column, columns.points[:, 2]
+    column, z = columns.cell, columns.points[:, 2]
     return ~roof & is_inside[column] & (z >= low[column]) & (z <= high[column])
 
 
@@ -120,9 +119,9 @@ def _levels(
     """
     rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
     if not is_bare:
-        plan = by_column(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))
+        plan = sort_by_cell(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))
         rows = rows[plan.rows]
-        is_wide = wide_enough(plan, config.min_roof_width)[plan.column]
+        is_wide = wide_enough(plan, config.min_roof_width)[plan.cell]
         rejection[rows[~is_wide]] = Rejection.NARROW_PART
         rows, plan = rows[is_wide], plan.select(is_wide)
     part = connected_columns(plan, max(LEVEL_STEP, candidates.radius))
@@ -148,7 +147,7 @@ MIN_CELLS = 5.0
 BLOCK = 512
 
 
-def wide_enough(columns: Columns, min_width: float) -> NDArray[np.bool_]:
+def wide_enough(columns: CellGrid, min_width: float) -> NDArray[np.bool_]:
     """
     Tell which columns lie within a disc, of this diameter, that lies within the plan of the points.
 
@@ -214,7 +213,7 @@ CONTACT_REACH = 1.0
 
 
 def narrow_levels(
-    columns: Columns,
+    columns: CellGrid,
     part: NDArray[np.int64],
     area: NDArray[np.float64],
     config: RoofSelectionConfig,
@@ -241,11 +240,11 @@ def narrow_levels(
     begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
     half = 0.5 * config.min_roof_width / size
     reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
-    places = columns.places[columns.column[chosen]]
+    places = columns.places[columns.cell[chosen]]
     lows = np.minimum.reduceat(places, begins) - (2 * reach + 4)
     shapes = np.maximum.reduceat(places, begins) - lows + (2 * reach + 5)
     tops = np.maximum.reduceat(columns.points[chosen, 2], begins)
-    plan = (columns.points, columns.first, columns.numbers, columns.row_length)
+    plan = (columns.points, columns.first, columns.numbers, columns.n_columns)
     cut = np.append(begins, len(chosen))
     for start, end, low, shape, top in zip(cut[:-1], cut[1:], lows, shapes, tops, strict=True):
         rows, (y, x) = chosen[start:end], (places[start:end] - low).T
@@ -299,7 +298,7 @@ OWN, LEVEL, BEHIND = 1, 2, 4
 
 
 def stands_out(
-    cells: Columns, elevation: NDArray[np.float64], building: NDArray[np.int64], n_buildings: int
+    cells: CellGrid, elevation: NDArray[np.float64], building: NDArray[np.int64], n_buildings: int
 ) -> NDArray[np.bool_]:
     """
     Tell which buildings, or parts of them, end: along most of their rims nothing goes on at their level.

@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.windows import first_windows, move_windows
 from lidar_buildings.core.stages.segmentation.windows import chain_windows, occupied_areas
 
 #: Half the side of the square in which a point that joins two roofs all by itself has no other [spacings].
@@ -54,7 +53,8 @@ def cut_necks(
     """
     half = window / 2.0
     # A strip of width w has w points a spacing.
-    is_core = _core(rows_by_cell(positions, half), half, math.ceil(min_neck * window))
+    cells = rows_by_cell(positions, half)
+    is_core = _core(cells, cells.first[cells.around(cells.size)], half, math.ceil(min_neck * window))
     if is_core.all() or not is_core.any():
         return []
     core = np.flatnonzero(is_core)
@@ -88,26 +88,22 @@ def _nearest_labels(positions: NDArray[np.float64], label: NDArray[np.int64]) ->
 
 
 @kernel
-def _core(cells, half, needed):  # type: ignore[no-untyped-def]
+def _core(cells, runs, half, needed):  # type: ignore[no-untyped-def]
     """Return which points have `needed` in their windows, their own among them, and do not stand alone."""
     is_core = np.zeros(len(cells.rows), dtype=np.bool_)
-    if len(is_core) == 0:
-        return is_core
-    windows = first_windows(cells.numbers, cells.n_columns, 1, 0)
     for cell in range(len(cells.numbers)):
-        move_windows(cells.numbers, cells.n_columns, 1, cell, windows)
         for k in range(cells.first[cell], cells.first[cell + 1]):
-            is_core[cells.rows[k]] = _is_core(cells, windows, k, half, needed)
+            is_core[cells.rows[k]] = _is_core(cells, runs[cell], k, half, needed)
     return is_core
 
 
 @kernel
-def _is_core(cells, windows, i, half, needed):  # type: ignore[no-untyped-def]
+def _is_core(cells, runs, i, half, needed):  # type: ignore[no-untyped-def]
     """Whether a point has enough others in its window, one of them near."""
     x, y = cells.points[i, 0], cells.points[i, 1]
     count, is_alone = 0, True
     for row in (1, 0, 2):
-        for j in range(cells.first[windows[row, 0]], cells.first[windows[row, 1]]):
+        for j in range(runs[row, 0], runs[row, 1]):
             far = max(abs(cells.points[j, 0] - x), abs(cells.points[j, 1] - y))
             if far > half:
                 continue

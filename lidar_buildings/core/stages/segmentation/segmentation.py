@@ -11,8 +11,7 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.ids import building_id
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
-from lidar_buildings.core.neighbours.group_spacing import group_spacings
-from lidar_buildings.core.neighbours.point_spacing import given_or_measured
+from lidar_buildings.core.neighbours.point_spacing import given_or_measured, group_spacings
 from lidar_buildings.core.neighbours.scan_pattern import (
     ScanPattern,
     as_pulses,

@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
-from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid, neighbours_of
+from lidar_buildings.core.neighbours.cell_grid import neighbours_of, rows_by_cell, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.segmentation.windows import occupied_areas
@@ -284,16 +283,18 @@ def _linked_parts(
     points: NDArray[np.float64], block: NDArray[np.int64], reach: float, min_step: float
 ) -> NDArray[np.int64]:
     """Number the parts that links connect, before any goes back to another."""
-    grid = build_grid(points, reach)
-    n = len(points)
+    grid, n = sort_by_cell(points, reach), len(points)
+    runs = grid.around(reach)[grid.cell]
     plane, best = np.empty((n, 4)), np.empty((n, 2))
     is_flat = np.empty(n, dtype=np.bool_)
     offset = MAX_OFFSET * min_step
-    for_row_blocks(lambda a, b: _fit_planes(grid, reach, plane, a, b), n, BLOCK)
-    for_row_blocks(lambda a, b: _choose_planes(grid, reach, plane, offset, best, is_flat, a, b), n, BLOCK)
+    for_row_blocks(lambda a, b: _fit_planes(grid, runs, reach, plane, a, b), n, BLOCK)
+    for_row_blocks(
+        lambda a, b: _choose_planes(grid, runs, reach, plane, offset, best, is_flat, a, b), n, BLOCK
+    )
     parent = np.arange(n)
     of_block = block[grid.rows]
-    _link_levels(grid, of_block, reach, best, is_flat, min_step, parent)
+    _link_levels(grid, runs, of_block, reach, best, is_flat, min_step, parent)
     _follow_nearest(grid.points, of_block, is_flat, parent)
     part = np.empty(n, dtype=np.int64)
     part[grid.rows] = np.unique(parent, return_inverse=True)[1]
@@ -320,14 +321,14 @@ def _follow_nearest(
 
 
 @kernel
-def _fit_planes(grid, reach, plane, begin, end):  # type: ignore[no-untyped-def]
+def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untyped-def]
     """
     Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
     """
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
-        n = neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)
+        n = neighbours_of(grid, runs[i], x, y, z, reach, True, near)
         plane[i] = 0.0
         plane[i, 3] = np.inf
         if n >= MIN_NEIGHBOURS:
@@ -357,14 +358,14 @@ def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  # type: ignore[no-untyped-def]
+def _choose_planes(grid, runs, reach, plane, max_offset, best, is_flat, begin, end):  # type: ignore[no-untyped-def]
     """Give each of the sorted points begin to end the slope of the best plane near it that passes it."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(begin, end):
         x, y, z = grid.points[i]
         best[i, 0] = best[i, 1] = 0.0
         least = np.inf
-        for j in near[: neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)]:
+        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, True, near)]:
             there = (
                 plane[j, 2] + plane[j, 0] * (x - grid.points[j, 0]) + plane[j, 1] * (y - grid.points[j, 1])
             )
@@ -375,14 +376,14 @@ def _choose_planes(grid, reach, plane, max_offset, best, is_flat, begin, end):  
 
 
 @kernel
-def _link_levels(grid, block, reach, best, is_flat, min_step, parent):  # type: ignore[no-untyped-def]
+def _link_levels(grid, runs, block, reach, best, is_flat, min_step, parent):  # type: ignore[no-untyped-def]
     """Link neighbours of one block that lie on one level, the slope of either taken off."""
     near = np.empty(len(grid.points), dtype=np.int64)
     for i in range(len(grid.points)):
         if not is_flat[i]:
             continue
         x, y, z = grid.points[i]
-        for j in near[: neighbours_of(grid, grid.cell[i], x, y, z, reach, True, near)]:
+        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, True, near)]:
             if j <= i or not is_flat[j] or block[i] != block[j]:
                 continue
             dx, dy, dz = grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, without_gaps
-from lidar_buildings.core.neighbours.scan_neighbours import Pulses
 from lidar_buildings.core.neighbours.scan_pattern import (
     MAX_RATIO,
     MIN_RATIO,
+    Pulses,
     ScanPattern,
     measure_scan_patterns,
 )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from lidar_buildings.core.neighbours.neighbourhoods import build_grid
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.edge_labelling.clusters import roofs_in_plan
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
 from lidar_buildings.core.surfaces.surface_patches import connected_parts
@@ -17,7 +17,7 @@ def cloud(n=3000, seed=0):
 
 
 def rims(points, band=None, roof_id=None, *, radius=1.0, reach=0.0, max_step=np.inf):
-    cells = build_grid(points, max(2 * radius, reach))
+    cells = sort_by_cell(points, max(2 * radius, reach))
     band = np.ones(len(points), dtype=bool) if band is None else band
     return on_rims(cells, band, roof_id, radius=radius, reach=reach, max_step=max_step)
 
@@ -91,7 +91,7 @@ def test_roofs_numbered_beyond_what_a_float_can_tell_apart_are_not_seen():
 @pytest.mark.parametrize("size", [0.3, 1.0, 7.0])
 def test_roofs_are_the_connected_cells(size):
     points = cloud(400)
-    cells = build_grid(points, size)
+    cells = sort_by_cell(points, size)
     corner = np.floor(cells.points[cells.first[:-1], :2] / size)
     touching = np.abs(corner[:, None] - corner[None]).max(axis=2) <= 1
     expected = connected_components(touching)[1]
@@ -106,7 +106,7 @@ def test_roofs_are_the_connected_cells(size):
 
 def test_points_nearer_than_a_cell_are_of_one_roof_and_distant_ones_are_not():
     points = np.vstack([cloud(600) + np.array([x, 0, 0]) for x in (0, 66, 140)])
-    roof = roofs_in_plan(build_grid(points, 2.0))
+    roof = roofs_in_plan(sort_by_cell(points, 2.0))
     part = connected_parts(points, 2.0, in_plan=True)
     for number in np.unique(part):
         assert len(np.unique(roof[part == number])) == 1

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.smooth_patches import LEVEL_STEP, narrow_levels
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
@@ -11,7 +11,7 @@ CELL = 0.4
 
 def wide(points, config=None, **kind):
     """Return which points are on wide levels, in their order."""
-    columns, found = by_column(points, CELL), np.empty(len(points), dtype=bool)
+    columns, found = sort_by_cell(points, CELL), np.empty(len(points), dtype=bool)
     part = connected_columns(columns, LEVEL_STEP)
     area = plan_areas(part, part.max(initial=-1) + 1, columns.first, CELL)
     found[columns.rows] = narrow_levels(columns, part, area, config or RoofSelectionConfig(), **kind) == 0

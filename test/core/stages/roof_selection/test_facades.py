@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import surroundings
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
 
@@ -19,7 +19,7 @@ def facades(roofs, others, *, is_last=True, reach=0.2, spacing=SPACING, order=No
     points = np.vstack([roofs, others])
     order = np.arange(len(points)) if order is None else order
     is_roof = np.arange(len(points)) < len(roofs)
-    columns = by_column(points[order], 0.5)
+    columns = sort_by_cell(points[order], 0.5)
     own = is_roof[order][columns.rows]
     highest = surroundings(columns, own, TOP_REACH, ~own).highest
     last = np.full(len(points), is_last)

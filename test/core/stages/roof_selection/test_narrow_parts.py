@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.smooth_patches import wide_enough as of_columns
 from lidar_buildings.core.surfaces.morphology import square_distances
 
@@ -13,8 +13,8 @@ SPACING = 0.25
 
 def wide_enough(points, cell, width):
     """Return which points are wide enough, in their order."""
-    columns, found = by_column(points, cell), np.empty(len(points), dtype=bool)
-    found[columns.rows] = of_columns(columns, width)[columns.column]
+    columns, found = sort_by_cell(points, cell), np.empty(len(points), dtype=bool)
+    found[columns.rows] = of_columns(columns, width)[columns.cell]
     return found
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roof_patches import (
@@ -29,7 +29,7 @@ def crown():
 
 def is_roof(points, is_last=None, is_only=None, ground=None, member="is_surface"):
     """Return which points start roofs, row by row, or are of another member of the surface."""
-    columns = by_column(points, SPACING)
+    columns = sort_by_cell(points, SPACING)
     every, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3)) if ground is None else ground
     is_last, is_only = ((every if one is None else one)[columns.rows] for one in (is_last, is_only))
     candidates = Candidates(columns, is_last, is_only, lambda: ground, 2.25 * SPACING, 2.0 * SPACING)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.smooth_patches import stands_out
 
 CELL = 1.0
 
 
 def ends(points, is_roof):
-    cells = by_column(points, CELL)
+    cells = sort_by_cell(points, CELL)
     return bool(stands_out(cells, cells.points[:, 2], np.where(is_roof[cells.rows], 0, -1), 1)[0])
 
 
@@ -52,10 +52,10 @@ def test_trees_along_two_walls_leave_a_house_one_and_on_three_sides_do_not():
 
 def test_other_roofs_beside_it_are_no_foliage():
     points, is_roof = among(square(15.0, 5.0))
-    cells = by_column(points, CELL)
+    cells = sort_by_cell(points, CELL)
     assert stands_out(cells, cells.points[:, 2], np.where(is_roof, 0, 1)[cells.rows], 2).all()
 
 
 def test_no_building_is_asked_for_none():
-    none = by_column(np.zeros((0, 3)), CELL)
+    none = sort_by_cell(np.zeros((0, 3)), CELL)
     assert len(stands_out(none, np.zeros(0), np.zeros(0, dtype=np.int64), 0)) == 0

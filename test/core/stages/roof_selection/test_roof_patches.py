@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.neighbours.columns import by_column
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roof_patches import find_roof_surface
@@ -14,7 +14,7 @@ def started(width, split_share, noise=0.0, length=5.0):
     random = np.random.default_rng(0)
     x, y = np.meshgrid(np.arange(0.0, width, 0.25), np.arange(0.0, length, 0.25))
     points = np.column_stack([x.ravel(), y.ravel(), random.normal(5.0, noise, x.size)])
-    columns = by_column(points, 0.375)
+    columns = sort_by_cell(points, 0.375)
     is_only = random.permutation(np.arange(len(points)) >= split_share * len(points))
     is_last, ground = np.ones(len(points), dtype=bool), np.zeros((0, 3))
     candidates = Candidates(columns, is_last, is_only, lambda: ground, 0.75, 0.5)

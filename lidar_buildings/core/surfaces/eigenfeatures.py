@@ -1,0 +1,243 @@
+"""Shape of every point's neighbourhood, from the eigenvalues of its covariance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.point_array import checked_points
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, values_and_normal
+
+#: Cells a block of work: some thousand points.
+CELLS_A_BLOCK = 512
+#: Radii whose squares are numbers, and can be divided by [m].
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-100, 1e100
+#: Cells are wider than they need be by so much, lest rounding puts a point at the very radius out of reach.
+SLACK = 1.0 + 1e-9
+#: Points looked at around one cell; where there are more, every second, third… stands for all.
+MAX_CANDIDATES = 4608
+#: Bins of the squared distance by which shells are looked up.
+LOOKUP_BINS = 256
+#: Shares of a shape below this count as nothing; no logarithm of 0.
+SMALLEST_SHARE = 1e-200
+
+
+@dataclass(frozen=True, eq=False)
+class EigenFeatures:
+    """
+    What principal component analysis says of each point's neighbourhood.
+
+    Features are of the eigenvalues λ, not of their square roots. They are 0 where all neighbours coincide.
+    """
+
+    #: λ1 ≥ λ2 ≥ λ3 ≥ 0 of the covariance about the mean [m²], shape (n_points, 3).
+    eigenvalues: NDArray[np.float64]
+    #: Unit direction of λ3, z ≥ 0; the most upward one where it is not unique, shape (n_points, 3).
+    normals: NDArray[np.float64]
+    radius: NDArray[np.float64]  #: radius of the neighbourhood [m], shape (n_points,)
+    n_neighbours: NDArray[np.int64]  #: points within the radius, the point itself included, shape (n_points,)
+
+    @property
+    def linearity(self) -> NDArray[np.float64]:
+        """(λ1 − λ2)/λ1."""
+        return self._share(self.eigenvalues[:, 0] - self.eigenvalues[:, 1])
+
+    @property
+    def planarity(self) -> NDArray[np.float64]:
+        """(λ2 − λ3)/λ1."""
+        return self._share(self.eigenvalues[:, 1] - self.eigenvalues[:, 2])
+
+    @property
+    def scattering(self) -> NDArray[np.float64]:
+        """λ3/λ1."""
+        return self._share(self.eigenvalues[:, 2])
+
+    @property
+    def roughness(self) -> NDArray[np.float64]:
+        """Root mean square distance of the neighbours from their plane, √λ3 [m]."""
+        return np.sqrt(self.eigenvalues[:, 2])
+
+    @property
+    def verticality(self) -> NDArray[np.float64]:
+        """1 − n_z: 0 on level surfaces, 1 on walls."""
+        return 1.0 - self.normals[:, 2]
+
+    def _share(self, part: NDArray[np.float64]) -> NDArray[np.float64]:
+        first = self.eigenvalues[:, 0]
+        return np.divide(part, first, out=np.zeros_like(part), where=first > 0)
+
+
+def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours: int = 4) -> EigenFeatures:
+    """
+    Describe each point's spherical neighbourhood, its radius chosen by least entropy.
+
+    For every radius the covariance of the points within it about their mean gives λ1 ≥ λ2 ≥ λ3; the one is
+    taken at which the shape is least ambiguous: the entropy of the shares of line, plane and volume,
+    a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ, is smallest (Demantké and others, 2011). One
+    pass over the neighbours of the largest radius serves all of them: moments are summed in shells.
+
+    Parameters
+    ----------
+    points : array_like of shape (n_points, 3)
+        In any order [m].
+    radii : sequence of float
+        Rising [m], > 0; a single one fixes the radius.
+    min_neighbours : int
+        Radii with fewer points are passed over, but for the largest one; ≥ 1.
+
+    Returns
+    -------
+    EigenFeatures
+        Rows as in the input. A point alone has λ = 0 and a normal straight up.
+
+    Raises
+    ------
+    ValueError
+        If `points` has another shape or is not finite, or a parameter is none of what is allowed.
+
+    Notes
+    -----
+    Coordinates are taken from the point itself, so the distance of the origin does not matter, and summed in
+    an order that depends on them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly
+    spaced ones stand for all. Time is proportional to the number of neighbours within the largest radius.
+    """
+    squares = _checked_radii(radii) ** 2
+    if min_neighbours < 1:
+        raise ValueError(f"min_neighbours = {min_neighbours!r}: must be at least 1")
+    cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]))
+    # By the bins of the squared distance, a shell that is not too far out.
+    lowest = np.arange(LOOKUP_BINS + 1) * (squares[-1] / LOOKUP_BINS) * (1 - 1e-9)
+    lookup, runs = np.searchsorted(squares, lowest), cloud.first[cloud.around(cloud.size)]
+    n = len(cloud.points)
+    found = EigenFeatures(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64))
+    outputs = (found.eigenvalues, found.normals, found.radius, found.n_neighbours)
+    for_row_blocks(
+        lambda a, b: _describe(cloud, runs, squares, lookup, min_neighbours, outputs, a, b),
+        len(cloud.numbers),
+        CELLS_A_BLOCK,
+    )
+    return found
+
+
+def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
+    steps = np.asarray(radii, dtype=np.float64)
+    rising = steps.ndim == 1 and len(steps) > 0 and steps[0] > 0 and bool(np.all(np.diff(steps) > 0))
+    if not (rising and steps[0] >= SMALLEST_RADIUS and steps[-1] <= LARGEST_RADIUS):
+        raise ValueError(
+            f"radii = {list(radii)!r}: must be positive, rising lengths within {SMALLEST_RADIUS:g} to "
+            f"{LARGEST_RADIUS:g} m"
+        )
+    return steps
+
+
+@kernel
+def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
+    """Describe the neighbourhoods of the points in cells begin to end."""
+    reach, scale, last = math.sqrt(squares[-1]), LOOKUP_BINS / squares[-1], len(squares) - 1
+    eigenvalues, normals, radius, n_neighbours = found
+    near, square = np.empty((MAX_CANDIDATES, 3)), np.empty(MAX_CANDIDATES)
+    rows = np.empty(MAX_CANDIDATES, dtype=np.int64)
+    shells, covariance = np.empty((len(squares), N_MOMENTS)), np.empty(6)
+    for cell in range(begin, end):
+        stop = cloud.first[cell]
+        while stop < cloud.first[cell + 1]:
+            # Points that rise by no more than the radius share their candidates.
+            start, top = stop, cloud.points[stop, 2] + reach
+            while stop < cloud.first[cell + 1] and cloud.points[stop, 2] <= top:
+                stop += 1
+            n_near = _gather(
+                cloud.points,
+                runs[cell],
+                cloud.points[start, 2] - reach,
+                cloud.points[stop - 1, 2] + reach,
+                near,
+            )
+            for i in range(start, stop):
+                x, y, z = cloud.points[i, 0], cloud.points[i, 1], cloud.points[i, 2]
+                for j in range(n_near):
+                    dx, dy, dz = near[j, 0] - x, near[j, 1] - y, near[j, 2] - z
+                    square[j] = dx * dx + dy * dy + dz * dz
+                n_within = 0
+                for j in range(n_near):
+                    # Written always, kept if near: a branch here would be mispredicted half of the time.
+                    rows[n_within] = j
+                    n_within += square[j] <= squares[last]
+                shells[:] = 0.0
+                for j in rows[:n_within]:
+                    k = lookup[int(square[j] * scale)]
+                    while square[j] > squares[k]:
+                        k += 1
+                    add_point(shells[k], near[j, 0] - x, near[j, 1] - y, near[j, 2] - z)
+                best, least = last, np.inf
+                for k in range(len(squares)):
+                    if k > 0:
+                        for moment in range(N_MOMENTS):
+                            shells[k, moment] += shells[k - 1, moment]
+                    if shells[k, 0] >= min_neighbours or k == last:
+                        _covariance(shells[k], covariance)
+                        entropy = entropy_of_shape(covariance)
+                        if entropy < least:
+                            best, least = k, entropy
+                _covariance(shells[best], covariance)
+                row = cloud.rows[i]
+                eigenvalues[row, 0], eigenvalues[row, 1], eigenvalues[row, 2], nx, ny, nz = values_and_normal(
+                    covariance[0], covariance[1], covariance[2], covariance[3], covariance[4], covariance[5]
+                )
+                normals[row, 0], normals[row, 1], normals[row, 2] = nx, ny, nz
+                radius[row], n_neighbours[row] = math.sqrt(squares[best]), np.int64(shells[best, 0])
+
+
+@kernel
+def _gather(points, runs, low, high, near):  # type: ignore[no-untyped-def]
+    """Write the points of runs from elevation `low` to `high` to `near`, evenly thinned; return how many."""
+    candidates = 0
+    for row in range(len(runs)):
+        for j in range(runs[row, 0], runs[row, 1]):
+            candidates += low <= points[j, 2] <= high
+    stride, seen, found = 1 + (candidates - 1) // MAX_CANDIDATES, 0, 0
+    for row in range(len(runs)):
+        for j in range(runs[row, 0], runs[row, 1]):
+            if low <= points[j, 2] <= high:
+                if seen % stride == 0:
+                    near[found, 0], near[found, 1], near[found, 2] = points[j, 0], points[j, 1], points[j, 2]
+                    found += 1
+                seen += 1
+    return found
+
+
+@kernel
+def _covariance(sums, covariance):  # type: ignore[no-untyped-def]
+    """Write xx, xy, xz, yy, yz, zz about the mean, 0 for fewer than two points."""
+    share = 1.0 / max(sums[0], 1.0)
+    x, y, z = sums[1] * share, sums[2] * share, sums[3] * share
+    covariance[0] = max(sums[4] * share - x * x, 0.0)
+    covariance[1], covariance[2] = sums[5] * share - x * y, sums[6] * share - x * z
+    covariance[3] = max(sums[7] * share - y * y, 0.0)
+    covariance[4] = sums[8] * share - y * z
+    covariance[5] = max(sums[9] * share - z * z, 0.0)
+
+
+@kernel
+def entropy_of_shape(covariance):  # type: ignore[no-untyped-def]
+    """
+    Return the entropy of a covariance xx, xy, xz, yy, yz, zz, infinite where all neighbours coincide.
+
+    That of a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ (Demantké and others, 2011).
+    """
+    if covariance[0] + covariance[3] + covariance[5] <= 0.0:
+        return np.inf
+    first, second, third = eigenvalues_3x3(
+        covariance[0], covariance[1], covariance[2], covariance[3], covariance[4], covariance[5]
+    )
+    s1, s2, s3 = math.sqrt(first), math.sqrt(second), math.sqrt(third)
+    a1, a2 = max((s1 - s2) / s1, SMALLEST_SHARE), max((s2 - s3) / s1, SMALLEST_SHARE)
+    a3 = max(s3 / s1, SMALLEST_SHARE)
+    return -a1 * math.log(a1) - a2 * math.log(a2) - a3 * math.log(a3)
