@@ -85,7 +85,6 @@ def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str
 
 
 def _named(path: Path) -> list[Path]:
-    """Return the bags and clouds that a path names: itself, or those directly in a folder, by name."""
     within = [path] if is_bag(path) else named_by(path)
     kinds = is_cloud_file, is_bag_file, is_bag
     found = sorted(one for one in within if one == path or any(is_kind(one) for is_kind in kinds))

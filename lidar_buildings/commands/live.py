@@ -138,7 +138,6 @@ def live_command(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:
-    """Open the bag that is to be played, if one is."""
     if options.replay is not None:
         return Replay(options.replay, request.choice, 1.0 if options.rate is None else options.rate)
     if given := [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]:
@@ -196,7 +195,6 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
 def _watch(
     composition: Composition, source: ScanAssembler, writer: ModelWriter, is_over: Callable[[], bool]
 ) -> None:
-    """Wait, and tell now and then what has come."""
     told, next_time = "", time.monotonic() + _TELL
     while not is_over() and not composition.wait(writer, timeout=_TICK):
         if time.monotonic() < next_time:
@@ -220,7 +218,6 @@ def _come(source: ScanAssembler) -> str:
 
 @contextmanager
 def _interruptions() -> Iterator[Callable[[], int]]:
-    """Count SIGINT and SIGTERM instead of ending."""
     numbers: list[int] = []
     before = {
         one: signal.signal(one, lambda number, _: numbers.append(number))

@@ -52,8 +52,6 @@ _REPEATS = 3
 
 
 class _WayFigures(NamedTuple):
-    """What a way of running costs beside its tiles."""
-
     #: Processor time until it works, and of each worker until that does [s].
     start: float
     worker_start: float
@@ -153,7 +151,6 @@ def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
 
 
 def _survey(plan: SurveyPlan) -> dict[str, Any]:
-    """Return what is known of the survey itself."""
     return {
         "files": plan.n_files,
         "points": plan.n_points,

@@ -94,7 +94,6 @@ def progress_words(n_finished: int, n_tiles: int, done: TilesDone, seconds: floa
 
 
 def _rough(seconds: float) -> str:
-    """Write a time in the unit that suits it."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.0f} h"

@@ -61,7 +61,6 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float) -> int:
-    """Print what a run gave; return the exit status."""
     tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
     if options.json:
         print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))

@@ -148,7 +148,6 @@ def _bounds(given: list[float] | None) -> tuple[float, ...] | None:
 
 
 def _new_bag(options: argparse.Namespace) -> Path:
-    """Return the folder of the bag to be recorded."""
     if options.no_ros:
         raise ParameterError("--record: recording needs ROS: remove --no-ros or --record")
     from lidar_buildings.io.bags.bag_writer import Recording, bag_folder  # takes time to import
@@ -157,7 +156,6 @@ def _new_bag(options: argparse.Namespace) -> Path:
 
 
 def _short_forms(options: argparse.Namespace) -> list[str]:
-    """Return the assignments that options of their own stand for."""
     if options.rate is not None and options.no_ros:
         raise ParameterError("--rate: needs ROS: remove --no-ros or --rate")
     forms = [f"{ScanConfig.stage}.georeferenced=true"] if options.georeferenced else []
@@ -167,7 +165,6 @@ def _short_forms(options: argparse.Namespace) -> list[str]:
 
 
 def _footprints(options: argparse.Namespace) -> FootprintSource | None:
-    """Return where footprints are to come from."""
     layer, column = options.footprints_layer, options.footprint_id
     if options.footprints is None:
         if layer is not None or column is not None:

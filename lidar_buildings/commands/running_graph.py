@@ -88,7 +88,6 @@ def run_graph(request: RunRequest) -> RunOutcome:
 
 
 def _outcome(composition, nodes, is_quiet: bool) -> RunOutcome:
-    """Show the progress until the writer has its outcome."""
     player: TilePlayer = nodes["tile_player"]
     writer = nodes["model_writer"]
     with progress_bar(lambda: player.tiles.tile_count, is_quiet=is_quiet) as show:

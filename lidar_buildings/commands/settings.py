@@ -56,7 +56,6 @@ def read_settings(params: Path | None, assignments: list[str], *, preset: Path |
 
 
 def _read_file(path: Path | None) -> Settings:
-    """Return the parameters of a file, none of them with two values."""
     settings: Settings = {}
     for stage, name, value in _from_file(path):
         if settings.setdefault(stage, {}).setdefault(name, value) != value:
@@ -94,7 +93,6 @@ def _content(path: Path) -> dict[Any, Any]:
 
 
 def _place(error: Exception) -> str:
-    """Say in a few words what is wrong with a YAML file, and where."""
     mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
     if mark is None:
         return " ".join(str(error).split())
@@ -102,7 +100,6 @@ def _place(error: Exception) -> str:
 
 
 def _assignment(text: str) -> tuple[str, str, Any]:
-    """Split ``STAGE.NAME=VALUE``."""
     path, equals, value = text.partition("=")
     stage, dot, name = path.strip().partition(".")
     if not equals or not dot or not name:

@@ -62,7 +62,6 @@ def survey_of(options: argparse.Namespace) -> MovingSurvey:
 
 
 def _announce(options: argparse.Namespace, survey: MovingSurvey) -> None:
-    """Print what comes, and the parameters that a reader of it needs."""
     duration = sum(leg.duration for leg in survey.legs)
     print(
         f"{options.scene}: {options.scanner} scanner, {len(survey.scene.buildings)} buildings, "
@@ -80,7 +79,6 @@ def _recorded(survey: MovingSurvey, recorders: Iterable[SurveyBag | SurveyFiles]
 
 
 def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator[Event]) -> None:
-    """Publish until the survey ends, or a signal ends it."""
     with _ros() as context:
         from lidar_buildings.commands.live_publisher import LivePublisher
 

@@ -86,7 +86,6 @@ def _simulation() -> None:
 
 
 def _rare() -> None:
-    """Call what a small tile has no need of."""
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(40.0), np.arange(40.0)))
     pool = (abs(x - 20.0) > 4.0) | (abs(y - 20.0) > 4.0)
     roof = np.column_stack([x, y, np.full(len(x), 3.0)])[pool]

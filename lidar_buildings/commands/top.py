@@ -68,7 +68,6 @@ def _wait_for_graph(executor, listener, options: argparse.Namespace) -> None:
 
 
 def _listen(executor, seconds: float, is_enough=lambda: False) -> None:
-    """Take messages for some time, or until it is enough."""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0 and not is_enough():
         executor.spin_once(timeout_sec=min(left, 0.1))

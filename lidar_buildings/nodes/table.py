@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
 from lidar_buildings.nodes.topics import (
-    BUILDING_MARKERS,
     BUILDING_POINTS,
     CITY_MODEL,
-    CITY_MODEL_HEADER,
     CLASSIFIED_POINTS,
     CLOCK,
     DIAGNOSTICS,
@@ -25,13 +23,10 @@ from lidar_buildings.nodes.topics import (
     MAP_UNITS,
     NODE_STATE,
     ODOMETRY,
-    OUTLINE_QUALITY,
     OUTLINES,
     PLANE_POINTS,
     POINTS,
     RECORDED,
-    ROOF_FACES,
-    ROOF_POINTS,
     SCAN,
     SURVEY_DONE,
     TF,
@@ -55,6 +50,15 @@ class NodeCard:
     subscribes: tuple[Topic, ...]
     publishes: tuple[Topic, ...]
     services: tuple[tuple[str, str, str], ...] = ()  #: beside those of every ROS node
+
+
+def _stage_card(node: str, summary: str, *also: Topic, publishes: tuple[Topic, ...] = ()) -> NodeCard:
+    """Return the card of a stage's node, which reads and writes the stage's topics, and some beside them."""
+    stage = next(one for one in STAGE_TABLE if one.node == node)
+    reads, writes = (
+        [one for name in names for one in topics_called(name)] for names in (stage.reads, stage.writes)
+    )
+    return NodeCard(node, summary, (TILE_INFO, *reads, *also), (*writes, *publishes))
 
 
 _TRIGGER = "std_srvs/Trigger"
@@ -86,54 +90,47 @@ NODE_TABLE: tuple[NodeCard, ...] = (
             ("~/reset", _TRIGGER, "forget all points and tiles"),
         ),
     ),
-    NodeCard(
+    _stage_card(
         "ground_filter",
         "Tells the ground from what stands on it, and low and high noise from both; gives every point its "
         "height above the ground. "
         "A tile that cuts off what may be a wide roof is held back and sent again with a larger buffer.",
-        (TILE_INFO, POINTS),
-        (GROUND_POINTS, DTM),
+        publishes=(DTM,),
     ),
-    NodeCard(
+    _stage_card(
         "roof_selector",
         "Gives every point its final class: roofs, vegetation by height, roads by the ground's brightness. "
         "The points of class 6 go on as roof points.",
-        (TILE_INFO, GROUND_POINTS),
-        (CLASSIFIED_POINTS, ROOF_POINTS),
     ),
-    NodeCard(
+    _stage_card(
         "edge_labeller",
         "Finds the roof points on edges. It appends the shape of each point's neighbourhood.",
-        (TILE_INFO, ROOF_POINTS),
-        (EDGE_POINTS,),
     ),
-    NodeCard(
+    _stage_card(
         "building_tracer",
         "Gathers roof points into buildings and traces their outlines and courtyards, closes outlines behind "
         "walls whose roofs were not seen, or takes given footprints for which it listens to all points. "
         "A tile that cuts one of its buildings off is held back and sent again with a larger buffer.",
-        (TILE_INFO, EDGE_POINTS, MAP_ORIGIN, MAP_UNITS, CLASSIFIED_POINTS),
-        (BUILDING_POINTS, TRACED_OUTLINES),
+        MAP_ORIGIN,
+        MAP_UNITS,
+        CLASSIFIED_POINTS,
     ),
-    NodeCard(
+    _stage_card(
         "outline_regulariser",
         "Fits straight edges and the building's own directions to traced outlines. "
         "An outline that cannot be regularised goes on as it is.",
-        (TILE_INFO, TRACED_OUTLINES),
-        (OUTLINES, OUTLINE_QUALITY),
     ),
-    NodeCard(
+    _stage_card(
         "plane_fitter",
         "Finds the planes of each building's roof. It numbers them within their building.",
-        (TILE_INFO, BUILDING_POINTS),
-        (PLANE_POINTS,),
     ),
-    NodeCard(
+    _stage_card(
         "model_builder",
         "Builds solids from outlines and roof planes. "
         "Every building comes out, with a status that says what became of it.",
-        (TILE_INFO, MAP_ORIGIN, MAP_UNITS, PLANE_POINTS, OUTLINES, OUTLINE_QUALITY),
-        (ROOF_FACES, CITY_MODEL, CITY_MODEL_HEADER, BUILDING_MARKERS, TILE_DONE),
+        MAP_ORIGIN,
+        MAP_UNITS,
+        publishes=(TILE_DONE,),
     ),
     NodeCard(
         "model_writer",

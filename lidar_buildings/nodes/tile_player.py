@@ -12,9 +12,8 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag_inputs import bags_among, place_bags, with_clouds
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
-from lidar_buildings.io.tiling.tile_queue import FileQueue
 from lidar_buildings.io.tiling.tile_store import SpooledTile
-from lidar_buildings.io.tiling.tiling import TileSource
+from lidar_buildings.io.tiling.tiling import FileQueue, TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.qos import EVENT

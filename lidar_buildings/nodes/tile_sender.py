@@ -18,7 +18,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.tiling.live_feed import LiveFeed
-from lidar_buildings.io.tiling.tile_queue import FileQueue
+from lidar_buildings.io.tiling.tiling import FileQueue
 from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.ros.depths import CLOUD_DEPTH

@@ -218,7 +218,6 @@ class _Packed(NamedTuple):
 
 
 def _packed(content: object) -> _Packed:
-    """Pack something; its arrays are copied."""
     arrays: list[memoryview] = []
     pickled = pickle.dumps(content, 5, buffer_callback=lambda one: arrays.append(one.raw()))
     sizes = tuple(one.nbytes for one in arrays)
@@ -238,7 +237,6 @@ def _has_room(size: int) -> bool:
 
 
 def _unpacked(packed: _Packed) -> Any:
-    """Return what is packed, and free its shared memory."""
     if not packed.memory:
         return pickle.loads(packed.pickled)
     memory, begin, arrays = SharedMemory(packed.memory), 0, []
@@ -310,7 +308,6 @@ def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Re
 
 
 def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:
-    """Divide buildings into batches by their weights, the heaviest first."""
     enough = sum(weights) / (n_workers * _BATCHES_A_WORKER)
     batches: list[list[int]] = []
     filled = enough

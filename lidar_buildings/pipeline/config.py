@@ -14,7 +14,6 @@ from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
 
 def _config_of(name: str) -> type[StageConfig]:
-    """Return the config class that a stage's folder declares."""
     declared = vars(import_module(f"lidar_buildings.core.stages.{name}.config")).values()
     return next(one for one in declared if getattr(one, "stage", "") == name)
 

@@ -103,7 +103,6 @@ class _Prepared(WorkerPlugin):
 
 
 def _client_of(address: str) -> Client:
-    """Connect to a scheduler that has workers, and prepare these."""
     client = None
     try:
         client = Client(address, timeout=_AT_START, set_as_default=False)

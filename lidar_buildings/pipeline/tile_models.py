@@ -73,8 +73,6 @@ def _tell_height(building: PointTile) -> NDArray[np.bool_]:
 
 
 class _Job(NamedTuple):
-    """What one model is built from."""
-
     building_id: int
     points: FloatArray
     outline: Outline
@@ -104,7 +102,6 @@ def _built(job: _Job) -> BuildingModel:
 
 
 def _failed(job: _Job, reason: str) -> BuildingModel:
-    """Return a model that says why it is none."""
     known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
     known |= {"area": job.outline.area, "n_points": len(job.points), "roof_type": "unknown"}
     known |= {"lod": "", "validity": ""}
@@ -112,7 +109,6 @@ def _failed(job: _Job, reason: str) -> BuildingModel:
 
 
 def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
-    """Add what is known of a building beside its model."""
     is_closed = _is_closed(building, one)
     remark = "" if is_closed else remark_on_points(building)
     reason = "; ".join(text for text in (remark, model.reason) if text)

@@ -106,8 +106,6 @@ def _share_walls(
 
 
 class _Job(NamedTuple):
-    """What one outline is regularised from."""
-
     building_id: int
     traced: Outline
     config: RegularisationConfig

@@ -157,8 +157,6 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool |
 
 
 class _PlaneJob(NamedTuple):
-    """What one building's planes are fitted to."""
-
     building_id: int
     points: NDArray[np.float64]
     config: PlaneFittingConfig

@@ -183,8 +183,6 @@ def _with_others(
 
 
 class _TracingJob(NamedTuple):
-    """What one building is traced from."""
-
     building_id: int
     points: NDArray[np.float64]
     config: BoundaryTracingConfig

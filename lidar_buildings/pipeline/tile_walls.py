@@ -119,7 +119,6 @@ def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
 
 
 def _bare_share(tile: PointTile, rows: NDArray[np.intp]) -> float:
-    """Return how much of the walls in some rows is bare, told by cells in plan."""
     walls = rows[tile.facade[rows] != Facade.NONE]
     held = walls[lowest_per_cell(tile.points[walls], WALL_CELL)]
     return float(np.mean(tile.facade[held] == Facade.BARE))
@@ -167,7 +166,6 @@ def _cells(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
 
 
 def _are_tops(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which points of walls are at their tops."""
     cell = cell_numbers(points, WALL_GAP)
     highest = np.full(cell.max() + 1, -np.inf)
     np.maximum.at(highest, cell, points[:, 2])

@@ -160,10 +160,9 @@ def test_files_of_one_name_that_are_numbered_are_a_bag_without_metadata(tmp_path
     )
 
 
-@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
-def test_a_bag_without_metadata_is_read_whole_and_bags_in_a_folder_are_all_read(command, tmp_path, storage):
+def test_a_bag_without_metadata_is_read_whole_and_bags_in_a_folder_are_all_read(command, tmp_path):
     for name, n_points in (("drive", 5000), ("back", 4000)):
-        drive = write_drive(tmp_path / name, storage, n_points=n_points)
+        drive = write_drive(tmp_path / name, n_points=n_points)
         (file,) = [one for one in drive.path.iterdir() if one.suffix != ".yaml"]
         (drive.path / "metadata.yaml").unlink()
         out = tmp_path / f"{name}_out"

@@ -8,7 +8,6 @@ import pytest
 from support import cloud_files
 from support.bags import SCAN_TYPE, STORAGES, T0, BagWriter, write_drive
 
-from lidar_buildings.io.bags.bag import open_bag
 from lidar_buildings.io.bags.bag_summary import summarise_bag
 from lidar_buildings.io.tiling.cloud_summary import summarise_cloud
 
@@ -162,38 +161,6 @@ def test_of_a_bag_that_was_cut_off_what_is_whole_is_listed(command, tmp_path, sh
         for mine, all_of_it in zip(found.topics, whole.topics, strict=True):
             assert 0 < mine.n_messages <= all_of_it.n_messages
             assert mine.n_points == all_of_it.n_points
-
-
-def test_of_a_bag_of_several_files_those_that_were_cut_off_are_read_in_part(tmp_path):
-    whole, part = (
-        write_drive(tmp_path / name, n_points=n) for name, n in (("whole", 1000), ("part", 100_000))
-    )
-    (file,), (other,) = (one.path.glob("*.mcap") for one in (whole, part))
-    cloud_files.shortened(other, 0.6).rename(whole.path / "part_1.mcap")
-    (whole.path / "empty_2.mcap").touch()
-    n_all, n_part = len(list(messages_of(file))), len(list(messages_of(whole.path / "part_1.mcap")))
-    for has_metadata in (True, False):
-        metadata = whole.path / "metadata.yaml"
-        if has_metadata:
-            names = f"- {file.name}\n  - part_1.mcap\n  - empty_2.mcap"
-            metadata.write_text(
-                metadata.read_text().replace(
-                    f"  relative_file_paths:\n  - {file.name}", f"  relative_file_paths:\n  {names}"
-                )
-            )
-        else:
-            metadata.unlink()
-        bag, problem = open_bag(whole.path)
-        with bag:
-            assert len(list(bag.messages({one.name for one in bag.topics}))) == n_all + n_part
-        assert "% of 3 files, 1." in problem
-    assert n_part > 0
-
-
-def messages_of(path):
-    bag, _ = open_bag(path)
-    with bag:
-        yield from bag.messages({one.name for one in bag.topics})
 
 
 def test_a_bag_cut_off_before_its_first_message_is_refused(command, tmp_path):

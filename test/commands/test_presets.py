@@ -6,6 +6,7 @@ from support.cli_runs import Command
 from lidar_buildings.cli import command_parser
 from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.commands.settings import PRESETS
+from lidar_buildings.nodes.reference import parameter_yaml
 
 #: Preset → one thing by which the paper is known, of each stage that it describes.
 KNOWN = {
@@ -58,3 +59,9 @@ def test_what_is_set_wins_over_the_preset(tmp_path):
 def test_an_unknown_preset_is_refused_by_the_names_of_the_three(capfd, tmp_path):
     line = Command(capfd).refused("run", "a.laz", "--output", tmp_path / "out", "--preset", "shan")
     assert "--preset shan: must be one of santos, villalba, sampath_shan" in line
+
+
+def test_the_parameter_file_that_we_ship_has_the_defaults(tmp_path):
+    (tmp_path / "all.yaml").write_text(parameter_yaml())
+    request, plain = asked(tmp_path, "--params", str(tmp_path / "all.yaml")), asked(tmp_path)
+    assert request.parameters() == plain.parameters()

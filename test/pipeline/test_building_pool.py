@@ -6,7 +6,6 @@ import os
 import signal
 import threading
 import time
-import weakref
 from pathlib import Path
 
 import numpy as np
@@ -159,11 +158,6 @@ def test_tiles_that_share_at_the_same_time_get_their_own_results(pool):
         assert [job for job, _ in found] == list(range(number, number + 40))
 
 
-def test_a_tile_whose_process_ends_is_done_by_another_one(pool, tmp_path):
-    job = ("end once", tmp_path / "ended")
-    assert pool.submit(do, job).result() == job
-
-
 def test_a_tile_that_ends_two_processes_is_given_up_and_the_rest_is_done(pool):
     answers = [pool.submit(do, job) for job in (("end",), 1, 2, 3)]
     with pytest.raises(WorkerLostError, match="two processes ended at it"):
@@ -266,28 +260,6 @@ def test_a_call_is_done_in_another_process_and_arrays_arrive_as_they_were():
 def test_where_shared_memory_is_small_arrays_go_without(pool, monkeypatch):
     monkeypatch.setattr(building_pool, "_has_room", lambda size: False)
     np.testing.assert_array_equal(pool.submit(np.negative, np.arange(100_000)).result(), -np.arange(100_000))
-
-
-@pytest.mark.parametrize("n_processes", [0, 2])
-def test_a_call_says_when_it_is_done(n_processes):
-    with BuildingPool(n_processes) as pool:
-        good, bad = pool.submit(do, 5), pool.submit(refuse, 7)
-        for call in (good, bad):
-            is_done = threading.Event()
-            call.add_done_callback(lambda _, is_done=is_done: is_done.set())
-            assert is_done.wait(60.0)
-        assert good.result() == 5
-        with pytest.raises(ValueError, match="number = 7: must be larger"):
-            bad.result()
-
-
-@pytest.mark.skipif(n_cores() < 2, reason="a single core needs no threads")
-def test_nothing_of_a_call_is_kept_when_it_is_done(pool):
-    large, is_gone = np.ones(LARGE), threading.Event()
-    weakref.finalize(large, is_gone.set)
-    assert pool.submit(np.sum, large).result() == LARGE
-    del large
-    assert is_gone.wait(20.0)
 
 
 def test_a_process_uses_the_cores_that_others_leave_free(tmp_path):

@@ -13,7 +13,6 @@ from lidar_buildings.core.model.outline import signed_area
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
-from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
@@ -39,11 +38,6 @@ def at_height(xy):
 def without(points, west, south, east, north):
     inside = (points[:, 0] > west) & (points[:, 0] < east) & (points[:, 1] > south) & (points[:, 1] < north)
     return points[~inside]
-
-
-def circle(n_points, radius):
-    angle = np.linspace(0.0, 2.0 * np.pi, n_points, endpoint=False)
-    return at_height(radius * np.column_stack((np.cos(angle), np.sin(angle))))
 
 
 def polygon(outline):
@@ -89,33 +83,6 @@ def test_a_cluster_of_a_few_points_is_covered(n_points):
     assert outlines_of(points)[1] == []
 
 
-def test_points_on_a_line_are_covered_by_a_strip():
-    points = at_height(np.column_stack((np.linspace(0.0, 12.0, 60), np.linspace(0.0, 5.0, 60))))
-    _, found = outlines_of(points, KEEP_ALL)
-    assert len(found) == 1
-    assert found[0].area < 13.0 * 2.0 * SPACING
-
-
-@pytest.mark.parametrize("n_copies", [2, 500])
-def test_copies_of_one_point_are_covered_by_a_square(n_copies):
-    _, found = outlines_of(np.tile((3.0, -2.0, 6.0), (n_copies, 1)), KEEP_ALL)
-    assert len(found) == 1
-    assert found[0].area < 4.0 * SPACING**2
-
-
-def test_copies_of_all_points_change_no_outline():
-    points = roof(0, 0, 14, 9)
-    once, thrice = outlines_of(points)[1], outlines_of(np.concatenate((points,) * 3))[1]
-    assert len(once) == 1
-    assert once[0].equals(thrice[0])
-
-
-def test_a_ring_of_30_000_points_is_one_round_building():
-    _, found = outlines_of(circle(30_000, 12.0), KEEP_ALL, spacing=0.002)
-    assert len(found) == 1
-    assert shapely.Polygon(found[0].exterior).area == pytest.approx(np.pi * 12.0**2, rel=0.01)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_scattered_points_whose_rings_would_touch_themselves_are_traced_without(seed):
     rng = np.random.default_rng(seed)
@@ -127,31 +94,6 @@ def test_scattered_points_whose_rings_would_touch_themselves_are_traced_without(
     assert found
 
 
-@pytest.mark.parametrize("deg", [0.0, 20.0, 45.0, 77.0])
-def test_a_building_one_window_wide_is_one_and_keeps_its_length(deg):
-    width = SegmentationConfig().window * SPACING
-    points = turned(roof(0, 0, 20, width), deg)
-    _, found = outlines_of(points)
-    assert len(found) == 1
-    rectangle = shapely.oriented_envelope(found[0])
-    assert rectangle.length / 2 == pytest.approx(20 + width, rel=0.1)
-
-
-@pytest.mark.parametrize("deg", [15.0, 45.0, 90.0, 133.0])
-def test_outlines_turn_with_the_points(deg):
-    points = l_shaped()
-    assert_alike(
-        outlines_of(points)[1], [turned_back(one, deg) for one in outlines_of(turned(points, deg))[1]]
-    )
-
-
-def test_outlines_mirror_with_the_points():
-    points = l_shaped()
-    mirrored = outlines_of(points * (-1.0, 1.0, 1.0))[1]
-    back = [shapely.transform(one, lambda xy: xy * (-1.0, 1.0)) for one in mirrored]
-    assert_alike(outlines_of(points)[1], back)
-
-
 def test_the_order_of_points_changes_nothing():
     points = np.concatenate((l_shaped(), roof(40, 0, 50, 8, seed=3)))
     shuffled = points[np.random.default_rng(0).permutation(len(points))]
@@ -159,35 +101,5 @@ def test_the_order_of_points_changes_nothing():
         assert one.equals(other)
 
 
-def test_walls_with_many_points_above_each_other_do_not_make_a_ring_of_every_point():
-    rng = np.random.default_rng(2)
-    along = rng.uniform(0.0, 1.0, (1500, 1))
-    wall = np.concatenate((along * (20.0, 0.0), along * (0.0, 12.0) + (20.0, 0.0)))
-    points = np.concatenate((roof(0, 0, 20, 12), at_height(wall + rng.normal(0.0, 0.05, wall.shape))))
-    _, found = outlines_of(points)
-    assert len(found) == 1
-    assert len(found[0].exterior.coords) - 1 <= 8
-    assert len(trace_boundary(points, point_spacing=SPACING).outline.exterior) < 0.1 * len(points)
-
-
 def l_shaped():
     return without(roof(0, 0, 24, 18), 10, 8, 30, 30)
-
-
-def turned(points, deg):
-    cos, sin = np.cos(np.radians(deg)), np.sin(np.radians(deg))
-    return np.column_stack((points[:, :2] @ np.array([[cos, sin], [-sin, cos]]), points[:, 2]))
-
-
-def turned_back(shape, deg):
-    return shapely.transform(shape, lambda xy: turned(at_height(xy), -deg)[:, :2])
-
-
-def assert_alike(polygons, others):
-    """
-    One outline each, of as many corners, that differ by less than a tenth of the spacing along the walls.
-    """
-    assert len(polygons) == len(others) == 1
-    one, other = polygons[0], others[0]
-    assert len(one.exterior.coords) == len(other.exterior.coords)
-    assert shapely.symmetric_difference(one, other).area < 0.1 * SPACING * one.length

@@ -1,12 +1,10 @@
 import numpy as np
-import pytest
 import shapely
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import RegularisedOutline
-from lidar_buildings.core.stages.regularisation.shared_walls import share_walls
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines, touching_groups
 
 
@@ -20,28 +18,11 @@ def polygons(outlines):
     return np.array([shapely.Polygon(one.exterior, one.holes) for one in outlines], dtype=object)
 
 
-def _holes(polygon):
-    return [shapely.get_coordinates(ring)[:-1] for ring in polygon.interiors]
-
-
 def test_houses_whose_rings_are_a_spacing_apart_are_of_one_block_and_others_are_not():
     boxes = [shapely.box(0, 0, 10, 8), shapely.box(10.5, 0, 20, 8), shapely.box(30, 0, 40, 8)]
     assert touching_groups([ring_of(box) for box in boxes]) == [[0, 1]]
     assert touching_groups([ring_of(box, 0.3) for box in boxes]) == []
     assert touching_groups([ring_of(boxes[1]), ring_of(boxes[2]), ring_of(boxes[0])]) == [[0, 2]]
-
-
-def test_a_round_tower_amid_a_hall_stays_round_and_the_hall_takes_its_wall():
-    tower = shapely.Point(0, 0).buffer(8.0, quad_segs=8)
-    hall = shapely.box(-20, -15, 20, 15).difference(shapely.Point(0, 0).buffer(8.6, quad_segs=6))
-    plain = [
-        Outline(shapely.get_coordinates(one.exterior)[:-1], tuple(_holes(one)))
-        for one in shapely.orient_polygons(np.array([tower, hall], dtype=object))
-    ]
-    result = polygons(share_walls(plain, plain, 1.0).outlines)
-    assert shapely.coverage_is_valid(result)
-    assert shapely.equals_exact(result[0].normalize(), tower.normalize(), tolerance=2e-3)
-    assert result[1].interiors[0].length == pytest.approx(result[0].length)
 
 
 def test_the_stage_shares_walls_unless_told_otherwise():

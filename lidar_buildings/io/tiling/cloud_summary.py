@@ -123,7 +123,6 @@ def _counts(values: NDArray[Any]) -> dict[int, int]:
 
 
 def _time(cloud: Cloud, gps_time: float) -> str:
-    """Return a time of a file's points in words."""
     is_standard = bool(cloud.header.global_encoding.gps_time_type.value)
     stamp = stamp_of_time(gps_time, is_standard=is_standard)
     if stamp is None or (not is_standard and gps_time <= WEEK):

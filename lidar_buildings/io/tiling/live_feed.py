@@ -200,7 +200,6 @@ class LiveFeed:
         self._inbox.put((work, n_points))
 
     def _take_in(self) -> None:
-        """Work on what has come, and look now and then for tiles that were left."""
         next_tick = time.monotonic()
         try:
             while not (self._stopping.is_set() and self._inbox.empty()):
@@ -243,7 +242,6 @@ class LiveFeed:
             self._keep(scan)
 
     def _tell_of_lack(self, now: float) -> None:
-        """Say once why no point could be placed for a while."""
         if not self._placer.n_waiting and self._placer.left_out[NO_POSE] <= self._n_unplaced:
             self._waits_since = now
         elif now - self._waits_since > _LACK:
@@ -277,7 +275,6 @@ class LiveFeed:
             self._keep(self._early.pop(0))
 
     def _open(self, recorded: Recorded) -> None:
-        """Begin to keep points."""
         self.recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
         self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 

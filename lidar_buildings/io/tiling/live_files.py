@@ -19,9 +19,8 @@ from lidar_buildings.core.neighbours.point_spacing import rounded_spacing
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_survey import POINTS_PER_FILE, LiveSurvey
-from lidar_buildings.io.tiling.map_place import MapPlace, moved_origin
+from lidar_buildings.io.tiling.map_place import Geodetic, LevelFrame, MapPlace, moved_origin
 from lidar_buildings.io.tiling.placed_laz import PlacedLaz
 from lidar_buildings.io.tiling.spool import RECORD, records_of
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, pulses_of

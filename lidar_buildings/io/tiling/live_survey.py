@@ -94,7 +94,6 @@ class LiveSurvey:
         self._resume({tuple(event["tile"]): event for event in self._log.events()})
 
     def _begin(self) -> None:
-        """Be empty."""
         self._cells.mkdir(exist_ok=True)
         self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
         self._tiles: dict[Cell, LiveTile] = {}
@@ -268,7 +267,6 @@ class LiveSurvey:
             self._by_stamp[tile.stamp] = tile
 
     def _free(self, stamp: int) -> int:
-        """Return the next stamp that no tile has."""
         while stamp in self._by_stamp:
             stamp += STEP
         return stamp
@@ -277,7 +275,6 @@ class LiveSurvey:
         return self._grid.block_in(self._grid.area_of(block).buffered(buffer))
 
     def _n_near(self, tile: LiveTile) -> int:
-        """Count the points of a tile and its buffer."""
         return self._store.count_in(tile.near.cells)
 
     def _widen(self, tile: LiveTile, buffer: Buffer) -> None:
@@ -289,7 +286,6 @@ class LiveSurvey:
         self._widest = max(self._widest, *buffer)
 
     def _last_touched(self, tile: LiveTile) -> float:
-        """Return when a point has fallen into a tile or its buffer last."""
         return max(self._touched[cell] for cell in tile.near.cells)
 
     def _turn(self, place: Cell) -> tuple[bool, bool, float]:
@@ -322,7 +318,6 @@ class LiveSurvey:
                 self._to_flush.discard(place)
 
     def _spooled(self, tile: LiveTile, revision: int) -> SpooledTile:
-        """Return a revision of a tile as it is now."""
         core = {cell: (0, count) for cell in tile.block.cells if (count := self._store.count_in([cell]))}
         stamp, most = tile.stamp + revision, self.config.max_buffer
         return SpooledTile(self._store, stamp, tile.block, core, tile.buffer, most)
@@ -372,7 +367,6 @@ class LiveSurvey:
         return is_new
 
     def _keep(self, records: NDArray[Any], now: float) -> None:
-        """Put records into their cells, and note which tiles they touch."""
         cells = self._cells_of(records)
         touched = self._store.spool.append(cells, records)
         k, reach = self._grid.cells_per_side, math.ceil(self._widest / self._grid.cell_size) + 1

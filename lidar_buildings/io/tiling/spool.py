@@ -151,7 +151,6 @@ class Spool:
         remove_folder(self.folder)
 
     def _pieces(self, cell: Cell) -> list[Piece]:
-        """Return where a cell's records are, in their order."""
         count = int(self._counts[cell])
         return [Piece(self._file(cell), count)] * bool(count) + self._joined.get(cell, [])
 
@@ -165,7 +164,6 @@ def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
 
 
 def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
-    """Yield the first of some records, if there is one of other sources than some."""
     if without:
         records = records.compress(~np.isin(records["source"], list(without)))
     if len(records):

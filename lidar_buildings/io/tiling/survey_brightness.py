@@ -122,7 +122,6 @@ class SurveyBrightness:
             self._learn_limit(np.concatenate(squares))
 
     def _learn_limit(self, records: NDArray[Any]) -> None:
-        """Look for two modes in the ground of some records."""
         is_only = only_returns(records)
         if not is_only.any():
             return
@@ -149,7 +148,6 @@ class SurveyBrightness:
 
 
 def _only(names: tuple[str, ...], records: NDArray[Any]) -> NDArray[Any]:
-    """Copy some columns of records."""
     chosen = np.empty(len(records), [(name, records.dtype[name]) for name in names])
     for name in names:
         chosen[name] = records[name]
@@ -164,7 +162,6 @@ def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _middle(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the points in the middle of some, all where these are few."""
     (x, x_middle), (y, y_middle) = ((along, (along.min() + along.max()) / 2) for along in points.T[:2])
     inside = (np.abs(x - x_middle) <= SPACING_SIDE / 2) & (np.abs(y - y_middle) <= SPACING_SIDE / 2)
     return points[inside] if np.count_nonzero(inside) >= SPACING_POINTS else points

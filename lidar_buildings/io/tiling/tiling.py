@@ -3,29 +3,141 @@
 from __future__ import annotations
 
 import os
+import shutil
 import threading
 import weakref
 from collections import deque
-from collections.abc import Container, Generator, Iterable, Iterator
+from collections.abc import Callable, Container, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
 
 import shapely
 
-from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.ids import STEP
+from lidar_buildings.core.model.errors import InputError, LidarBuildingsError
+from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.agreement import excess_of
+from lidar_buildings.io.clouds.cloud import CHUNK, Cloud
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
-from lidar_buildings.io.tiling.file_parts import Submit, kept_in, read_files
+from lidar_buildings.io.files.temporary_folder import temporary_files
 from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
-from lidar_buildings.io.tiling.tile_store import KnownSurvey, SpooledTile, TileStore
+from lidar_buildings.io.tiling.tile_store import KnownSurvey, ReadPart, SpooledTile, TileStore
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
+
+#: So many parts are handed out ahead at least, as long as there are files: wide margin over the workers.
+AHEAD = 1000
+#: Points of a part: enough that a process is busy for seconds, and whole chunks.
+PART = 10 * CHUNK
+#: Points are kept decoded where there is so many times the room that they take; wide margin: a run takes
+#: 70 bytes a point in all, and as much as its inputs twice.
+_ROOM = 8
+
+
+class FilePart(NamedTuple):
+    """A part of a file, and where its points are put."""
+
+    cloud: Cloud
+    source: int  #: its place among the inputs
+    #: The first point, and the one behind the last.
+    first: int
+    last: int
+    grid: TileGrid  #: of tiles and spool cells
+    frame: MapFrame
+    folder: Path  #: one that all processes see
+
+
+Answer: TypeAlias = "Future[ReadPart]"
+#: Calls a function with a part in another process: ``submit(read_part, part)``.
+Submit = Callable[[Callable[..., Any], FilePart], Answer]
+
+
+def read_files(
+    clouds: Sequence[Cloud], order: Sequence[int], store: TileStore, submit: Submit | None = None
+) -> Iterator[tuple[int, Iterator[set[Cell]]]]:
+    """
+    Bring files to a store, one after the other in an order; a point's `source` is its file's place.
+
+    `submit` reads parts in other processes, many ahead; files are read here, chunk by chunk, if it is not
+    given. Yields each file, and an iterator over the tiles of the points of each chunk or part, which raises
+    an `InputError` where the file cannot be read on.
+    """
+    if submit is None:
+        for source in order:
+            yield source, _read_here(clouds[source], source, store)
+        return
+    waiting: deque[list[Answer]] = deque()
+    ahead, n_ahead = iter(order), 0
+    for source in order:
+        while n_ahead < AHEAD and (number := next(ahead, None)) is not None:
+            waiting.append([submit(read_part, part) for part in parts_of(clouds[number], number, store)])
+            n_ahead += len(waiting[-1])
+        answers = waiting.popleft()
+        yield source, _joined(clouds[source], source, store, answers)
+        n_ahead -= len(answers)
+
+
+def kept_in(folder: Path, clouds: Sequence[Cloud]) -> list[Cloud]:
+    """Let LAZ files be decoded but once, where there is plenty of room for their points in a folder."""
+    sizes = [cloud.point_count * cloud.header.point_format.size for cloud in clouds]
+    if shutil.disk_usage(folder).free < _ROOM * sum(sizes):
+        return list(clouds)
+    return [
+        replace(cloud, kept=folder / f"{number}.decoded")
+        if cloud.point_count and cloud.header.are_points_compressed
+        else cloud
+        for number, cloud in enumerate(clouds)
+    ]
+
+
+def _read_here(cloud: Cloud, source: int, store: TileStore) -> Iterator[set[Cell]]:
+    first, part = 0, store.spool.folder / f"{source}.part"
+    for chunk in cloud.chunks(CHUNK):
+        if cloud.kept is not None:
+            with temporary_files(store.spool.folder), open(part, "ab") as file:
+                file.write(chunk.array.data)
+        yield store.add(source, first, chunk, cloud)
+        first += len(chunk)
+    if cloud.kept is not None:
+        part.rename(cloud.kept)
+
+
+def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answer]) -> Iterator[set[Cell]]:
+    for answer in answers:
+        try:
+            part = answer.result()
+        except RuntimeError as error:
+            raise InputError(f"{cloud.path}: no worker can read it: {error}") from error
+        yield store.join(source, part)
+
+
+def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
+    """Cut a file into parts for a store."""
+    for first in range(0, cloud.point_count, PART):
+        last = min(first + PART, cloud.point_count)
+        yield FilePart(cloud, source, first, last, store.grid, store.frame, store.spool.folder)
+
+
+def read_part(part: FilePart) -> ReadPart:
+    """Read a part, and return where its points are; InputError or OutputError if it cannot be read."""
+    store = TileStore(part.grid, part.frame, part.folder)
+    try:
+        first = part.first
+        for chunk in part.cloud.chunks(first=first, last=part.last):
+            store.add(part.source, first, chunk, part.cloud)
+            first += len(chunk)
+        with temporary_files(part.folder):
+            return store.part(part.source)
+    except LidarBuildingsError:
+        store.spool.remove()
+        raise
+
 
 __all__ = ["TileSource", "TilingConfig"]
 
@@ -39,9 +151,9 @@ class TileSource:
     tile. Iterating again starts with the first tile again, from the temporary folder.
 
     `paths` are files, folders and globs; `skip` holds stamps of tiles that are not wanted (again); `submit`
-    reads parts of files in other processes, which see the temporary folder, as of `io.tiling.file_parts`. If
-    LAZ files are wanted again, `keep`, their points stay there decoded where there is room. `known` is what
-    an earlier source of the same survey has learnt, `crs` the system of files that name none.
+    reads parts of files in other processes, which see the temporary folder. If LAZ files are wanted again,
+    `keep`, their points stay there decoded where there is room. `known` is what an earlier source of the same
+    survey has learnt, `crs` the system of files that name none.
 
     A point's `source` is its file's place in `inputs`, the readable files, of which `unreadable` could not be
     read to their end; `problems` has a line for each of these and each that is missing. InputError if no file
@@ -158,7 +270,6 @@ class TileSource:
         self.close()
 
     def _read_on(self) -> bool:
-        """Read one more chunk; False if there is nothing left to read."""
         return next(self._steps, False)
 
     def _read_all(self) -> Generator[bool, None, None]:
@@ -253,7 +364,6 @@ class TileSource:
         self._by_stamp[stamp] = ready
 
     def _stamp(self, tile: Cell, first_point: Head) -> int:
-        """Return a stamp for the tile that no other tile has."""
         encoding = self._clouds[first_point.source].header.global_encoding
         is_standard = bool(encoding.gps_time_type)
         stamp = stamp_of_time(first_point.gps_time, is_standard=is_standard)
@@ -262,3 +372,85 @@ class TileSource:
         while stamp in self._by_stamp:
             stamp += STEP
         return stamp
+
+
+#: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
+_AHEAD = 2
+
+
+class FileQueue:
+    """
+    The tiles of a source of files, read ahead in a thread, so that no callback waits for the disk.
+
+    `read` puts a tile together, in another process for instance. `error` is what ended the reading.
+    """
+
+    def __init__(
+        self, source: TileSource, read: Callable[[SpooledTile], PointTile] = SpooledTile.read
+    ) -> None:
+        self.error: Exception | None = None
+        self._source, self._read_tile = source, read
+        self._tiles = source.ready()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="tile_reader")
+        self._coming: deque[Future[PointTile | None]] = deque()
+        self._is_exhausted = False
+        self._n_taken = 0
+        self._wake: Callable[[], None] = lambda: None
+
+    @property
+    def frame(self) -> MapFrame:
+        """Where the map lies."""
+        return self._source.frame
+
+    @property
+    def tile_count(self) -> int:
+        """Number of tiles, as the source knows it."""
+        return self._source.tile_count
+
+    @property
+    def n_left(self) -> int:
+        """Number of tiles that are still to be taken, one at least until the last one has been."""
+        return 0 if self._is_exhausted else max(self.tile_count - self._n_taken, 1)
+
+    def start(self, wake: Callable[[], None]) -> None:
+        """Begin to read; `wake` is called, in another thread, when there is something to take."""
+        self._wake = wake
+        for _ in range(_AHEAD):
+            self._read_on()
+
+    def take(self) -> PointTile | None:
+        """Return the next tile, None if none is ready."""
+        if self.error is not None or not (self._coming and self._coming[0].done()):
+            return None
+        try:
+            tile = self._coming.popleft().result()
+        except Exception as error:
+            self.error = error
+            return None
+        if tile is None:
+            self._is_exhausted = True
+        else:
+            self._n_taken += 1
+            self._read_on()
+        return tile
+
+    def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
+        """Return a tile with a larger buffer on some sides, None if there is none."""
+        return self._source.grown(tile_of(tile.stamp), sides)
+
+    def finish(self, stamp: int, *, is_done: bool = True) -> None:
+        """Note that a tile is done: files have nothing to keep for it."""
+
+    def stop(self) -> None:
+        """Stop reading, wait for the thread, and delete the temporary files."""
+        self._wake = lambda: None
+        self._thread.shutdown(cancel_futures=True)
+        self._source.close()
+
+    def _read_on(self) -> None:
+        self._coming.append(self._thread.submit(self._read))
+        self._coming[-1].add_done_callback(lambda _: self._wake())
+
+    def _read(self) -> PointTile | None:
+        tile = next(self._tiles, None)
+        return None if tile is None else self._read_tile(tile.alone())

@@ -17,7 +17,7 @@ import pyproj
 from lidar_buildings.core.scans.cloud_layout import members_of_fields
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.io.bags.bag_writer import BagWriter
-from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
+from lidar_buildings.io.tiling.map_place import Geodetic, LevelFrame
 from lidar_buildings.simulation.live.moving_survey import (
     BODY,
     MAP,

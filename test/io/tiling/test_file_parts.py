@@ -1,15 +1,12 @@
 """Files read in parts by other processes: the same tiles as read here."""
 
 import pickle
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 
-import laspy
 import numpy as np
 import pytest
-from support import cloud_files
 
-from lidar_buildings.core.model.errors import OutputError
-from lidar_buildings.io.tiling import file_parts
+from lidar_buildings.io.tiling import tiling
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.building_pool import WorkerLostError
 
@@ -23,7 +20,7 @@ def submit():
 
 
 def small_parts(monkeypatch, n_points):
-    monkeypatch.setattr(file_parts, "PART", n_points)
+    monkeypatch.setattr(tiling, "PART", n_points)
 
 
 def tiles_of(paths, **how):
@@ -45,11 +42,11 @@ def assert_equal(found, expected):
             assert np.array_equal(column, other.columns[name]), name
 
 
-@pytest.mark.parametrize(("n_points", "n_ahead"), [(file_parts.PART, 1000), (3000, 1000), (3000, 1)])
+@pytest.mark.parametrize(("n_points", "n_ahead"), [(tiling.PART, 1000), (3000, 1000), (3000, 1)])
 def test_tiles_are_those_that_are_read_here(village, submit, tmp_path, monkeypatch, n_points, n_ahead):
     expected, _ = tiles_of(village)
     small_parts(monkeypatch, n_points)
-    monkeypatch.setattr(file_parts, "AHEAD", n_ahead)
+    monkeypatch.setattr(tiling, "AHEAD", n_ahead)
     found, problems = tiles_of(village, submit=submit, temporary=tmp_path)
     assert problems == []
     assert len(found) > 10
@@ -83,17 +80,6 @@ def test_a_tile_needs_little_of_the_survey_to_be_sent(village):
             assert_equal([alone.read()], [ready[0].read()])
 
 
-@pytest.mark.parametrize("name", [".points", "samples"])
-def test_a_store_that_is_full_gives_one_line_and_keeps_nothing(village, tmp_path, monkeypatch, name):
-    """Read by threads here, where the disk can be made to look full."""
-    cloud_files.fill_the_disk(monkeypatch, name, 1000)
-    with ThreadPoolExecutor(2) as threads:
-        source = TileSource(village, CONFIG, submit=threads.submit, temporary=tmp_path)
-        with source, pytest.raises(OutputError, match=r"temporary files cannot be written \(No space left"):
-            list(source.ready())
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp_path):
     def submit(read, part):
         answer = Future()
@@ -108,10 +94,3 @@ def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp
     found, problems = tiles_of(village, submit=submit, temporary=tmp_path)
     assert problems == [f"{first}: no worker can read it: workers ended at it"]
     assert sum(len(tile) for tile in found) == sum(len(tile) for tile in expected)
-
-
-def test_parts_of_copc_have_the_points_that_stand_there(village, submit, monkeypatch, tmp_path):
-    path = cloud_files.saved_copc(laspy.read(next(village.glob("*.laz"))), tmp_path / "a.copc.laz")
-    expected, _ = tiles_of(path)
-    small_parts(monkeypatch, 5_000)
-    assert_equal(tiles_of(path, submit=submit)[0], expected)

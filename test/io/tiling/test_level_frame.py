@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.level_truth import in_grid
 
-from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
+from lidar_buildings.io.tiling.map_place import Geodetic, LevelFrame
 
 #: Low and high, near the middle of a zone of UTM and at its edge, north and south of the equator.
 PLACES = [

@@ -14,9 +14,8 @@ from support.scan_messages import SECOND, T0, odometry, scan
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import TWO_CLOCKS
 from lidar_buildings.io.tiling import live_feed
-from lidar_buildings.io.tiling.live_feed import POSES_TOO_FAST, TOO_FAST, LiveFeed
+from lidar_buildings.io.tiling.live_feed import TOO_FAST, LiveFeed
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
@@ -156,16 +155,6 @@ def test_a_building_at_the_seam_of_tiles_of_other_densities_comes_out_once(tmp_p
     assert sorted(round(float(one[:, 0].max())) for one in outlines) == [99, 114]
 
 
-def test_a_feed_that_goes_on_keeps_its_spacing(tmp_path):
-    found = []
-    for scans in (flight_over_a_seam(), [scan(T0 + 10 * SECOND, points(at=(170.0, 20.0, 0.0)), frame="map")]):
-        with Running(tmp_path, tile_size=100.0, buffer=30.0) as run:
-            for one in scans:
-                run.feed.add_scan(one)
-            found.append(max(run.flush(), key=lambda tile: tile.points[:, 0].max()).point_spacing)
-    assert found[0] == found[1] != pytest.approx(0.7, rel=0.1), "not that of the last tile alone"
-
-
 def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
     with Running() as run:
         broken = scan(T0, points(), frame="map")
@@ -178,23 +167,6 @@ def test_what_cannot_be_read_is_told_and_the_rest_goes_on():
     assert counts["scans"] == 2
     assert counts["scans that cannot be read"] == 1
     assert any("bytes of data" in problem for problem in run.feed.problems)
-
-
-def test_of_two_sources_on_one_topic_the_earlier_clock_is_left_out_counted_and_told():
-    with Running(frame=MapFrame()) as run:
-        for k in range(100):
-            for stamp in (T0 + k * SECOND // 10, T0 + k * SECOND // 10 - 300 * SECOND):
-                run.feed.add_odometry(odometry(stamp, (10.0, 0.0, 0.0), frame="map"))
-                run.feed.add_scan(scan(stamp, points(100, seed=k)))
-        tiles = run.flush()
-        counts = run.feed.counts()
-    n_refused = run.feed.problems[TWO_CLOCKS]
-    n_unplaced = sum(number for name, number in counts.items() if name.startswith("left out"))
-    assert counts["scans"] == 200
-    assert n_refused > 95
-    assert counts[TWO_CLOCKS] > 100 + n_refused - 10, "poses, too"
-    assert core(tiles) == counts["points"] == 100 * (200 - n_refused) - n_unplaced
-    assert counts["points"] > 95 * 100
 
 
 def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path, monkeypatch):
@@ -214,25 +186,6 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path
         run.feed.add_scan(scan(T0 + 1, points(400, seed=1), frame="map"))
         assert core(run.flush()) == 900
         assert run.feed.obstacle == ""
-
-
-def test_scans_without_any_pose_are_counted_at_the_end():
-    with Running() as run:
-        run.feed.add_scan(scan(T0, points()))
-        assert run.flush() == []
-        counts = run.feed.counts()
-    assert counts["left out: no pose leads from their frame to another one"] == 500
-
-
-def test_poses_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
-    monkeypatch.setattr(live_feed, "_MOST_MESSAGES", 3)
-    run = Running()  # not started: nothing is taken out
-    for k in range(6):
-        run.feed.add_odometry(odometry(T0 + k * SECOND, (10.0 * k, 0.0, 0.0), frame="map"))
-    assert run.feed.fullness > 1.0
-    assert run.feed.counts()[f"left out: {POSES_TOO_FAST}"] == 2
-    with run:
-        assert run.flush() == []
 
 
 def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):

@@ -13,9 +13,16 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.level_frame import Geodetic, LevelFrame
 from lidar_buildings.io.tiling.live_files import FeedScale, Recorded
-from lidar_buildings.io.tiling.map_place import Fix, FrameSearch, MapPlace, SatelliteFixes, moved_origin
+from lidar_buildings.io.tiling.map_place import (
+    Fix,
+    FrameSearch,
+    Geodetic,
+    LevelFrame,
+    MapPlace,
+    SatelliteFixes,
+    moved_origin,
+)
 
 #: The frame of odometry that began along a street, in a zone of UTM.
 TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
@@ -135,18 +142,6 @@ def test_an_antenna_is_where_transforms_say_that_it_is():
     assert off(fixes.place()) < 0.01
 
 
-def test_where_tf_alone_tells_the_poses_the_antenna_is_on_the_base_link():
-    placer, fixes = ScanPlacer(), SatelliteFixes()
-    for k, place in enumerate(DRIVE):
-        placer.add_transforms(transforms((T0 + k * SECOND // 5, "odom", "base_link", place)), is_static=False)
-        seen = TRUTH.geodetic(place[None])
-        fixes.take(fix(T0 + k * SECOND // 5, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
-    fixes.take(fix(T0, 0.0, 0.0, 0.0, status=-1), placer)
-    fixes.pair(placer)
-    assert off(fixes.place()) < 0.01
-    assert fixes.place().said.endswith("1 more are invalid, or have no pose")
-
-
 def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp_path):
     truth = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
     places = np.concatenate([points(250, at=(2020.0, 1020.0, 2.0)), points(250, at=(2050.0, 1020.0, 2.0))])
@@ -177,19 +172,6 @@ def test_where_the_frame_of_the_poses_lies_in_that_of_the_topics_is_said():
     by_tiles = recorded.placed(scan_there).points[0]
     np.testing.assert_allclose([*turned, DRIVE[-1, 2] + z], by_tiles, atol=0.03)  # but for the scale
     assert "not the odom of the poses" in recorded.where_target_lies("odom")
-
-
-def test_without_satellites_topics_are_in_the_frame_of_the_poses_by_another_name():
-    scan_there = PlacedScan(DRIVE[-1:].astype(float), np.zeros(1, np.int64), {})
-    recorded = Recorded.beginning(FeedScale(100.0, None), MapPlace(), scan_there, "odom")
-    assert "--x 0.000 --y 0.000 --z 0.000 --yaw 0.000000" in recorded.where_target_lies("map")
-    assert recorded.where_target_lies("odom") == ""
-
-
-def test_a_fix_without_a_pose_says_nothing():
-    there = Geodetic(4.4, 52.0, 0.0)
-    assert place_by_fix(T0 + 10 * SECOND, there, placer_at((0, 0, 0))) is None
-    assert place_by_fix(T0, there, ScanPlacer()) is None
 
 
 @pytest.mark.parametrize("wrong", [{"status": -1}, {"latitude": np.nan}, {"longitude": 400.0}])

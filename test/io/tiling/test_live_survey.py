@@ -201,18 +201,6 @@ def test_the_flush_of_a_tile_under_way_that_has_changed_waits_for_its_next_revis
     assert survey.is_flushed
 
 
-def test_the_flush_of_a_tile_that_was_touched_before_it_was_taken_needs_no_revision(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    survey.add(scan_at(20, 20, seed=1), 6.0)
-    survey.flush()
-    (tile,) = tiles_of(survey)
-    assert len(tile) == 600
-    survey.finish(tile.stamp)
-    assert not survey.tick(6.0)
-    assert survey.is_flushed
-
-
 def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.add(scan_at(50, 20, spread=1.0), 0.0)  # beyond the first buffer
@@ -353,45 +341,6 @@ def test_of_a_crowded_tile_nothing_is_left_out_for_a_disk_that_was_full(tmp_path
     survey.tick(0.0)
     assert survey.n_points + survey.left_out[CROWDED] == 700
     assert survey.n_points > 690
-
-
-def test_a_tile_that_cannot_be_noted_stays_ready(survey, monkeypatch):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.tick(5.0)
-    note = survey._log.note
-
-    def full(_):
-        raise OutputError("full")
-
-    monkeypatch.setattr(survey._log, "note", full)
-    with pytest.raises(OutputError):
-        survey.take()
-    monkeypatch.setattr(survey._log, "note", note)
-    (tile,) = tiles_of(survey)
-    assert tile.stamp % 1000 == 0
-
-
-def test_a_tile_whose_larger_buffer_cannot_be_noted_ends_with_what_was_sent(survey, monkeypatch):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.add(scan_at(50, 20, seed=1), 0.0)
-    survey.tick(9.0)
-    first, second = tiles_of(survey)
-    note = survey._log.note
-
-    def full(_):
-        raise OutputError("full")
-
-    monkeypatch.setattr(survey._log, "note", full)
-    with pytest.raises(OutputError):
-        survey.grown(first)
-    monkeypatch.setattr(survey._log, "note", note)
-    survey.flush()
-    survey.finish(first.stamp)
-    survey.finish(second.stamp)
-    survey.tick(9.1)
-    for tile in tiles_of(survey):
-        survey.finish(tile.stamp)
-    assert survey.is_flushed
 
 
 def test_reset_forgets_all(survey, tmp_path):

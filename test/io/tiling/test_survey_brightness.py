@@ -5,7 +5,7 @@ import pytest
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.io.tiling.spool import RECORD
-from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness, square_of_modes
+from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
@@ -88,12 +88,6 @@ def test_sparse_surveys_show_their_modes_on_a_wider_square(tmp_path):
     limits = {tile.dark_limit for tile in tiles_of(tmp_path, 240.0)}
     assert len(limits) == 1
     assert ASPHALT < limits.pop() < GRASS
-
-
-@pytest.mark.parametrize(("n_points", "side"), [(5_000_000, 250.0), (400_000, 500.0), (64_000, 1250.0)])
-def test_the_square_of_modes_holds_as_many_points_where_these_are_few(n_points, side):
-    square = square_of_modes(Rectangle(100.0, 0.0, 1100.0, 1000.0), n_points)
-    assert square == Rectangle(600.0 - side / 2, 500.0 - side / 2, 600.0 + side / 2, 500.0 + side / 2)
 
 
 def test_a_survey_without_roads_has_no_limit(tmp_path):

@@ -3,8 +3,7 @@ import numpy as np
 import pytest
 from support.cut_surveys import tiles_of
 
-from lidar_buildings.core.neighbours import point_spacing
-from lidar_buildings.core.neighbours.point_spacing import FINEST, measure_spacing, steady_spacing
+from lidar_buildings.core.neighbours.point_spacing import FINEST, steady_spacing
 from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
@@ -40,40 +39,6 @@ def test_a_tile_takes_the_expected_spacing_unless_its_own_is_quite_another():
 
 def test_what_is_finer_than_any_detail_of_a_building_counts_as_no_finer():
     assert [steady_spacing(lattice(0.02, 5.0), one) for one in (None, 0.02, 2.0)] == [FINEST] * 3
-
-
-def beside(fine, coarse):
-    """Points of two spacings, the coarse ones on twice the area."""
-    return np.concatenate(
-        [lattice(fine, 20.0), *(lattice(coarse, 20.0) + np.array([30.0 * k, 0, 0]) for k in (1, 2))]
-    )
-
-
-def along_a_street(falls, width):
-    """Points the fewer the farther from the middle."""
-    random = np.random.default_rng(4)
-    x, y, kept = random.uniform((0, -width, 0), (100, width, 1), (400_000, 3)).T
-    return np.column_stack([x, y, np.zeros(len(x))])[kept < (1.0 + np.abs(y) / 3.0) ** -falls]
-
-
-@pytest.mark.parametrize(
-    "points",
-    [
-        np.random.default_rng(3).uniform(0.0, 40.0, (6000, 3)),
-        np.random.default_rng(3).uniform(0.0, 40.0, (300, 3)),
-        beside(0.3, 0.4),
-        beside(0.1, 0.5),
-        along_a_street(1.0, 30.0),
-        along_a_street(3.0, 20.0),
-        along_a_street(2.0, 50.0),
-    ],
-    ids=["even", "few", "two strips", "two scanners", "a street", "a dense street", "a wide street"],
-)
-def test_counting_in_cells_decides_as_measuring_does(points, monkeypatch):
-    expected = measure_spacing(points) * np.geomspace(0.4, 2.5, 37)
-    found = [steady_spacing(points, one) for one in expected]
-    monkeypatch.setattr(point_spacing, "PLAIN_DEVIATION", 1e-9)
-    assert found == [steady_spacing(points, one) for one in expected]
 
 
 def test_all_tiles_of_a_survey_have_one_spacing_whatever_their_size(tmp_path):

@@ -101,15 +101,6 @@ def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
         assert y.max() <= north
 
 
-def test_the_map_frame_does_not_depend_on_the_tile_size(tmp_path):
-    paths = two_neighbours(tmp_path)
-    frames = set()
-    for tile_size in (20.0, 250.0):
-        with TileSource(paths, TilingConfig(tile_size=tile_size)) as source:
-            frames.add(source.frame)
-    assert len(frames) == 1
-
-
 def test_columns_are_the_files_own(tmp_path):
     paths = survey(tmp_path, [square(300, WEST, SOUTH, 60.0)], point_format=6, ending=".laz")
     whole = laspy.read(paths[0])
@@ -139,12 +130,6 @@ def test_a_building_across_the_seam_of_two_files_is_whole_in_a_tile(tmp_path):
     left, right = house[house[:, 0] < WEST + 100.0], house[house[:, 0] >= WEST + 100.0]
     with TileSource(survey(tmp_path, [left, right]), TilingConfig(tile_size=100.0, buffer=30.0)) as source:
         assert max(len(tile) for tile in tiles_of(source)) == 200
-
-
-def test_files_that_overlap_keep_both_their_points(tmp_path):
-    paths = survey(tmp_path, [square(100, WEST, SOUTH, 50.0, 1), square(100, WEST + 20.0, SOUTH, 50.0, 2)])
-    with TileSource(paths) as source:
-        assert sorted(core_names(tiles_of(source))) == all_names(source)
 
 
 def test_points_outside_their_headers_bounds_are_not_lost(tmp_path):
@@ -183,12 +168,6 @@ def test_no_point_gives_no_tile(tmp_path):
     with TileSource(survey(tmp_path, [np.empty((0, 2))])) as source:
         assert list(tiles_of(source)) == []
         assert source.tile_count == 0
-
-
-def test_one_point_gives_one_tile(tmp_path):
-    with TileSource(survey(tmp_path, [np.array([[WEST, SOUTH]])])) as source:
-        (tile,) = tiles_of(source)
-    assert len(tile) == 1
 
 
 def test_buffers_out_of_range_are_refused():

@@ -18,7 +18,7 @@ from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
 from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
-from lidar_buildings.io.tiling.level_frame import Geodetic
+from lidar_buildings.io.tiling.map_place import Geodetic
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, Scan, VehicleConfig, drive, fly
 from lidar_buildings.simulation.live.messages import LiveMessages, SurveyBag, SurveyFiles
