@@ -23,7 +23,7 @@ from lidar_buildings.core.stages.segmentation.segmentation import segment_buildi
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Columns of a tile that segmentation can be told.
-SCAN_COLUMNS = ("scan_angle", "gps_time", "point_source_id")
+SCAN_COLUMNS = ("gps_time", "point_source_id")
 #: Steps whose time is taken.
 STEPS = ("segmentation", "tracing", "regularisation")
 

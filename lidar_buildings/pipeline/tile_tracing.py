@@ -63,7 +63,6 @@ def trace_buildings(
     found = segment_buildings(
         tile.points,
         segmentation,
-        scan_angle=tile.scan_angle,
         gps_time=tile.gps_time,
         point_source_id=tile.point_source_id,
         point_spacing=tile.point_spacing,

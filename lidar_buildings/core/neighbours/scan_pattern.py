@@ -20,12 +20,8 @@ from lidar_buildings.core.neighbours.point_spacing import mark_probes
 MAX_PROBES = 160
 #: Fewer tell nothing.
 MIN_PROBES = 20
-#: Length of the mean of doubled directions (1: all parallel, 0: none preferred) from which there are lines,
-MIN_CONCENTRATION = 0.6
-#: and where the scan angle rises along them or across them, too.
-MIN_BACKED_CONCENTRATION = 0.35
-#: Largest difference of the two directions [deg], and the share of the angle's variance that is its slope.
-MAX_ANGLE_OFF_DEG, MIN_ANGLE_FIT = 15.0, 0.3
+#: Length of the mean of doubled directions (1: all parallel, 0: none preferred) from which there are lines.
+MIN_CONCENTRATION = 0.45
 #: Spacings along and across that differ by less than this factor are one.
 MIN_RATIO = 1.5
 #: Beyond it the pairs of a double pulse, or the like, were taken for lines.
@@ -112,7 +108,6 @@ def measure_scan_patterns(
     n_groups: int,
     spacing: float,
     *,
-    scan_angle: NDArray[np.float64] | None = None,
     cells: CellGrid | None = None,
     min_ratio: float = MIN_RATIO,
 ) -> list[ScanPattern]:
@@ -125,9 +120,8 @@ def measure_scan_patterns(
     no say in each other's pattern.
 
     `group` is 0 to `n_groups` (exclusive), or −1 for points of none; `spacing` is 1/√density [m];
-    `scan_angle` [deg] backs weak signs of lines along or across which it rises; `cells` are the points by
-    `scan_cells`, if they are at hand. Spacings that differ by less than the factor `min_ratio` are one. The
-    direction is 0 and the spacings are the given one where no direction stands out.
+    `cells` are the points by `scan_cells`, if they are at hand. Spacings that differ by less than the factor
+    `min_ratio` are one. The direction is 0 and the spacings are the given one where no direction stands out.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)
@@ -137,7 +131,7 @@ def measure_scan_patterns(
     cells = scan_cells(pulses, spacing) if cells is None else cells
     open_ = np.ones(n_groups, dtype=bool)
     for by_time in (True, False) if len(pulses.time) else (False,):
-        has_lines, axis = _lines(pulses, cells, group, is_probe & open_[group], spacing, by_time, scan_angle)
+        has_lines, axis = _lines(pulses, cells, group, is_probe & open_[group], spacing, by_time)
         if has_lines.any():
             probes = is_probe & has_lines[group]
             for number, pattern in _spaced(pulses, cells, group, probes, spacing, by_time, axis, min_ratio):
@@ -158,7 +152,6 @@ def _lines(
     is_probe: NDArray[np.bool_],
     spacing: float,
     by_time: bool,
-    scan_angle: NDArray[np.float64] | None,
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Return which groups have lines, and the direction that their neighbours prefer [rad]."""
     n_groups = int(group.max(initial=-1)) + 1
@@ -169,32 +162,7 @@ def _lines(
     cosine, sine, n_probes = sums[:, 0] / UNIT, sums[:, 1] / UNIT, sums[:, 2]
     concentration = np.hypot(cosine, sine) / np.maximum(n_probes, 1)
     direction = (np.arctan2(sine, cosine) / 2.0) % math.pi
-    enough = n_probes >= MIN_PROBES
-    has_lines = enough & (concentration >= MIN_CONCENTRATION)
-    if scan_angle is not None:
-        for number in np.flatnonzero(enough & ~has_lines & (concentration >= MIN_BACKED_CONCENTRATION)):
-            probes = is_probe & (group == number)
-            has_lines[number] = _is_backed(pulses, probes, scan_angle, direction[number])
-    return has_lines, direction
-
-
-def _is_backed(
-    pulses: Pulses, rows: NDArray[np.bool_], scan_angle: NDArray[np.float64], direction: float
-) -> bool:
-    """Whether the scan angle of the probes' largest strip rises along or across a direction."""
-    if len(pulses.strip):
-        numbers, count = np.unique(pulses.strip[rows], return_counts=True)
-        rows = rows & (pulses.strip == numbers[np.argmax(count)])
-    xy, angle = pulses.points[rows, :2], scan_angle[rows]
-    order = np.lexsort((angle, xy[:, 1], xy[:, 0]))
-    xy, angle = xy[order] - xy[order].mean(axis=0), angle[order] - angle[order].mean()
-    if not np.isfinite(angle).all() or not angle.any():
-        return False
-    slope = np.linalg.lstsq(xy, angle, rcond=None)[0]
-    if 1.0 - np.sum((angle - xy @ slope) ** 2) / np.sum(angle**2) < MIN_ANGLE_FIT:
-        return False
-    off = (math.atan2(slope[1], slope[0]) - direction + math.pi / 4) % (math.pi / 2) - math.pi / 4
-    return abs(math.degrees(off)) <= MAX_ANGLE_OFF_DEG
+    return (n_probes >= MIN_PROBES) & (concentration >= MIN_CONCENTRATION), direction
 
 
 def _spaced(

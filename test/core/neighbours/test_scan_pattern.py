@@ -21,12 +21,12 @@ def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):
     return np.column_stack((xy, np.full(len(xy), 5.0)))[inside] + np.array([200.0, 300.0, 0.0])
 
 
-def measure_scan_pattern(points, *, gps_time=None, scan_angle=None, point_source_id=None, point_spacing=None):
+def measure_scan_pattern(points, *, gps_time=None, point_source_id=None, point_spacing=None):
     """The pattern of points that are one group."""
     pulses = as_pulses(points, gps_time, point_source_id)
     group = np.zeros(len(points), dtype=np.int64)
     spacing = point_spacing or quantised_spacing(points)
-    return measure_scan_patterns(pulses, group, 1, spacing, scan_angle=scan_angle)[0]
+    return measure_scan_patterns(pulses, group, 1, spacing)[0]
 
 
 def off(direction, truth):
@@ -100,17 +100,6 @@ def test_pulses_recorded_twice_are_no_lines():
     for step in (0.0, 0.02, 0.08):
         twice = np.vstack((once, once + np.array([step, 0.0, -0.1])))
         assert measure_scan_pattern(twice).is_isotropic, step
-
-
-def test_the_scan_angle_backs_weak_signs():
-    points = scanned(0.4, 0.8, turn=0.5, jitter=0.25, size=30.0)
-    angle = points[:, :2] @ np.array([math.cos(0.5), math.sin(0.5)]) / 20.0
-    assert measure_scan_pattern(points).is_isotropic
-    backed = measure_scan_pattern(points, scan_angle=angle)
-    assert off(backed.direction, 0.5) < 5.0
-    assert backed.across / backed.along == pytest.approx(2.0, rel=0.15)
-    other = points[:, :2] @ np.array([math.cos(1.3), math.sin(1.3)]) / 20.0
-    assert measure_scan_pattern(points, scan_angle=other).is_isotropic
 
 
 def test_the_order_of_points_does_not_matter_and_the_pattern_turns_with_them():

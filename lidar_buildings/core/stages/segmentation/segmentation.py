@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.ids import building_id
-from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured, group_spacings
 from lidar_buildings.core.neighbours.scan_pattern import (
@@ -36,20 +35,21 @@ LARGEST_ID = 2**32 - 1
 MIN_SPARSER = 1.25
 
 
-@kernel
-def anchor_rows(points, component, n_components):  # type: ignore[no-untyped-def]
+def anchor_rows(
+    points: NDArray[np.float64], component: NDArray[np.int64], n_components: int
+) -> NDArray[np.int64]:
     """
     Return the row of every component's anchor: its westernmost point, ties broken by y, then z; −1 if empty.
 
     Points of component −1 are of none.
     """
-    anchor = np.full(n_components, -1, dtype=np.int64)
-    for i in range(len(component)):
-        k = component[i]
-        if k < 0:
-            continue
-        if anchor[k] < 0 or _comes_first(points[i], points[anchor[k]]):
-            anchor[k] = i
+    rows, anchor = np.flatnonzero(component >= 0), np.full(n_components, -1, dtype=np.int64)
+    west = np.full(n_components, np.inf)
+    np.minimum.at(west, component[rows], points[rows, 0])
+    rows = rows[points[rows, 0] == west[component[rows]]]
+    # The last one written stays.
+    rows = rows[np.lexsort((points[rows, 2], points[rows, 1]))[::-1]]
+    anchor[component[rows]] = rows
     return anchor
 
 
@@ -75,15 +75,6 @@ def distinct_ids(anchors: NDArray[np.float64]) -> NDArray[np.uint32]:
     return ids
 
 
-@kernel
-def _comes_first(p, q):  # type: ignore[no-untyped-def]
-    """Whether a point comes before another by x, then y, then z."""
-    for axis in range(3):
-        if p[axis] != q[axis]:
-            return p[axis] < q[axis]
-    return False
-
-
 @dataclass(frozen=True, eq=False)
 class Segmentation:
     """Which building every point belongs to."""
@@ -101,7 +92,6 @@ def segment_buildings(
     points: ArrayLike,
     config: SegmentationConfig | None = None,
     *,
-    scan_angle: ArrayLike | None = None,
     gps_time: ArrayLike | None = None,
     point_source_id: ArrayLike | None = None,
     point_spacing: float | None = None,
@@ -121,7 +111,7 @@ def segment_buildings(
         Roof points, in any order [m].
     config : SegmentationConfig, optional
         Settings.
-    scan_angle, gps_time, point_source_id : array_like of shape (n_points,), optional
+    gps_time, point_source_id : array_like of shape (n_points,), optional
         Tell scan lines; see `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns`.
     point_spacing : float, optional
         Spacing of the pulses [m]; measured if not given.
@@ -143,13 +133,12 @@ def segment_buildings(
     config = config or SegmentationConfig()
     cloud = checked_points(points)
     pulses = as_pulses(cloud, gps_time, point_source_id)
-    angle = None if scan_angle is None else checked_column("scan_angle", scan_angle, len(cloud), np.float64)
     spacing = given_or_measured(cloud, point_spacing)
     cells = scan_cells(pulses, spacing)
-    chains = chain_along_scan(pulses, config.window, spacing, angle, cells, config.min_line_ratio)
+    chains = chain_along_scan(pulses, config.window, spacing, cells, config.min_line_ratio)
     n_blocks, block_of_chain = chains.n_components, np.arange(chains.n_components)
-    uncut, spacings = chains.component, group_spacings(cloud, cells, chains.component, n_blocks)
     if config.min_neck > 0.0:
+        spacings = group_spacings(cloud, cells, chains.component, n_blocks)
         chains, block_of_chain = _without_necks(cloud, chains, spacings, config, spacing)
     building = _buildings(cloud, chains, config, spacing)
     # Buildings on both ends of a neck touch there: they are of one block, as are the parts at a step.
@@ -167,35 +156,14 @@ def segment_buildings(
     ids, id_of_block = _identified(cloud, block, n_blocks, part, block_of_chain[chain_of_part])
     # A building's own points, whatever lies beside it, tell the pattern that outlines are traced with.
     n_parts = len(chain_of_part)
-    same = _whole_of(chains.group, part, n_parts)
-    own = measure_scan_patterns(
-        pulses,
-        np.where(same[part] < 0, part, -1),
-        n_parts,
-        spacing,
-        scan_angle=angle,
-        cells=cells,
-        min_ratio=config.min_line_ratio,
-    )
-    own = [one if k < 0 else chains.group_patterns[k] for one, k in zip(own, same[:-1], strict=True)]
-    same = _whole_of(uncut, part, n_parts)
-    wide = group_spacings(cloud, cells, np.where(same[part] < 0, part, -1), n_parts)
-    wide = np.where(same[:-1] < 0, wide, spacings[same[:-1]])
+    own = measure_scan_patterns(pulses, part, n_parts, spacing, cells=cells, min_ratio=config.min_line_ratio)
+    wide = group_spacings(cloud, cells, part, n_parts)
     patterns = {
         int(ids[k]): _traced_pattern(own[k], float(wide[k]), spacing) for k in np.flatnonzero(ids[:-1])
     }
     return Segmentation(
         ids[part], id_of_block[block], _extent(chains.patterns, config.window, spacing), patterns
     )
-
-
-def _whole_of(group: NDArray[np.int64], part: NDArray[np.int64], n_parts: int) -> NDArray[np.int64]:
-    """Return the group that each part, and −1 at the end, is all of: it has been measured; else −1."""
-    whole = np.full(n_parts + 1, -1, dtype=np.int64)
-    whole[part] = group
-    whole[-1] = -1
-    is_all = sizes(np.where(part < 0, n_parts, part), n_parts + 1) == np.bincount(group, minlength=1)[whole]
-    return np.where(is_all, whole, -1)
 
 
 def _without_necks(

@@ -16,6 +16,8 @@ from lidar_buildings.core.neighbours.cell_grid import neighbours_of, rows_by_cel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.segmentation.windows import occupied_areas
+from lidar_buildings.core.surfaces.plane_geometry import fitted_plane
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 
 #: A part with less than this share of its perimeter in the open stands on another roof, and is a building of
 #: its own, not a penthouse or plant room, from this area on [m²].
@@ -26,6 +28,8 @@ STAIRS = 1.27
 REACH = 2.25
 #: Fewest neighbours that a plane is fitted to.
 MIN_NEIGHBOURS = 6
+#: Vertical component of a normal below which a plane is a wall.
+MIN_UPRIGHT = 0.1
 #: A plane is some point's if it passes it within this share of the least step.
 MAX_OFFSET = 0.25
 #: Cells in which borders are measured [spacings]: hardly one of them is empty amid a roof.
@@ -126,95 +130,56 @@ def measure_borders(
 def merge_parts(
     borders: Borders,
     area: NDArray[np.float64],
+    sums: NDArray[np.float64],
     block: NDArray[np.int64],
     *,
     min_area: float,
     min_width: float,
-    sums: NDArray[np.float64] | None = None,
 ) -> NDArray[np.int64]:
     """
     Return into which part each part goes, the smallest first; a part that stays goes into itself.
 
-    A part goes if it is smaller or narrower (the rectangle of its area and perimeter) than a building, or
-    than a tower if nearly all of its rim is another's; it goes to the part of its block with which it shares
-    the longest border, and where there is none to the largest. If `sums` are given, see
-    `part_shape.plan_sums`, a part's points must scatter as over the least width, too.
+    A part goes if it is smaller or narrower (the rectangle of its area and perimeter, and the scatter of its
+    points, whose `plan_sums` are given) than a building, or than a tower if nearly all of its rim is
+    another's. It goes to the part of its block with which it shares the longest border, and where there is
+    none to the largest.
     """
-    parts = _Parts(borders, area, block, sums)
-    into = np.arange(len(area))
-    waiting = [(float(one), number) for number, one in enumerate(area)]
+    size, free, sums, into = area.tolist(), borders.free.tolist(), sums.copy(), np.arange(len(area))
+    shared: list[dict[int, float]] = [{} for _ in size]
+    for (one, other), length in sorted(borders.shared.items()):
+        if block[one] == block[other]:
+            shared[one][other] = length
+        else:
+            free[one] += length
+    waiting = [(one, number) for number, one in enumerate(size)]
     heapq.heapify(waiting)
     while waiting:
-        size, number = heapq.heappop(waiting)
-        if into[number] != number or size != parts.area[number]:
+        least, number = heapq.heappop(waiting)
+        if into[number] != number or least != size[number]:
             continue
-        if parts.is_building(number, min_area, min_width):
+        rim = free[number] + sum(shared[number].values())
+        is_tower = free[number] < MIN_FREE_SHARE * rim
+        if (
+            least >= (max(min_area, MIN_TOWER_AREA) if is_tower else min_area)
+            and min(rectangle_width(least, rim), spread_width(sums[number])) >= min_width
+        ):
             continue
-        target = parts.neighbour(number)
-        if target is None:
+        alike = np.flatnonzero((block == block[number]) & (into == np.arange(len(into))))
+        others = shared[number] or {other: 0.0 for other in alike.tolist() if other != number}
+        if not others:
             continue
-        parts.merge(number, target)
+        target = max(others, key=lambda other: (others[other], size[other], -other))
         into[number] = target
-        heapq.heappush(waiting, (parts.area[target], target))
-    for number in range(len(into)):
-        while into[into[number]] != into[number]:
-            into[number] = into[into[number]]
-    return into
-
-
-class _Parts:
-    """Parts while they merge."""
-
-    def __init__(
-        self,
-        borders: Borders,
-        area: NDArray[np.float64],
-        block: NDArray[np.int64],
-        sums: NDArray[np.float64] | None,
-    ) -> None:
-        self.area = area.tolist()
-        self.sums = None if sums is None else sums.copy()
-        self.free = borders.free.tolist()
-        self.block = block.tolist()
-        self.members: dict[int, set[int]] = {}
-        self.shared: list[dict[int, float]] = [{} for _ in self.area]
-        for number, one in enumerate(self.block):
-            self.members.setdefault(one, set()).add(number)
-        for (one, other), length in sorted(borders.shared.items()):
-            if self.block[one] == self.block[other]:
-                self.shared[one][other] = length
-            else:
-                self.free[one] += length
-
-    def is_building(self, number: int, min_area: float, min_width: float) -> bool:
-        """Whether a part is large, wide and free enough to be one."""
-        perimeter = self.free[number] + sum(self.shared[number].values())
-        is_free = self.free[number] >= MIN_FREE_SHARE * perimeter
-        is_large = self.area[number] >= (min_area if is_free else max(min_area, MIN_TOWER_AREA))
-        if not is_large or rectangle_width(self.area[number], perimeter) < min_width:
-            return False
-        return self.sums is None or spread_width(self.sums[number]) >= min_width
-
-    def neighbour(self, number: int) -> int | None:
-        """Return the part with the longest border, or else the largest of the block; the first of equals."""
-        shared = self.shared[number]
-        if shared:
-            return max(shared, key=lambda other: (shared[other], self.area[other], -other))
-        others = self.members[self.block[number]] - {number}
-        return max(others, key=lambda other: (self.area[other], -other)) if others else None
-
-    def merge(self, number: int, target: int) -> None:
-        """Count a part to another."""
-        self.area[target] += self.area[number]
-        if self.sums is not None:
-            self.sums[target] += self.sums[number]
-        self.free[target] += self.free[number]
-        self.members[self.block[number]].discard(number)
-        for other, length in self.shared[number].items():
-            del self.shared[other][number]
+        size[target], free[target] = size[target] + least, free[target] + free[number]
+        sums[target] += sums[number]
+        for other, length in shared[number].items():
+            del shared[other][number]
             if other != target:
-                for one, two in ((target, other), (other, target)):
-                    self.shared[one][two] = self.shared[one].get(two, 0.0) + length
+                shared[target][other] = shared[other][target] = shared[target].get(other, 0.0) + length
+        heapq.heappush(waiting, (size[target], target))
+    while (into[into] != into).any():
+        into = into[into]
+    return into
 
 
 def split_blocks(
@@ -264,14 +229,8 @@ def split_blocks(
     if n_linked > n_blocks:
         area = occupied_areas(some, linked, n_linked, spacing)
         borders = measure_borders(some, linked, n_linked, BORDER_CELL * spacing)
-        into = merge_parts(
-            borders,
-            area,
-            block_of_linked,
-            min_area=min_area,
-            min_width=MIN_PART_WIDTH,
-            sums=plan_sums(some, linked, n_linked),
-        )
+        sums = plan_sums(some, linked, n_linked)
+        into = merge_parts(borders, area, sums, block_of_linked, min_area=min_area, min_width=MIN_PART_WIDTH)
         kept, linked = np.unique(into[linked], return_inverse=True)
         block_of_linked = block_of_linked[kept]
     part = np.full(len(points), -1, dtype=np.int64)
@@ -326,35 +285,19 @@ def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untype
     Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
     """
     near = np.empty(len(grid.points), dtype=np.int64)
+    moments, fitted = np.empty(N_MOMENTS), np.empty(4)
     for i in range(begin, end):
         x, y, z = grid.points[i]
         n = neighbours_of(grid, runs[i], x, y, z, reach, True, near)
+        moments[:] = 0.0
+        for j in near[:n]:
+            add_point(moments, grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z)
+        residual = fitted_plane(moments, fitted)
         plane[i] = 0.0
         plane[i, 3] = np.inf
-        if n >= MIN_NEIGHBOURS:
-            _fit_plane(grid.points, i, near[:n], reach, plane[i])
-
-
-@kernel
-def _fit_plane(points, i, near, reach, plane):  # type: ignore[no-untyped-def]
-    """Fit the plane of least squares to heights of neighbours; left as it is where they lie on a line."""
-    sx = sy = sz = sxx = sxy = syy = sxz = syz = szz = 0.0
-    for j in near:
-        x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-        sx, sy, sz = sx + x, sy + y, sz + z
-        sxx, sxy, syy = sxx + x * x, sxy + x * y, syy + y * y
-        sxz, syz, szz = sxz + x * z, syz + y * z, szz + z * z
-    n = len(near)
-    sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
-    sxz, syz, szz = sxz - sx * sz / n, syz - sy * sz / n, szz - sz * sz / n
-    determinant = sxx * syy - sxy * sxy
-    if determinant <= 1e-4 * (n * reach * reach) ** 2 / 16.0:
-        return
-    a = (sxz * syy - syz * sxy) / determinant
-    b = (syz * sxx - sxz * sxy) / determinant
-    plane[0], plane[1] = a, b
-    plane[2] = points[i, 2] + (sz - a * sx - b * sy) / n
-    plane[3] = np.sqrt(max(szz - a * sxz - b * syz, 0.0) / n)
+        if n >= MIN_NEIGHBOURS and residual >= 0.0 and fitted[2] > MIN_UPRIGHT:
+            plane[i, 0], plane[i, 1] = -fitted[0] / fitted[2], -fitted[1] / fitted[2]
+            plane[i, 2], plane[i, 3] = z - fitted[3] / fitted[2], np.sqrt(residual / n) / fitted[2]
 
 
 @kernel

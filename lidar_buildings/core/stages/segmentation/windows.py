@@ -155,16 +155,12 @@ class Chains(NamedTuple):
     component: NDArray[np.int64]  #: from 0, shape (n_points,)
     n_components: int  #: number of components
     patterns: list[ScanPattern]  #: the pattern whose window chained each component
-    #: What was gathered before, of which each component is a part, from 0, shape (n_points,).
-    group: NDArray[np.int64]
-    group_patterns: list[ScanPattern]  #: measured of each group
 
 
 def chain_along_scan(
     pulses: Pulses,
     window: float,
     spacing: float,
-    scan_angle: NDArray[np.float64] | None = None,
     cells: CellGrid | None = None,
     min_ratio: float = MIN_RATIO,
 ) -> Chains:
@@ -183,8 +179,6 @@ def chain_along_scan(
         Sides of the window in units of the spacings along and across the lines.
     spacing : float
         1/√density [m].
-    scan_angle : ndarray of shape (n_points,), optional
-        See `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns` [deg].
     cells : CellGrid, optional
         The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
     min_ratio : float
@@ -192,11 +186,11 @@ def chain_along_scan(
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
-    group, patterns = _groups(pulses, half, spacing, scan_angle, cells, min_ratio)
+    group, patterns = _groups(pulses, half, spacing, cells, min_ratio)
     has_lines = np.array([not one.is_isotropic for one in patterns], dtype=bool)
     chain_patterns = [ScanPattern.isotropic(spacing)] * n_components
     if not has_lines.any():
-        return Chains(component, n_components, chain_patterns, group, patterns)
+        return Chains(component, n_components, chain_patterns)
     order = np.argsort(group, kind="stable")
     first = np.searchsorted(group[order], np.arange(len(patterns) + 1))
     for number in np.flatnonzero(has_lines):
@@ -208,14 +202,13 @@ def chain_along_scan(
         n_components += n_parts
         chain_patterns += [patterns[number]] * n_parts
     used, component = np.unique(component, return_inverse=True)
-    return Chains(component, len(used), [chain_patterns[k] for k in used], group, patterns)
+    return Chains(component, len(used), [chain_patterns[k] for k in used])
 
 
 def _groups(
     pulses: Pulses,
     half: float,
     spacing: float,
-    scan_angle: NDArray[np.float64] | None,
     cells: CellGrid | None,
     min_ratio: float,
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
@@ -224,9 +217,7 @@ def _groups(
     """
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))
-    patterns = measure_scan_patterns(
-        pulses, group, n_groups, spacing, scan_angle=scan_angle, cells=cells, min_ratio=min_ratio
-    )
+    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, cells=cells, min_ratio=min_ratio)
     is_wide = np.array([half * math.hypot(one.along, one.across) > reach for one in patterns], dtype=bool)
     rows = np.flatnonzero(is_wide[group]) if is_wide.any() else np.zeros(0, dtype=np.intp)
     if not len(rows):
@@ -235,10 +226,7 @@ def _groups(
     wider = half * spacing * math.sqrt(MAX_RATIO)
     some = pulses.select(rows)
     group_of_some, n_more = chain_windows(some.points, (wider, wider))
-    angle = None if scan_angle is None else scan_angle[rows]
-    patterns += measure_scan_patterns(
-        some, group_of_some, n_more, spacing, scan_angle=angle, min_ratio=min_ratio
-    )
+    patterns += measure_scan_patterns(some, group_of_some, n_more, spacing, min_ratio=min_ratio)
     group[rows] = n_groups + group_of_some
     return group, patterns
 

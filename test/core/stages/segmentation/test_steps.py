@@ -6,7 +6,13 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
-from lidar_buildings.core.stages.segmentation.steps import measure_borders, merge_parts
+from lidar_buildings.core.stages.segmentation.steps import (
+    measure_borders,
+    merge_parts,
+    plan_sums,
+    rectangle_width,
+    spread_width,
+)
 from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)
@@ -147,12 +153,11 @@ def test_parts_merge_the_smallest_first_and_never_across_blocks():
     )
     part = np.repeat([0, 1, 2], [800, 80, 1520])
     borders = measure_borders(points, part, 3, 1.0)
-    area = np.array([100.0, 10.0, 190.0])
+    area, sums = np.array([100.0, 10.0, 190.0]), plan_sums(points, part, 3)
     limits = {"min_area": 6.0, "min_width": 2.5}
     assert borders.shared[0, 1] == pytest.approx(10.0, rel=0.3)
-    assert merge_parts(borders, area, np.zeros(3, dtype=np.int64), **limits).tolist() == [0, 2, 2]
-    assert merge_parts(borders, area, np.array([0, 0, 1]), **limits).tolist() == [0, 0, 2]
-    assert merge_parts(borders, area, np.array([0, 1, 2]), **limits).tolist() == [0, 1, 2]
+    for block, expected in (([0, 0, 0], [0, 2, 2]), ([0, 0, 1], [0, 0, 2]), ([0, 1, 2], [0, 1, 2])):
+        assert merge_parts(borders, area, sums, np.array(block), **limits).tolist() == expected
 
 
 def test_a_block_of_split_houses_comes_out_whole_in_the_tile_that_holds_its_anchor():
@@ -201,3 +206,36 @@ def test_borders_are_those_of_a_comparison_of_all_cells():
     found = measure_borders(points, part, 4, 1.0)
     assert np.allclose(found.free * 1.27, free)
     assert {pair: round(length * 1.27, 6) for pair, length in found.shared.items()} == shared
+
+
+@pytest.mark.parametrize("deg", [0.0, 30.0, 45.0, 110.0])
+@pytest.mark.parametrize("width", [1.2, 3.0, 8.0])
+def test_a_rectangle_has_its_width_however_it_is_turned(width, deg):
+    points = turned(plane(1000, -500, 1012, -500 + width, 0.0), deg)
+    sums = plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)
+    assert spread_width(sums[0]) == pytest.approx(width, rel=0.06)
+
+
+def test_two_halves_that_merge_are_as_wide_as_the_whole():
+    points = turned(plane(0, 0, 12, 6, 0.0), 20.0)
+    half = (points[:, 0] > 5.0).astype(np.int64)
+    whole = plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)[0]
+    assert spread_width(plan_sums(points, half, 2).sum(axis=0)) == pytest.approx(spread_width(whole))
+
+
+@pytest.mark.parametrize("n_points", [0, 1, 2])
+def test_a_few_points_have_no_width(n_points):
+    points = np.arange(3.0 * n_points).reshape(n_points, 3)
+    sums = plan_sums(points, np.zeros(n_points, dtype=np.int64), 1)
+    assert spread_width(sums[0]) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_rectangles_have_the_shorter_side_and_what_has_less_rim_than_a_square_the_squares():
+    assert rectangle_width(24.0, 20.0) == pytest.approx(4.0)
+    assert rectangle_width(25.0, 19.0) == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("deg", [0.0, 25.0, 45.0])
+def test_a_low_canopy_along_a_wall_is_no_building_of_its_own(deg):
+    points = np.vstack((plane(0, 0, 30, 15, 9.0), plane(5, 15, 13, 16.6, 4.0, seed=1)))
+    assert len(segment_buildings(turned(points, deg), SPLIT, point_spacing=0.3536).patterns) == 1
