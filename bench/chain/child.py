@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bench.common.clouds import ROOT
-from lidar_buildings.io.results.process_tree import MemoryWatch, tree_of
+from bench.common.process_tree import MemoryWatch, tree_of
 
 #: Between two looks at the process: short against a run, long against a look of some milliseconds [s].
 PERIOD = 0.25

@@ -33,7 +33,7 @@ import numpy as np
 
 from bench.chain.child import adopt_orphans, wait_for_orphans
 from bench.chain.repeated import repeat_bags
-from lidar_buildings.io.results.process_tree import memory_by_process
+from bench.common.process_tree import memory_by_process
 
 #: In the child's error output, the line with the latencies.
 _MARK = "MEASURED "

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lidar_buildings.commands import replay
+from lidar_buildings.commands import live
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, TRANSFORMS, BagMessage
 
 _SECOND = 1_000_000_000
@@ -17,7 +17,7 @@ _PAUSE, _STEP = 2 * _SECOND, 4_000.0
 
 def repeat_bags(n_times: int) -> None:
     """Have bags played so often by whatever plays one in this process."""
-    read = replay.chosen_messages
+    read = live.chosen_messages
 
     def messages(bag: Any, topics: Any, choice: Any) -> Iterator[BagMessage]:
         shift, last = 0, 0
@@ -33,7 +33,7 @@ def repeat_bags(n_times: int) -> None:
                 last = one.time
             shift += last - (first or 0) + _PAUSE
 
-    replay.chosen_messages = messages
+    live.chosen_messages = messages
 
 
 def _moved(one: BagMessage, shift: int, east: float) -> Any:

@@ -23,13 +23,13 @@ import numpy as np
 
 from bench.chain.decoding import decode
 from bench.common.clouds import read_files
+from bench.common.process_tree import cpu_of, tree_of
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.core.stages.roof_selection.selection import last_and_only_returns
 from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
-from lidar_buildings.io.results.process_tree import cpu_of, tree_of
 from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import TileModel, build_models

@@ -18,9 +18,9 @@ import time
 from concurrent.futures import wait
 
 from bench.chain.child import adopt_orphans
+from bench.common.process_tree import cpu_of, tree_of
 from bench.scale.cluster import Cluster
 from bench.scale.stub_workers import stub
-from lidar_buildings.io.results.process_tree import cpu_of, tree_of
 from lidar_buildings.pipeline.tile_cluster import TileCluster
 
 #: Workers that share a process would look at the stacks of all others each 10 ms.

@@ -22,7 +22,6 @@ from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
-from lidar_buildings.io.results.process_tree import watched_memory
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
     PLACED,
@@ -106,7 +105,7 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
 
     tune_malloc()
     load_stages()  # before the pool: its processes are forked
-    with BuildingPool() as pool, watched_memory():
+    with BuildingPool() as pool:
         return run_local(request, footprints, pool)
 
 
@@ -122,8 +121,7 @@ def _run_cluster(
 
     with TileCluster(n_workers, scheduler) as cluster:
         print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
-        with watched_memory():
-            return run_local(request, footprints, cluster)
+        return run_local(request, footprints, cluster)
 
 
 def _run_graph(request: RunRequest) -> RunOutcome:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from lidar_buildings.commands.progress import RunOutcome, TilesDone, progress_bar
 from lidar_buildings.commands.run_request import RunRequest
 from lidar_buildings.commands.stage_calls import load_stages
-from lidar_buildings.io.results.process_tree import watched_memory
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 
@@ -80,8 +79,7 @@ def run_graph(request: RunRequest) -> RunOutcome:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
     with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):
-        with watched_memory():
-            outcome = _outcome(composition, nodes, request.is_quiet)
+        outcome = _outcome(composition, nodes, request.is_quiet)
         while outcome.recording is not None and not nodes["recorder"].is_silent:
             time.sleep(_TICK)
         return outcome

@@ -195,9 +195,6 @@ def _how_long(run: Mapping[str, Any]) -> str:
         name, most = max(stages, key=lambda one: one[1])
         total = sum(taken for _, taken in stages)
         words.append(f"most of it {name} ({most:,.1f} s of {total:,.1f} s in stages)")
-    memory = run.get("peak_memory", {})
-    if memory:
-        words.append(f"at most {sum(memory.values()) / 1e9:.1f} GB of memory")
     versions = run.get("versions", {})
     if "lidar_buildings" in versions:
         words.append(f"lidar_buildings {versions['lidar_buildings']}")

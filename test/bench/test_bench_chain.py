@@ -21,11 +21,11 @@ from bench.chain.live import Sending, latencies, memory_thirds
 from bench.chain.parts import n_compiled
 from bench.chain.repeated import repeat_bags
 from bench.chain.stages import Clock
+from bench.common.process_tree import cpu_of, tree_memory, tree_of
 from bench.pages import landings
-from lidar_buildings.commands import replay
+from lidar_buildings.commands import live
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
-from lidar_buildings.io.results.process_tree import cpu_of, tree_memory, tree_of
 
 
 @pytest.fixture(scope="module")
@@ -251,10 +251,10 @@ def test_a_bag_that_is_repeated_goes_on_later_and_further_east(monkeypatch):
         yield BagMessage("/odometry", ODOMETRY, T0, odometry(T0, (1.0, 2.0, 3.0)))
         yield BagMessage("/scan", CLOUD, T0 + SECOND, cloud_of(T0 + SECOND, "lidar", rows))
 
-    monkeypatch.setattr(replay, "chosen_messages", read)
+    monkeypatch.setattr(live, "chosen_messages", read)
     repeat_bags(3)
     topics = SimpleNamespace(of_whole={"/map_origin"})
-    origin, *rest = list(replay.chosen_messages(None, topics, None))
+    origin, *rest = list(live.chosen_messages(None, topics, None))
     assert origin.type == POINT
     assert [one.time - T0 for one in rest] == [k * SECOND for k in (0, 1, 3, 4, 6, 7)]
     poses, clouds = rest[::2], rest[1::2]

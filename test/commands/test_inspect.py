@@ -131,20 +131,6 @@ def test_clouds_without_any_pose_are_told_of_and_what_helps(tmp_path):
     assert "or --set scan_assembler.mounting=…, if it is fixed to one of base, odom; or" in loose
 
 
-def test_an_unclear_choice_is_told_as_the_run_tells_it(command, tmp_path):
-    bag = BagWriter(tmp_path / "two")
-    for topic in ("/left", "/right"):
-        bag.write(topic, SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
-    bag.close()
-    spoken = command("inspect", bag.path)
-    assert (
-        spoken.out[-1] == "  contains several topics of sensor_msgs/msg/PointCloud2: choose one with --topic"
-    )
-    refused = command("run", bag.path, "--no-ros", "--output", tmp_path / "out")
-    assert refused.status == 2
-    assert [line.removeprefix("lidar-buildings: ") for line in refused.err[1:]] == spoken.out[1:-1]
-
-
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.97])
 def test_of_a_bag_that_was_cut_off_what_is_whole_is_listed(command, tmp_path, share):
     drive = write_drive(tmp_path / "drive", n_points=400_000)

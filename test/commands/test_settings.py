@@ -1,9 +1,16 @@
 """What a user sets in a file or on the command line, by stage."""
 
 import pytest
+from support.bags import write_drive
+from support.cli_runs import Command
+from support.cloud_files import random_cloud, saved
 
-from lidar_buildings.commands.settings import read_settings
+from lidar_buildings.cli import command_parser
+from lidar_buildings.commands.run_request import request_of
+from lidar_buildings.commands.settings import PRESETS, read_settings
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.stage_table import STAGE_TABLE
+from lidar_buildings.nodes.reference import parameter_yaml
 
 
 @pytest.fixture
@@ -100,3 +107,92 @@ def test_lists_of_texts_are_read_and_an_empty_text_alone_is_an_empty_list(settin
         "tile_player": {"input": ("a", "b")}
     }
     assert settings("tile_player: {ros__parameters: {input: ['']}}") == {"tile_player": {"input": ()}}
+
+
+def test_georeferenced_takes_the_scans_of_a_bag_as_they_are(command, tmp_path):
+    bare = write_drive(tmp_path / "bare", poses="none")
+    run = ("run", bare.path, "--no-ros", "--until", "ground_filter", "--output")
+    assert "(--georeferenced)" in command.refused(*run, tmp_path / "no")
+    spoken = command(*run, tmp_path / "out", "--georeferenced")
+    assert spoken.status == 0
+    assert "5,000 points of 10 scans placed" in spoken.err[0]
+
+
+def test_a_rate_is_the_players(tmp_path):
+    options = command_parser().parse_args(
+        ["run", "a.laz", "--output", str(tmp_path / "out"), "--rate", "2.5"]
+    )
+    assert request_of(options).settings["tile_player"]["rate"] == 2.5
+
+
+def test_a_rate_without_the_graph_or_that_is_none_is_refused(command, tmp_path):
+    run = ("run", saved(random_cloud(), tmp_path / "a.laz"), "--output", tmp_path / "out")
+    line = command.refused(*run, "--rate", "2", "--no-ros")
+    assert "--rate: needs ROS" in line
+    assert "tile_player.rate = -1.0: must be within 0 to 1e+06" in command.refused(*run, "--rate", "-1")
+    assert "must be of type float" in command.refused(*run, "--rate", "nan")
+
+
+@pytest.mark.parametrize("stage", STAGE_TABLE, ids=lambda stage: stage.node)
+def test_a_run_until_a_node_ends_with_the_stage_of_that_node(tmp_path, stage):
+    run = ["run", "a.laz", "--output", str(tmp_path), "--until", stage.node]
+    assert request_of(command_parser().parse_args(run)).until == stage.name
+
+
+#: Preset → one thing by which the paper is known, of each stage that it describes.
+KNOWN = {
+    "santos": {
+        "ground_filter.method": "progressive_tin",
+        "roof_selection.method": "lasclassify",
+        "edge_labelling.features": "linearity",
+        "boundary_tracing.source": "edge_points",
+    },
+    "villalba": {
+        "ground_filter.method": "histogram_tin",
+        "roof_selection.min_building_area": 40.0,
+        "roof_selection.road_method": "grey_values",
+        "plane_fitting.method": "ransac",
+    },
+    "sampath_shan": {
+        "ground_filter.method": "slope_pairs",
+        "segmentation.min_line_ratio": 1.0,
+        "boundary_tracing.neighbourhood": "rectangle",
+        "regularisation.division": "slope_changes",
+        "regularisation.min_long_wall": 10.0,
+    },
+}
+
+
+def asked(tmp_path, *options):
+    return request_of(
+        command_parser().parse_args(["run", "a.laz", "--output", str(tmp_path / "out"), *options])
+    )
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_is_a_word_and_is_told(tmp_path, preset):
+    request = asked(tmp_path, "--preset", preset)
+    assert request.parameters()["preset"] == preset
+    for name, value in KNOWN[preset].items():
+        stage, _, member = name.partition(".")
+        assert getattr(getattr(request.config, stage), member) == value
+    assert "preset" not in asked(tmp_path).parameters()
+
+
+def test_what_is_set_wins_over_the_preset(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("roof_selector: {ros__parameters: {min_height: 1.5, min_building_area: 30.0}}")
+    options = ("--preset", "villalba", "--params", str(mine), "--set", "roof_selection.min_height=1.0")
+    found = asked(tmp_path, *options).config.roof_selection
+    assert (found.min_height, found.min_building_area, found.method) == (1.0, 30.0, "single_returns")
+
+
+def test_an_unknown_preset_is_refused_by_the_names_of_the_three(capfd, tmp_path):
+    line = Command(capfd).refused("run", "a.laz", "--output", tmp_path / "out", "--preset", "shan")
+    assert "--preset shan: must be one of santos, villalba, sampath_shan" in line
+
+
+def test_the_parameter_file_that_we_ship_has_the_defaults(tmp_path):
+    (tmp_path / "all.yaml").write_text(parameter_yaml())
+    request, plain = asked(tmp_path, "--params", str(tmp_path / "all.yaml")), asked(tmp_path)
+    assert request.parameters() == plain.parameters()

@@ -48,8 +48,6 @@ def test_run_json_tells_the_same_as_without_ros(command, house, result, tmp_path
     assert command("run", house, "--output", tmp_path / "out").status == 0
     mine, theirs = (json.loads((folder / "run.json").read_text()) for folder in (tmp_path / "out", result))
     seconds = mine.pop("seconds"), theirs.pop("seconds")
-    assert all(told.pop("peak_memory")["process"] > 50e6 for told in (mine, theirs))
-    assert mine.pop("plan").keys() == theirs.pop("plan").keys()
     parameters = mine.pop("parameters"), theirs.pop("parameters")
     assert mine == theirs
     assert set(seconds[0]) == set(seconds[1]) == {"wall", *STAGES}

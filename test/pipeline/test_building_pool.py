@@ -112,11 +112,6 @@ def test_a_handful_of_small_buildings_stays_here(pool):
     assert shared(pool, process_of, [1, 2], [10, 10]) == [(1, os.getpid()), (2, os.getpid())]
 
 
-def test_one_core_has_no_processes():
-    with BuildingPool(1) as alone:
-        assert {process for _, process in shared(alone, process_of, [1, 2])} == {os.getpid()}
-
-
 def test_a_process_that_ends_loses_nothing(pool, tmp_path):
     jobs = [1, ("end once", tmp_path / "ended"), *range(2, 30)]
     assert shared(pool, do, jobs) == jobs

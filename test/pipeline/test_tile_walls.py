@@ -1,7 +1,5 @@
 """A tile's buildings of which walls were seen: what goes on, who owns them, what is built of them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import shapely
@@ -83,13 +81,6 @@ def test_what_goes_on_tells_the_same_as_all_points():
     assert not walled_buildings(tile, 1000.0).buildings
 
 
-def test_without_bare_walls_roofs_alone_go_on():
-    tile = street_scene()
-    below = tile.with_columns(facade=np.minimum(tile.facade, Facade.BELOW_ROOF))
-    assert roof_points(below).is_roof.all()
-    assert len(traced(below).outlines) == 1
-
-
 def sparse_yard(spacing):
     """A block round a court of 8 m, seen from above, and ground all about it."""
     x, y = np.meshgrid(np.arange(-40.0, 80.0, spacing), np.arange(-40.0, 80.0, spacing))
@@ -126,14 +117,6 @@ def test_ground_about_sparse_roofs_goes_on_and_opens_courts():
 def test_ground_goes_on_where_a_courtyard_may_be_narrower_than_the_disc_that_tells_it():
     assert not roof_points(sparse_yard(0.45)).is_roof.all()
     assert roof_points(sparse_yard(0.35)).is_roof.all()
-
-
-def test_walls_without_any_roof_go_on_in_a_sparse_tile_too():
-    tile = street_scene()
-    seen = tile.select((tile.facade == Facade.BARE) | (tile.classification == PointClass.GROUND))
-    part = roof_points(replace(seen, point_spacing=1.8))
-    assert np.count_nonzero(part.facade == Facade.BARE) == 10_000
-    assert (part.classification == PointClass.GROUND).any()
 
 
 @pytest.mark.parametrize(("core", "is_own"), [((-20.0, 8.0), True), ((8.0, 60.0), False)])

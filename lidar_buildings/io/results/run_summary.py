@@ -11,7 +11,6 @@ from typing import Any
 from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
 from lidar_buildings.io.results.output_config import FORMAT_FILES
-from lidar_buildings.io.results.process_tree import peak_memory
 
 #: What points are, in a reader's words, if there is no building; the rest is "other".
 _KINDS = {
@@ -91,12 +90,11 @@ def run_info(
     failed: Mapping[int, str],
     problems: Iterable[str],
 ) -> dict[str, Any]:
-    """Return versions, parameters, seconds by stage, memory, failed tiles and problems of a run."""
+    """Return versions, parameters, seconds by stage, failed tiles and problems of a run."""
     return {
         "versions": library_versions(),
         "parameters": dict(parameters),
         "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
-        "peak_memory": peak_memory(),
         "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
         "problems": list(problems),
     }

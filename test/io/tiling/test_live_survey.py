@@ -120,20 +120,6 @@ def test_what_is_said_once_more_of_an_earlier_revision_does_not_end_the_next_one
     assert survey.is_flushed
 
 
-@pytest.mark.parametrize(("touched", "came", "goes_first"), [(6.0, 7.0, "again"), (7.0, 6.0, "new")])
-def test_the_tile_goes_first_into_which_no_point_fell_for_longest_new_or_not(
-    survey, touched, came, goes_first
-):
-    seen = first_tile(survey)
-    survey.finish(seen.stamp)
-    for when, one in sorted([(touched, scan_at(20, 20, seed=1)), (came, scan_at(140, 20))]):
-        survey.add(one, when)
-        survey.tick(when)
-    survey.tick(100.0)
-    order = ["again" if tile.stamp == seen.stamp + 1 else "new" for tile in tiles_of(survey)]
-    assert order == [goes_first, *({"again", "new"} - {goes_first})]
-
-
 @pytest.mark.parametrize(("n_new", "wait"), [(300, 5.0), (10, 5.0), (5, 10.0), (1, 50.0)])
 def test_a_tile_waits_longer_to_come_again_where_fewer_than_one_in_a_hundred_points_are_new(
     survey, n_new, wait
@@ -147,14 +133,6 @@ def test_a_tile_waits_longer_to_come_again_where_fewer_than_one_in_a_hundred_poi
     assert survey.tick(6.0 + wait + 0.1)
     (again,) = tiles_of(survey)
     assert len(again) == 1000
-
-
-def test_it_comes_again_when_only_its_buffer_has_changed(survey):
-    first = first_tile(survey)
-    survey.finish(first.stamp)
-    survey.add(scan_at(43, 20, spread=2.0), 6.0)
-    survey.tick(56.0)
-    assert {tile.stamp - first.stamp for tile in tiles_of(survey)} >= {1}
 
 
 @pytest.mark.parametrize("is_done", [True, False])
@@ -320,27 +298,6 @@ def test_of_a_crowded_tile_points_near_others_are_left_out(tmp_path, monkeypatch
     assert set(survey.left_out) == {CROWDED}
     voxels = np.unique(np.floor(tile.points / VOXEL), axis=0)
     assert len(voxels) >= 0.9 * (2 / VOXEL) * (5 / VOXEL), "the wall is covered"
-
-
-def test_of_a_crowded_tile_nothing_is_left_out_for_a_disk_that_was_full(tmp_path, monkeypatch):
-    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_tile_points=1000)
-    survey = LiveSurvey(config, FRAME, tmp_path)
-    survey.add(scan_at(20, 20, 600), 0.0)
-    survey.tick(0.0)
-    survey.add(scan_at(30, 30, 100, spread=4.0), 0.0)
-    write = spool.append_records
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(spool, "append_records", full)
-    for _ in range(2):
-        with pytest.raises(OutputError):
-            survey.tick(0.0)
-    monkeypatch.setattr(spool, "append_records", write)
-    survey.tick(0.0)
-    assert survey.n_points + survey.left_out[CROWDED] == 700
-    assert survey.n_points > 690
 
 
 def test_reset_forgets_all(survey, tmp_path):

@@ -1,14 +1,19 @@
 import laspy
 import numpy as np
 import pytest
+from support.cut_surveys import tiles_of
 
+from lidar_buildings.core.neighbours.point_spacing import steady_spacing
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.io.clouds.point_columns import last_returns
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.io.tiling.survey_brightness import SurveyBrightness
+from lidar_buildings.io.tiling.survey_spacing import expected_spacing
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
+from lidar_buildings.simulation import simulate_survey
 
 SIDE, SPACING = 160.0, 0.8
 GRASS, ASPHALT, ROOF = 150.0, 60.0, 110.0
@@ -40,7 +45,7 @@ def save_strip_files(folder, *, roads=True, seed=0, scale=1.0):
         las.write(folder / f"{number}.laz")
 
 
-def tiles_of(folder, tile_size):
+def strip_tiles(folder, tile_size):
     with TileSource(folder, TilingConfig(tile_size=tile_size, buffer=20.0, max_buffer=20.0)) as source:
         return [tile.read() for tile in source.ready()]
 
@@ -50,7 +55,7 @@ def test_all_tiles_have_one_scale_and_one_limit_whatever_their_size(tmp_path):
     found = {}
     for tile_size in (60.0, 200.0):
         values = {}
-        for tile in tiles_of(tmp_path, tile_size):
+        for tile in strip_tiles(tmp_path, tile_size):
             assert tile.normalised_intensity.dtype == np.float32
             rows = zip(tile.source.tolist(), tile.index.tolist(), strict=True)
             values.update(zip(rows, tile.normalised_intensity.tolist(), strict=True))
@@ -63,7 +68,7 @@ def test_all_tiles_have_one_scale_and_one_limit_whatever_their_size(tmp_path):
 
 def test_8_and_16_bit_strips_mean_the_same(tmp_path):
     save_strip_files(tmp_path)
-    (tile,) = tiles_of(tmp_path, 1000.0)
+    (tile,) = strip_tiles(tmp_path, 1000.0)
     ground = tile.points[:, 2] < 5
     for truth in (tile.classification == 30, (tile.classification == 0) & ground):
         medians = [np.median(tile.normalised_intensity[truth & (tile.point_source_id == s)]) for s in GAINS]
@@ -73,7 +78,7 @@ def test_8_and_16_bit_strips_mean_the_same(tmp_path):
 
 def test_tiles_too_small_to_show_two_modes_still_find_their_roads(tmp_path):
     save_strip_files(tmp_path)
-    for tile in tiles_of(tmp_path, 60.0):
+    for tile in strip_tiles(tmp_path, 60.0):
         result = select_roof_points(
             filter_ground(tile, GroundFilterConfig(kept_classes=())).tile, RoofSelectionConfig()
         )
@@ -85,14 +90,14 @@ def test_tiles_too_small_to_show_two_modes_still_find_their_roads(tmp_path):
 def test_sparse_surveys_show_their_modes_on_a_wider_square(tmp_path):
     """In a square of 250 m few cells are without an edge of a road in them."""
     save_strip_files(tmp_path, scale=4.0)
-    limits = {tile.dark_limit for tile in tiles_of(tmp_path, 240.0)}
+    limits = {tile.dark_limit for tile in strip_tiles(tmp_path, 240.0)}
     assert len(limits) == 1
     assert ASPHALT < limits.pop() < GRASS
 
 
 def test_a_survey_without_roads_has_no_limit(tmp_path):
     save_strip_files(tmp_path, roads=False)
-    assert all(tile.dark_limit is None for tile in tiles_of(tmp_path, 200.0))
+    assert all(tile.dark_limit is None for tile in strip_tiles(tmp_path, 200.0))
 
 
 def test_a_survey_without_intensities_is_dark_and_has_no_limit(tmp_path):
@@ -101,7 +106,7 @@ def test_a_survey_without_intensities_is_dark_and_has_no_limit(tmp_path):
         las = laspy.read(path)
         las.intensity[:] = 0
         las.write(path)
-    for tile in tiles_of(tmp_path, 200.0):
+    for tile in strip_tiles(tmp_path, 200.0):
         assert tile.dark_limit is None
         assert not tile.normalised_intensity.any()
 
@@ -151,3 +156,57 @@ def test_the_limit_is_found_wherever_points_lie_about_the_origin(shift):
     survey.learn(0)
     normalised = survey.normalised(records["intensity"], records["point_source_id"])
     assert np.median(normalised[on_road]) < survey.dark_limit < np.median(normalised[~(on_road | on_roof)])
+
+
+def lattice(spacing: float, side: float = 30.0) -> np.ndarray:
+    x, y = np.meshgrid(np.arange(0.0, side, spacing), np.arange(0.0, side, spacing))
+    return np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
+
+
+def test_a_pulse_counts_once_however_many_returns_it_has():
+    points = np.repeat(lattice(0.5), 2, axis=0)
+    return_number = np.tile([1, 2], len(points) // 2).astype(np.uint8)
+    number_of_returns = np.full(len(points), 2, dtype=np.uint8)
+    np.testing.assert_array_equal(last_returns(points, return_number, number_of_returns), points[1::2])
+
+
+def test_without_return_numbers_every_point_is_a_pulse():
+    assert len(last_returns(lattice(1.0), None, None)) == 900
+
+
+def test_few_points_tell_nothing_of_the_survey():
+    assert expected_spacing([]) is None
+    assert expected_spacing([lattice(1.0)[:999]]) is None
+    assert expected_spacing([lattice(0.5)[:1800], lattice(0.5)[1800:]]) == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_tile_takes_the_expected_spacing_unless_its_own_is_quite_another():
+    assert steady_spacing(lattice(0.5), 0.45) == 0.45
+    assert steady_spacing(lattice(0.5), 2.0) == pytest.approx(0.5, rel=0.2)
+
+
+def test_all_tiles_of_a_survey_have_one_spacing_whatever_their_size(tmp_path):
+    simulate_survey(tmp_path, "village", density=2.0)
+    found = set()
+    for tile_size in (70.0, 200.0):
+        with TileSource(tmp_path, TilingConfig(tile_size=tile_size)) as source:
+            found |= {tile.point_spacing for tile in tiles_of(source)}
+    assert len(found) == 1
+
+
+def test_a_survey_in_one_file_has_the_spacing_that_it_has_in_many(tmp_path):
+    simulate_survey(tmp_path / "strips", "village", density=2.0)
+    strips = [laspy.read(path) for path in sorted((tmp_path / "strips").glob("*.laz"))]
+    assert len(strips) > 1
+    whole = laspy.LasData(strips[0].header)
+    records = np.concatenate([strip.points.array for strip in strips])
+    whole.points = laspy.ScaleAwarePointRecord(
+        records, strips[0].point_format, strips[0].header.scales, strips[0].header.offsets
+    )
+    whole.write(tmp_path / "whole.laz")
+    found = []
+    for path in (tmp_path / "strips", tmp_path / "whole.laz"):
+        with TileSource(path, TilingConfig(tile_size=100.0)) as source:
+            found.append({tile.point_spacing for tile in tiles_of(source)})
+    assert found[0] == found[1]
+    assert len(found[0]) == 1

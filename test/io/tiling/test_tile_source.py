@@ -1,6 +1,6 @@
 """A source of tiles: stamps, doing without what is done, bad files, its temporary folder, its memory."""
 
-import gc
+import pickle
 import shutil
 import threading
 from concurrent.futures import ProcessPoolExecutor
@@ -17,6 +17,7 @@ from support.cut_surveys import (
     WEST,
     all_names,
     core_names,
+    grown_fully,
     names,
     square,
     survey,
@@ -26,6 +27,7 @@ from support.cut_surveys import (
 from support.long_survey import peak_of_surveys
 
 from lidar_buildings.core.model.errors import InputError, OutputError
+from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.tiling.spool import RECORD
@@ -69,16 +71,6 @@ def test_without_times_stamps_are_the_tiles_numbers(tmp_path):
         assert sorted(tile.stamp for tile in tiles_of(source)) == [n * 10**9 for n in (1, 2, 3, 4)]
 
 
-def test_two_runs_give_the_same_tiles_with_the_same_stamps(tmp_path):
-    paths = two_neighbours(tmp_path)
-    config = TilingConfig(tile_size=30.0)
-    with TileSource(paths, config) as one, TileSource(paths, config) as other:
-        for mine, theirs in zip(tiles_of(one), tiles_of(other), strict=True):
-            assert mine.stamp == theirs.stamp
-            assert np.array_equal(mine.points, theirs.points)
-            assert names(mine) == names(theirs)
-
-
 def test_tiles_that_are_done_are_skipped(tmp_path):
     paths = two_neighbours(tmp_path)
     config = TilingConfig(tile_size=50.0)
@@ -87,18 +79,6 @@ def test_tiles_that_are_done_are_skipped(tmp_path):
     with TileSource(paths, config, skip=set(stamps[::2])) as source:
         assert [tile.stamp for tile in tiles_of(source)] == stamps[1::2]
         assert source.tile_count == len(stamps)
-
-
-def test_iterating_again_starts_again(tmp_path):
-    with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
-        first = [(tile.stamp, len(tile)) for tile in tiles_of(source)]
-        assert [(tile.stamp, len(tile)) for tile in tiles_of(source)] == first
-
-
-def test_the_number_of_tiles_is_known_early(tmp_path):
-    with TileSource(two_neighbours(tmp_path), TilingConfig(tile_size=50.0)) as source:
-        expected = source.tile_count
-        assert len(list(tiles_of(source))) == 8 <= expected <= 15
 
 
 def test_an_unreadable_file_is_reported_and_the_rest_done(tmp_path):
@@ -168,15 +148,6 @@ def test_closing_removes_the_temporary_folder_and_ends_the_iteration(tmp_path):
     assert list(source.ready()) == []
 
 
-def test_the_temporary_folder_goes_with_the_source(tmp_path):
-    (tmp_path / "spool").mkdir()
-    source = TileSource(two_neighbours(tmp_path), temporary=tmp_path / "spool")
-    next(tiles_of(source))
-    del source
-    gc.collect()
-    assert list((tmp_path / "spool").iterdir()) == []
-
-
 def test_points_stay_decoded_where_there_is_room(tmp_path, monkeypatch):
     sizes = {tmp_path / "a.laz": 3000, tmp_path / "b.las": 2000}
     paths = [
@@ -219,3 +190,65 @@ def test_memory_holds_a_chunk_and_a_tile_whatever_the_size():
     assert n_points == 160 * 25_000
     everything = n_points * RECORD.itemsize
     assert peak < everything / 4, f"{peak / 1e6:.0f} MB in memory for {everything / 1e6:.0f} MB of points"
+
+
+def test_a_tile_waits_for_every_file_that_its_largest_buffer_may_need(tmp_path):
+    paths = survey(tmp_path, [square(80, WEST + 100.0 * k, SOUTH, 100.0, k) for k in range(4)])
+    config = TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=80.0)
+    with TileSource(paths, config) as source, TileSource(paths, config) as patient:
+        list(tiles_of(patient))
+        for tile in tiles_of(source):
+            for early, late in zip(grown_fully(source, tile), grown_fully(patient, tile), strict=True):
+                assert names(early) == names(late)
+
+
+def test_growing_doubles_the_buffer_until_its_cap(tmp_path):
+    paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
+        tile = max(tiles_of(source), key=len)
+        grown = grown_fully(source, tile)
+        moved = np.abs([np.subtract(larger.bounds, tile.bounds) for larger in grown])
+        west, north, east = 10.0 / 3.0, 20.0 / 3.0, 10.0
+        assert moved[:, 0] == pytest.approx([west, 3.0 * west, 7.0 * west, 30.0 - west], abs=1e-4)
+        assert moved[:, 3] == pytest.approx([north, 3.0 * north, 30.0 - north, 30.0 - north], abs=1e-4)
+        assert moved[:, 2] == pytest.approx([east, 20.0, 20.0, 20.0])
+        assert {larger.stamp for larger in grown} == {tile.stamp}
+        assert all(names(larger, larger.is_core) == names(tile, tile.is_core) for larger in grown)
+        assert source.grown(tile.stamp) is None
+
+
+def test_a_tile_grows_on_the_sides_that_are_asked_for(tmp_path):
+    paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=12.0, max_buffer=30.0)) as source:
+        tile = max(tiles_of(source), key=len)
+        north = source.grown(tile.stamp, Sides(north=True))
+        both = source.grown(tile.stamp, Sides(east=True, north=True))
+        assert np.subtract(north.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 0.0, 8.0])
+        assert np.subtract(both.bounds, tile.bounds) == pytest.approx([0.0, 0.0, 12.0, 22.0])
+        assert set(names(tile)) < set(names(north)) < set(names(both))
+        assert source.grown(tile.stamp, Sides(north=True)) is None
+
+
+def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):
+    paths = survey(tmp_path, [square(4000, WEST, SOUTH, 400.0)])
+    with TileSource(paths, TilingConfig(tile_size=50.0, buffer=10.0, max_buffer=30.0)) as source:
+        sent = [pickle.loads(pickle.dumps(tile)) for tile in source.ready()]
+        for here, there in zip(tiles_of(source), sent, strict=True):
+            assert names(here) == names(there.read())
+            assert here.point_spacing == there.read().point_spacing
+            assert there.grow()
+            assert names(source.grown(here.stamp)) == names(there.read())
+
+
+def test_growing_ends_where_there_are_no_more_points(tmp_path):
+    with TileSource(survey(tmp_path, [square(50, WEST, SOUTH, 40.0)])) as source:
+        (tile,) = tiles_of(source)
+        assert source.grown(tile.stamp) is None
+
+
+def test_growing_an_unknown_tile_is_a_mistake(tmp_path):
+    with (
+        TileSource(two_neighbours(tmp_path)) as source,
+        pytest.raises(ValueError, match="stamp = 5: must be"),
+    ):
+        source.grown(5)

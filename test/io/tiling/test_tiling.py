@@ -78,12 +78,6 @@ def test_without_a_size_the_tiles_hold_about_as_many_points_as_asked_for(tmp_pat
     assert sum(len(tile) for tile in tiles) <= 1.5 * 8000
 
 
-def test_a_survey_that_fits_into_a_tile_is_one_where_its_place_allows(tmp_path):
-    paths = survey(tmp_path, [square(400, 980.0, 480.0, 40.0)])
-    with TileSource(paths) as source:
-        assert len(list(tiles_of(source))) == 1
-
-
 def test_a_tile_that_is_much_denser_than_its_file_is_divided(tmp_path):
     corner = square(5000, 100.0, 100.0, 200.0)
     paths = survey(tmp_path, [np.vstack([corner, [[900.0, 900.0]]])])
@@ -123,13 +117,6 @@ def test_a_file_without_times_takes_them_from_the_whole_tile(tmp_path):
     with TileSource([*timed, *untimed]) as source:
         (tile,) = tiles_of(source)
     assert tile.gps_time is None
-
-
-def test_a_building_across_the_seam_of_two_files_is_whole_in_a_tile(tmp_path):
-    house = square(200, WEST + 90.0, SOUTH + 40.0, 20.0, 3)
-    left, right = house[house[:, 0] < WEST + 100.0], house[house[:, 0] >= WEST + 100.0]
-    with TileSource(survey(tmp_path, [left, right]), TilingConfig(tile_size=100.0, buffer=30.0)) as source:
-        assert max(len(tile) for tile in tiles_of(source)) == 200
 
 
 def test_points_outside_their_headers_bounds_are_not_lost(tmp_path):

@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import os
-import resource
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 _PROC = Path("/proc")
 _TICKS = os.sysconf("SC_CLK_TCK")
-#: How often memory is looked at: a tile takes seconds, a look milliseconds [s].
-_PERIOD = 0.5
-#: Unit of the kernel's mark of the memory of a process [bytes].
-_KIBI = 1024
-#: The most that this process and those that descend from it have been seen to take [bytes].
-_seen = [0]
 
 
 def tree_of(pid: int) -> list[int]:
@@ -80,36 +71,3 @@ class MemoryWatch:
         if (pages := _resident_pages(self._pid)) > self._pages:
             self._pages = pages
             self.most = max(self.most, tree_memory(self._pid))
-
-
-@contextmanager
-def watched_memory() -> Iterator[None]:
-    """Look at the memory of this process's tree now and then, until the block ends."""
-    ended = threading.Event()
-
-    def watch() -> None:
-        memory = MemoryWatch(os.getpid())
-        while not ended.wait(_PERIOD):
-            memory.look()
-            _seen[0] = max(_seen[0], memory.most)
-
-    watching = threading.Thread(target=watch, daemon=True)
-    watching.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        watching.join()
-
-
-def peak_memory() -> dict[str, int]:
-    """
-    Return the most memory of this process, and how much more it and its descendants took together [bytes].
-
-    The latter by the looks of `watched_memory`, and as it is now; nothing where the system has no ``/proc``.
-    """
-    if not _PROC.is_dir():
-        return {}
-    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * _KIBI
-    _seen[0] = max(_seen[0], own, tree_memory(os.getpid()))
-    return {"process": own, "children": _seen[0] - own}
