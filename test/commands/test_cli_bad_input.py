@@ -56,13 +56,6 @@ def test_a_bad_input_among_good_ones_gives_one_line_and_the_rest_is_complete(
     assert (laspy.read(tmp_path / "out" / "classified" / "strip_01.laz").classification > 0).all()
 
 
-def test_several_bad_inputs_give_a_line_each(command, bad, tmp_path):
-    spoken = command("run", *(path for path, _ in bad.values()), "--output", tmp_path / "out")
-    assert spoken.status == 2
-    named = [line.split(": ")[1] for line in spoken.err]
-    assert sorted(named) == sorted(str(path) for path, _ in bad.values())
-
-
 @pytest.mark.parametrize(
     ("n_points", "same", "ending"),
     [(0, False, "las"), (0, False, "laz"), (1, False, "laz"), (300, True, "laz")],

@@ -7,7 +7,6 @@ import pyproj
 import pytest
 import shapely
 from support.cli_runs import SMALL_TILES, Command
-from support.results import building_features
 from support.vector_files import write_vectors
 
 from lidar_buildings.cli import main
@@ -85,13 +84,6 @@ def test_a_footprint_without_a_building_is_there_with_its_reason(result):
     assert "no roof points" in row["reason"]
     assert row["n_points"] == 0
     assert 99.0 < row["ground_elevation"] < 103.0
-
-
-def test_the_city_model_names_each_footprint(result):
-    features = building_features(result)
-    attributes = [feature["CityObjects"][feature["id"]]["attributes"] for feature in features]
-    assert sorted(each["footprint_id"] for each in attributes) == ["no building", "one half", "other half"]
-    assert len({feature["id"] for feature in features}) == 3
 
 
 def test_neither_tiles_nor_format_nor_reference_system_nor_order_change_ids_and_outlines(

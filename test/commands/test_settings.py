@@ -102,13 +102,6 @@ def test_numbers_may_have_an_exponent_as_in_ros(settings, text, value):
     assert settings("", f"roof_selection.min_height={text}") == {"roof_selection": {"min_height": value}}
 
 
-def test_lists_of_texts_are_read_and_an_empty_text_alone_is_an_empty_list(settings):
-    assert settings("tile_player: {ros__parameters: {input: [a, b]}}") == {
-        "tile_player": {"input": ("a", "b")}
-    }
-    assert settings("tile_player: {ros__parameters: {input: ['']}}") == {"tile_player": {"input": ()}}
-
-
 def test_georeferenced_takes_the_scans_of_a_bag_as_they_are(command, tmp_path):
     bare = write_drive(tmp_path / "bare", poses="none")
     run = ("run", bare.path, "--no-ros", "--until", "ground_filter", "--output")

@@ -128,15 +128,6 @@ def test_what_was_said_of_a_strip_stays_true():
     assert before.max() == pytest.approx(200 * 990 / 940, rel=0.01)
 
 
-def test_a_file_that_cannot_be_read_leaves_no_trace():
-    records = np.ones(5000, RECORD)
-    survey = SurveyBrightness()
-    survey.add(0, 0, records, len(records))
-    survey.forget(0)
-    survey.learn(0)
-    assert survey.normalised(records["intensity"], records["point_source_id"]) is None
-
-
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (-400.0, 0.0), (0.0, -400.0)], ids=["origin", "west", "south"])
 def test_the_limit_is_found_wherever_points_lie_about_the_origin(shift):
     random = np.random.default_rng(0)
