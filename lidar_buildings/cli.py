@@ -130,15 +130,14 @@ def _later(name: str, module: str = "") -> Callable[[argparse.Namespace], int]:
 def _run(options: argparse.Namespace) -> int:
     gc.disable()  # imports leave no garbage, and looking for it takes a fifth of their time
     from lidar_buildings.commands.run import run_command
-    from lidar_buildings.core.freed_memory import rare_collection
 
     options.no_ros |= bool(options.workers or options.scheduler or options.update or options.retry_failed)
     options.output = options.update or options.output
     gc.freeze()
     gc.enable()
     atexit.register(gc.freeze)  # the interpreter's end looks for garbage once more
-    with rare_collection():
-        return run_command(options)
+    gc.set_threshold(50_000)  # arrays and shapes leave little garbage: looking for it took 2 % of a run
+    return run_command(options)
 
 
 def _add_live(parser: argparse.ArgumentParser) -> None:

@@ -15,11 +15,11 @@ import numpy as np
 from bench.fuzz.clouds import LAST_CHANGE, random_cloud
 from bench.fuzz.files import bag_file, cloud_file, parameters
 from lidar_buildings.core.model.errors import LidarBuildingsError
+from lidar_buildings.core.model.map_frame import MAX_COORDINATE
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.core.scans.cloud_layout import columns_of
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
-from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.core.scans.waiting import MAX_POINTS
 
 Target = Callable[[np.random.Generator], str]

@@ -36,8 +36,6 @@ def compile_loops() -> None:
         with complete.with_suffix(".lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not complete.exists():
-                if not kernel_cache.is_installed():
-                    _say(f"the installation is not writable: compiled loops are kept in {complete.parent}")
                 _call_all()
                 complete.touch()
                 kernel_cache.remove_earlier_folders()

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import gc
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 # Parameters of mallopt, from malloc.h of glibc.
 _M_TRIM_THRESHOLD, _M_MMAP_MAX, _M_ARENA_MAX = -1, -4, -8
 _MAX_C_INT = 2**31 - 1
-#: New objects until Python looks for garbage, instead of some hundreds: arrays and shapes make next to none.
-_NEW_OBJECTS = 50_000
 
 _last = -float("inf")
 
@@ -40,23 +36,11 @@ def tune_malloc() -> None:
         keep_freed_memory()
 
 
-@contextmanager
-def rare_collection() -> Iterator[None]:
-    """Let Python look for garbage seldom until the block ends: it took 2 % of a large run's time."""
-    usual = gc.get_threshold()
-    gc.set_threshold(_NEW_OBJECTS, *usual[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*usual)
-
-
 def give_memory_back(period: float = 0.0) -> None:
     """
-    Return to the system what is free: glibc keeps holes between what is in use, half a tile's memory.
+    Return free memory to the system, where there is glibc, which keeps holes of half a tile's memory.
 
-    What is taken again comes fresh from the kernel, which costs time: nothing is done within `period` [s] of
-    the last call that did so, nor without glibc.
+    Does nothing within `period` [s] of the last call that did: fresh memory costs time.
     """
     global _last
     now = time.monotonic()

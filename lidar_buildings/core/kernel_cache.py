@@ -1,9 +1,8 @@
 """
 Where numba keeps the compiled loops: a folder for each state of their sources, so that none is ever stale.
 
-Numba looks at a loop's own file alone: it would go on using a loop into which it compiled what another file
-said before, and trips over types whose module is gone. A user's NUMBA_CACHE_DIR is kept; set but empty, numba
-does as it always does.
+Numba looks only at a loop's own file: it would reuse a loop that contains an older version of another file's
+loop. A user's NUMBA_CACHE_DIR is kept; if it is set but empty, numba uses its own places.
 """
 
 from __future__ import annotations
@@ -19,10 +18,9 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-#: What a user reads meanwhile.
 TEXT = "compiling the loops, once after an installation"
 _PACKAGE = Path(__file__).parents[1]
-#: What compiles, with the modules that this process has: the current folder is no place to search.
+#: Compiles with the search path of this process: the current folder is not searched.
 _COMPILE = """
 import sys
 sys.path[:] = sys.argv[1:]
@@ -49,34 +47,23 @@ def kernel_folder() -> Path | None:
     return Path(name) if name else None
 
 
-def is_installed() -> bool:
-    """Whether the folder lies in the installation, or is the user's choice."""
-    folder = kernel_folder()
-    return folder is None or not folder.name.startswith("kernels-") or _PACKAGE in folder.parents
-
-
 def marker() -> Path | None:
-    """Return the file that says that all loops are compiled, for these sources, this numba and processor."""
+    """Return the file whose presence says that all loops are compiled; None where numba chooses places."""
     folder = kernel_folder()
     if folder is None:
         return None
-    state = (
-        _hash_of_sources(),
-        metadata.version("numba"),
-        platform.processor(),
-        sys.implementation.cache_tag,
-    )
+    state = _hash_of_sources(), metadata.version("numba"), platform.processor(), sys.implementation.cache_tag
     return folder / f"lidar_buildings-{hashlib.sha256(repr(state).encode()).hexdigest()[:16]}.complete"
 
 
 def is_compiled() -> bool:
-    """Whether nothing is left to be compiled, or nobody can say what is."""
+    """Whether all loops are compiled, or numba chooses places itself."""
     complete = marker()
     return complete is None or complete.exists()
 
 
 def start_compiling() -> subprocess.Popen[bytes] | None:
-    """Compile all loops in a process that says on stderr how far it is; None where they are compiled."""
+    """Compile all loops in a process that reports progress on stderr; None if they are compiled."""
     if is_compiled():
         return None
     # Not with -m, which would find another copy of the package in the current folder.
@@ -111,13 +98,12 @@ def _choose_folder() -> Path:
     installed = _PACKAGE / "__pycache__" / name
     if _is_writable(installed):
         return installed
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "lidar_buildings"
-    user = os.getuid() if hasattr(os, "getuid") else 0
-    temporary = Path(tempfile.gettempdir()) / f"lidar_buildings-{user}"
-    folder = next((one / name for one in (home, temporary) if _is_writable(one / name)), None)
-    if folder is None or not _is_mine(folder.parent):
-        return Path(tempfile.mkdtemp(prefix="lidar_buildings-"))
-    _take_over(installed, folder)
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()) / "lidar_buildings" / name
+    folder = home if _is_writable(home) else Path(tempfile.mkdtemp(prefix="lidar_buildings-"))
+    if installed.is_dir() and not any(folder.iterdir()):  # shipped with the installation
+        shutil.copytree(installed, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.complete"))
+        for complete in installed.glob("*.complete"):
+            shutil.copy(complete, folder)
     return folder
 
 
@@ -128,17 +114,3 @@ def _is_writable(folder: Path) -> bool:
     except OSError:
         return False
     return True
-
-
-def _is_mine(folder: Path) -> bool:
-    """Whether nobody else can put anything there: what numba keeps is code."""
-    known = folder.stat()
-    return not hasattr(os, "getuid") or (known.st_uid == os.getuid() and not known.st_mode & 0o022)
-
-
-def _take_over(installed: Path, folder: Path) -> None:
-    """Copy what an installation that cannot be written brought along, the marker last."""
-    if installed.is_dir() and not any(folder.iterdir()):
-        shutil.copytree(installed, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.complete"))
-        for complete in installed.glob("*.complete"):
-            shutil.copy(complete, folder)

@@ -62,17 +62,7 @@ def test_the_home_serves_an_installation_that_cannot_be_written_and_takes_over_w
 
 def test_a_temporary_folder_serves_where_the_home_cannot_be_written_either(package, monkeypatch):
     refuse(monkeypatch, package / "package", package / "home")
-    folder = kernel_cache._choose_folder()
-    assert folder.parent.parent == package
-    assert kernel_cache._choose_folder() == folder
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="permissions of POSIX")
-def test_what_others_can_write_is_not_trusted(package, monkeypatch):
-    refuse(monkeypatch, package / "package", package / "home")
-    folder = kernel_cache._choose_folder()
-    folder.parent.chmod(0o777)
-    assert kernel_cache._choose_folder() != folder
+    assert kernel_cache._choose_folder().parent == package
 
 
 def test_the_folders_of_long_ago_go(package, monkeypatch):

@@ -14,6 +14,10 @@ from typing import Any, ClassVar
 
 from lidar_buildings.core.model.errors import ParameterError
 
+#: Area of the smallest building in plan [m²]: the default of all stages.
+SMALLEST_BUILDING = 12.0
+#: Area of the smallest building in plan [m²]: the default of all stages.
+SMALLEST_BUILDING = 12.0
 #: Stands before the name of a parameter that few users turn.
 ADVANCED = "advanced."
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.point_times import UNITS
-from lidar_buildings.core.scans.trajectory import Pose
+
+if TYPE_CHECKING:
+    from lidar_buildings.core.scans.trajectory import Pose
 
 _WORDS = {3: "three", 6: "six"}
 
@@ -72,7 +74,10 @@ class ScanConfig(StageConfig):
         if not self.mounting.strip():
             return None
         numbers = self._numbers("mounting", "x, y, z [m], roll, pitch, yaw [deg]")
-        from scipy.spatial.transform import Rotation  # 0.1 s, for which most runs have no use
+        # Here, for most runs have no use for what takes long to import.
+        from scipy.spatial.transform import Rotation
+
+        from lidar_buildings.core.scans.trajectory import Pose
 
         # roll, pitch and yaw about fixed axes, as in URDF (REP-103)
         quaternion = Rotation.from_euler("xyz", numbers[3:], degrees=True).as_quat()

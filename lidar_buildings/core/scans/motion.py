@@ -28,11 +28,10 @@ def place_points(
     some times. Return the points, anything where no pose is known, and whether one is.
     """
     moments = _moments(stamps, times)
-    at, between = look_up(moments), look_up(moments[:-1] + np.diff(moments) // 2)
+    at, between = look_up(moments), look_up(moments + np.diff(moments, append=moments[-1]) // 2)
     found, is_known = np.empty_like(points), np.empty(len(points), dtype=np.bool_)
-    _place(
-        moments, at.translation, at.quaternion, at.is_known, between.is_known, times, points, found, is_known
-    )
+    attitudes = at.rotation.as_quat()
+    _place(moments, at.translation, attitudes, at.is_known, between.is_known, times, points, found, is_known)
     return found, is_known
 
 

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.map_frame import MAX_COORDINATE
 from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of, taken_points
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.core.scans.trajectory import MAX_COORDINATE
 from lidar_buildings.core.scans.transform_tree import frame_name
 
 #: Fields that are kept beside place and time.

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from lidar_buildings.core.model.map_frame import MAX_COORDINATE
 
 _NANOSECONDS = 1e9
-#: Nothing on or near the Earth has a greater coordinate in any reference system [m].
-MAX_COORDINATE = 1e8
 #: Poses that are kept of a frame: a quarter of an hour at 200 Hz, where nothing else forgets them.
 MAX_POSES = 200_000
 #: How far a quaternion's length may be from 1; wide margin over single precision.
@@ -23,26 +24,22 @@ class Poses(NamedTuple):
     """Poses of one frame in another, one per time."""
 
     translation: NDArray[np.float64]  #: position of the frame's origin [m], shape (n, 3)
-    #: x, y, z, w of the rotations from the frame into the other one, shape (n, 4).
-    quaternion: NDArray[np.float64]
+    rotation: Rotation  #: n rotations from the frame into the other one
     is_known: NDArray[np.bool_]  #: whether there is a pose at that time, shape (n,)
 
     def after(self, first: Poses) -> Poses:
         """Return the poses of `first`'s frame in the frame that these lead to."""
-        return Poses(
-            self.apply(first.translation),
-            product(self.quaternion, first.quaternion),
-            self.is_known & first.is_known,
-        )
+        is_known = self.is_known & first.is_known
+        return Poses(self.apply(first.translation), self.rotation * first.rotation, is_known)
 
     def inverted(self) -> Poses:
         """Return the poses the other way round."""
-        back = conjugate(self.quaternion)
-        return Poses(-rotated(back, self.translation), back, self.is_known)
+        back = self.rotation.inv()
+        return Poses(-back.apply(self.translation), back, self.is_known)
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Turn points of the frame, one per pose, into the other frame."""
-        return rotated(self.quaternion, points) + self.translation
+        return np.asarray(self.rotation.apply(points) + self.translation)
 
 
 class Pose(NamedTuple):
@@ -60,15 +57,13 @@ class Pose(NamedTuple):
     def inverted(self) -> Pose:
         """Return the pose of the one frame in the other."""
         back = self.at(np.zeros(1, dtype=np.int64)).inverted()
-        return Pose(tuple(back.translation[0].tolist()), tuple(back.quaternion[0].tolist()))
+        return Pose(tuple(back.translation[0].tolist()), tuple(back.rotation.as_quat()[0].tolist()))
 
     def at(self, times: NDArray[np.int64]) -> Poses:
         """Return the pose for each time."""
         n = len(times)
-        quaternion = np.array(self.quaternion) / math.hypot(*self.quaternion)
-        return Poses(
-            np.tile(self.translation, (n, 1)), np.tile(quaternion, (n, 1)), np.ones(n, dtype=np.bool_)
-        )
+        rotation = Rotation.from_quat(np.tile(self.quaternion, (n, 1)))
+        return Poses(np.tile(self.translation, (n, 1)), rotation, np.ones(n, dtype=np.bool_))
 
 
 class Trajectory:
@@ -137,21 +132,13 @@ class Trajectory:
         is_exact = (times == stamps[left]) | (times == stamps[right])
         span = step / _NANOSECONDS
         is_filled = (span <= self._max_gap) & (np.linalg.norm(move, axis=1) <= self._max_speed * span)
+        start, end = (Rotation.from_quat(self._poses[rows, 3:]) for rows in (left, right))
+        turn = (start.inv() * end).as_rotvec()  # the shorter way
         return Poses(
             places[left] + share[:, None] * move,
-            self._attitudes(left, share),
+            start * Rotation.from_rotvec(share[:, None] * turn),
             is_inside & (is_filled | is_exact),
         )
-
-    def _attitudes(self, left: NDArray[np.intp], share: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return attitudes at shares of the ways from poses to the next ones."""
-        start = self._poses[left, 3:]
-        turn = product(conjugate(start), self._poses[np.minimum(left + 1, len(self._poses) - 1), 3:])
-        turn *= np.where(turn[:, 3:] < 0, -1.0, 1.0)  # the shorter way
-        sine = np.linalg.norm(turn[:, :3], axis=1)
-        half = share * np.arctan2(sine, turn[:, 3])
-        scale = np.divide(np.sin(half), sine, out=np.zeros(len(left)), where=sine > 0)
-        return product(start, np.column_stack([scale[:, None] * turn[:, :3], np.cos(half)]))
 
     def _sort_in(self) -> None:
         """Put the new poses where they belong."""
@@ -159,7 +146,6 @@ class Trajectory:
             return
         stamps = np.concatenate([self._stamps, np.array([stamp for stamp, _ in self._new], dtype=np.int64)])
         new = np.array([(*pose.translation, *pose.quaternion) for _, pose in self._new], dtype=np.float64)
-        new[:, 3:] /= np.linalg.norm(new[:, 3:], axis=1, keepdims=True)
         order = np.argsort(stamps, kind="stable")
         is_last = np.append(np.diff(stamps[order]) > 0, True)
         kept = order[is_last][-MAX_POSES:]
@@ -176,35 +162,3 @@ class Trajectory:
         if is_jump.any():
             self.first_jump = self.first_jump or float(speed[is_jump][0])
             self.n_jumps += int(np.count_nonzero(is_jump))
-
-
-def product(second: NDArray[np.float64], first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotations that do `first` and then `second`."""
-    (ax, ay, az, aw), (bx, by, bz, bw) = second.T, first.T
-    return np.column_stack(
-        [
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ]
-    )
-
-
-def conjugate(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotations back."""
-    return quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
-
-
-def rotated(quaternion: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points, shape (n, 3), each turned by its rotation."""
-    (qx, qy, qz, qw), (x, y, z) = quaternion.T, points.T
-    # v + 2 w (q × v) + 2 q × (q × v)
-    tx, ty, tz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
-    return np.column_stack(
-        [
-            x + qw * tx + qy * tz - qz * ty,
-            y + qw * ty + qz * tx - qx * tz,
-            z + qw * tz + qx * ty - qy * tx,
-        ]
-    )

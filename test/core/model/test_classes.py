@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.model.classes import CLASS_GROUPS, is_of_groups
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
@@ -36,11 +35,6 @@ def test_every_class_is_either_decided_here_or_of_one_group():
     everything = np.arange(256, dtype=np.uint8)
     assert np.flatnonzero(is_of_groups(everything, ("water", "noise"))).tolist() == [7, 9, 18]
     assert not is_of_groups(everything, ()).any()
-
-
-def test_an_unknown_group_is_refused_by_name():
-    with pytest.raises(ParameterError, match=r"ground_filter\.kept_classes = \('watr',\).*water"):
-        GroundFilterConfig(kept_classes=("watr",))
 
 
 def test_water_of_the_source_stays_water_and_carries_the_terrain():
@@ -83,15 +77,6 @@ def test_noise_of_the_source_has_no_part_in_the_terrain():
     assert (result.classification[len(tile) :] == 7).all()
     same = result.classification[: len(tile)] == clean.classification
     assert same.mean() > 0.999
-
-
-@pytest.mark.parametrize("number", [7, 9, 17])
-def test_a_tile_whose_points_are_all_of_one_kept_class_keeps_it(number):
-    x, y = (each.ravel() for each in np.meshgrid(np.arange(20.0), np.arange(20.0)))
-    tile = PointTile(np.column_stack([x, y, 0 * x]), classification=np.full(len(x), number))
-    result = classified(tile)
-    assert (result.classification == number).all()
-    assert np.isfinite(result.height_above_ground).all()
 
 
 @pytest.mark.parametrize(("groups", "expected"), [((), 2), (("other",), 255)])

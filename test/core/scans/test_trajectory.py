@@ -33,17 +33,13 @@ def test_a_pose_lies_between_its_neighbours_in_place_and_attitude():
     )
     assert found.is_known.all()
     np.testing.assert_allclose(found.translation, [[0, 0, 0], [1, 0.5, 0], [4, 2, 0]])
-    np.testing.assert_allclose(
-        Rotation.from_quat(found.quaternion).as_euler("zyx", degrees=True)[:, 0], [0, 22.5, 90], atol=1e-9
-    )
+    np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[:, 0], [0, 22.5, 90], atol=1e-9)
 
 
 def test_of_two_opposite_quaternions_the_shorter_way_is_taken():
     back = tuple(-part for part in turned(10))
     found = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.5, Pose((0, 0, 0), back))]).at(times(0.25))
-    np.testing.assert_allclose(
-        Rotation.from_quat(found.quaternion).as_euler("zyx", degrees=True)[0], [5, 0, 0], atol=1e-9
-    )
+    np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[0], [5, 0, 0], atol=1e-9)
 
 
 def test_nothing_is_known_outside_in_gaps_and_where_the_pose_jumps():
@@ -99,9 +95,7 @@ def test_poses_nanoseconds_apart_long_after_others_are_told_apart():
         trajectory.add(stamp, Pose((x, 0, 0), turned(90 * x)))
     found = trajectory.at(np.array([T0 + 5]))
     np.testing.assert_allclose(found.translation, [[1.5, 0, 0]])
-    np.testing.assert_allclose(
-        abs(Rotation.from_quat(found.quaternion).as_euler("zyx", degrees=True)[0, 0]), 135.0
-    )
+    np.testing.assert_allclose(abs(found.rotation.as_euler("zyx", degrees=True)[0, 0]), 135.0)
 
 
 def test_poses_are_sorted_in_whenever_they_come(monkeypatch):

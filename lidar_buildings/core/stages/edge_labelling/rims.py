@@ -39,25 +39,9 @@ def on_rims(
     That is Edelsbrunner's (1983) alpha-extreme point, found from the neighbours alone: each of them keeps the
     disc's centre out of an arc round the point, and the arcs left open have room for a disc.
 
-    Parameters
-    ----------
-    cells : CellGrid
-        The points, in cells no smaller than twice the radius and than the reach.
-    band : ndarray of bool, shape (n_points,)
-        Points near an edge, per input row.
-    roof_id : ndarray of int64, shape (n_points,), or None
-        Points of other roofs are ignored.
-    radius : float
-        Of the disc [m].
-    reach : float
-        How far from the band in plan rims are looked for [m]; 0 for the band alone.
-    max_step : float
-        Points farther up or down than this are ignored [m].
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        Per input row.
+    `cells` hold the points, in cells no smaller than twice the `radius` of the disc and than the `reach`, how
+    far from the `band` in plan rims are looked for [m]. Points of other roofs, if a `roof_id` is given, and
+    farther up or down than `max_step` [m] are ignored. Rows are those of the input.
     """
     rim = np.zeros(len(band), dtype=np.bool_)
     roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else roof_id[cells.rows]

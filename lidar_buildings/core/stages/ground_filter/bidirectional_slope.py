@@ -25,16 +25,13 @@ AGREEMENT = 0.1
 #: Distance over which the terrain is smoothed before its slope is taken off [m]; passes err less on what is
 #: left: so much less agreement is asked of them.
 TREND_RADIUS, LESS_ON_TREND = 20.0, 0.1
-#: Where the trend of all points is steeper than this share of `profile_max_slope`, the first passes look at
-#: heights above it: uphill every one leaves the ground otherwise.
-STEEP_SHARE = 0.5
 
 
 def profile_ground(
     candidates: NDArray[np.float64],
     spacing: float,
     config: GroundFilterConfig,
-    scanned: Sequence[Profiles] = (),
+    scanned: Sequence[Profiles],
 ) -> NDArray[np.bool_]:
     """
     Tell which candidates are ground by walking along profiles in both directions.
@@ -44,34 +41,17 @@ def profile_ground(
     cut in `profile_directions` directions; passes in all directions vote. Ground is then grown along the
     profiles by local regression, the slope of the terrain taken off, and all repeated.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At least one; at most one per cell, without gross errors [m].
-    spacing : float
-        Of the candidates [m].
-    config : GroundFilterConfig
-        The members that begin with `profile_`.
-    scanned : sequence of Profiles, optional
-        The scan lines, see `find_scan_lines`.
-
-    Returns
-    -------
-    ndarray of shape (n_candidates,), bool
+    Candidates, at least one and at most one a cell, have shape (n, 3) and a mean `spacing` [m]; gross errors
+    are removed. `scanned` are the scan lines, see `find_scan_lines`.
     """
     n = config.profile_directions
     profiles = [cut_profiles(candidates, WIDTH * spacing, 180.0 * k / n) for k in range(n)]
     profiles += scanned
     z = candidates[:, 2]
-    net = net_votes(profiles, z, config)
-    trend, slope = fit_trend(candidates, np.ones(len(z), dtype=bool), TREND_RADIUS)
-    is_steep = slope > STEEP_SHARE * config.profile_max_slope
-    if is_steep.any():
-        net[is_steep] = net_votes(profiles, z - trend, config)[is_steep]
-    ground = grow_ground(profiles, z, net > AGREEMENT, spacing)
+    ground = grow_ground(profiles, z, net_votes(profiles, z, config) > AGREEMENT, spacing)
     if not ground.any():
         return ground
-    height = z - fit_trend(candidates, ground, TREND_RADIUS)[0]
+    height = z - fit_trend(candidates, ground, TREND_RADIUS)
     ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
     return grow_ground(profiles, z, ground, spacing)
 
@@ -353,11 +333,9 @@ FAR, FAR_WEIGHT = 4.0, 1e-3
 FLOOR = 1e-9
 
 
-def fit_trend(
-    points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: float) -> NDArray[np.float64]:
     """
-    Return elevation [m] and slope, at each point, of planes on a grid that are fitted to the ground points.
+    Return the elevation at each point of planes on a grid that are fitted to the ground points [m].
 
     Weights are Gaussian with a standard deviation of `radius` [m], so that all sums of all regressions come
     from smoothing grids of sums. At least one point is ground.
@@ -382,20 +360,16 @@ def fit_trend(
 
     for_row_blocks(smooth, len(products), 1)
     middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
-    elevation, *slopes = _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
+    elevation = base + _planes(moments, middle_x, middle_y, 0.1 * cell * cell)
     column, row = ((points[:, :2] - corner) / cell - 0.5).T
-    z, east, north = (
-        ndimage.map_coordinates(one, [row, column], order=1, mode="nearest")
-        for one in (base + elevation, *slopes)
-    )
-    return z, np.hypot(east, north)
+    return np.asarray(ndimage.map_coordinates(elevation, [row, column], order=1, mode="nearest"))
 
 
 def _planes(
     moments: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], level: float
-) -> tuple[NDArray[np.float64], ...]:
+) -> NDArray[np.float64]:
     """
-    Return elevations at (x, y) and slopes of the planes of least squares, from sums of products.
+    Return elevations at (x, y) of the planes of least squares, from sums of products.
 
     `level` is added to the variances in plan [m²]: points near one place, or on a line, have no slope beyond.
     """
@@ -405,7 +379,7 @@ def _planes(
     xz, yz = mxz - mx * mz, myz - my * mz
     determinant = xx * yy - xy * xy
     slope_x, slope_y = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
-    return mz + slope_x * (x - mx) + slope_y * (y - my), slope_x, slope_y
+    return mz + slope_x * (x - mx) + slope_y * (y - my)
 
 
 def _smoothed(sums: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
@@ -442,17 +416,8 @@ def slope_pair_ground(
     `profile_max_slope`. Points from a rise on, up to a fall back to the elevation recorded before the rise,
     are no ground. Each line is filtered forth and back; what either pass calls no ground is none.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In the scan's order [m].
-    free : ndarray of shape (n_points,), bool
-        Which of them are no gross errors.
-    config : GroundFilterConfig
-        `profile_max_slope`, `profile_step` (how near the recorded elevation a fall has to come) and
-        `profile_max_object` (after which an elevation is recorded anew).
-    **scan : ndarray of shape (n_points,), optional
-        What tells scan lines apart, see `find_scan_lines`; strips from west to east where nothing does.
+    Points, shape (n, 3), come in the scan's order [m]; `free` says which are no gross errors. `scan` has the
+    columns that tell scan lines apart, see `find_scan_lines`; without any, strips from west to east are used.
     """
     rows = np.flatnonzero(free)
     spacing = quantised_spacing(points[rows])

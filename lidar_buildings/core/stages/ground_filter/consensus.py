@@ -34,17 +34,7 @@ def agreed_ground(
     but for what the TIN climbs without wider limits, such as decks of bridges.
     Roofs wider than the first terrain's cells and the windows of the others are found by their walls.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At least one; at most one per place, gross errors removed, in an order that puts neighbours
-        together [m].
-    extent : ndarray of shape (2, 2)
-        Lower left and upper right corner of what the terrain has to cover [m].
-    spacing : float
-        Of the candidates [m].
-    config : GroundFilterConfig
-        The parameters of all three methods.
+    Candidates, extent and spacing are those of `grown_ground`.
     """
     votes = np.zeros((3, len(candidates)), dtype=np.int8)
     beyond = np.zeros(len(candidates), dtype=np.bool_)
@@ -55,7 +45,7 @@ def agreed_ground(
 
     views = (
         grow,
-        lambda: profile_ground(candidates, spacing, config),
+        lambda: profile_ground(candidates, spacing, config, ()),
         lambda: opened_ground(candidates, config),
     )
 

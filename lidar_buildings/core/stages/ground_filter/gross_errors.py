@@ -1,4 +1,4 @@
-"""Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds)."""
+"""Gross errors: points far below the surface (multipath) and alone far above it (birds)."""
 
 from __future__ import annotations
 
@@ -46,10 +46,9 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
 
 
 def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
-    layers = split_into_layers(cloud, LOW_GAP)
-    low = find_low_layers(layers, LOW_GAP, RADIUS, MAX_GROUP)
-    high = find_cloud_layers(layers, low)
-    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size), RADIUS)
+    layers = split_into_layers(cloud)
+    low = find_low_layers(layers)
+    high = find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size))
     noise = np.zeros(len(low), dtype=np.uint8)
     noise[high] = PointClass.HIGH_NOISE
     noise[low] = PointClass.LOW_NOISE
@@ -88,10 +87,10 @@ class Layers(NamedTuple):
     gradient: NDArray[np.float64]
 
 
-def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
-    """Split each column where two points on top of one another are more than `gap` [m] apart."""
+def split_into_layers(cloud: CellGrid) -> Layers:
+    """Split each column where two points on top of one another are more than `LOW_GAP` apart."""
     starts = np.ones(len(cloud.points), dtype=np.bool_)
-    starts[1:] = np.diff(cloud.points[:, 2]) > gap
+    starts[1:] = np.diff(cloud.points[:, 2]) > LOW_GAP
     starts[cloud.first[:-1]] = True
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
@@ -102,12 +101,9 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
 
 @kernel
 def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
-    """
-    Return the columns (start, stop) at most `reach` west and east of column k, in the row `step` north of it.
-    """
-    width = layers.width
-    row, column = layers.numbers[k] // width, layers.numbers[k] % width
-    return cells_in_row(layers.numbers, width, row + step, column, reach)
+    """Return the columns (start, stop) within `reach` of column k's place, in the row `step` north of it."""
+    row, column = divmod(layers.numbers[k], layers.width)
+    return cells_in_row(layers.numbers, layers.width, row + step, column, reach)
 
 
 @kernel
@@ -194,21 +190,19 @@ MAX_PASSES = 10
 UNKNOWN, LARGE, ERROR = 0, 1, 2
 
 
-def find_low_layers(layers: Layers, gap: float, radius: int, limit: int) -> NDArray[np.bool_]:
+def find_low_layers(layers: Layers) -> NDArray[np.bool_]:
     """
     Return which layers are low gross errors.
 
     A group is what is connected: layers of columns at most three apart whose elevations, the terrain's
-    slope allowed for, are within `gap`. It is an error if it is small, if within the radius hardly
+    slope allowed for, are within `LOW_GAP`. It is an error if it is small, if within the radius hardly
     anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
-
-    Layers are split at `gap` [m]; the `radius` is in columns, and `limit` is the most layers of a group.
     """
     bottom, seeds = layers.first[:-1].copy(), layers.first[:-1]
     n_layers = len(layers.column)
     state, group_of = np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
     for _ in range(MAX_PASSES):
-        errors, open_cases = _judge_low(layers, bottom, seeds, gap, radius, limit, state, group_of)
+        errors, open_cases = _judge_low(layers, bottom, seeds, state, group_of)
         if len(errors) == 0:
             break
         state[errors] = ERROR
@@ -229,19 +223,19 @@ def _new_bottoms(
 
 
 @kernel
-def _judge_low(layers, bottom, seeds, gap, radius, limit, state, group_of):  # type: ignore[no-untyped-def]
+def _judge_low(layers, bottom, seeds, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of groups that are errors, and the seeds of those that others may still hide."""
-    members, begins = _gather_groups(layers, seeds, gap, limit, state, group_of)
+    members, begins = _gather_groups(layers, seeds, state, group_of)
     errors, open_cases = np.empty(len(members), np.int64), np.empty(len(begins), np.int64)
     n_errors, n_open = 0, 0
     # How many columns of a small group support the one under judgement, which is noted beside.
     counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
     for i in range(len(begins) - 1):
         group = members[begins[i] : begins[i + 1]]
-        if _is_supported(layers, bottom, group, gap, radius, state, group_of, counted, judged):
+        if _is_supported(layers, bottom, group, state, group_of, counted, judged):
             open_cases[n_open] = group[0]
             n_open += 1
-        elif not is_open_pit(layers, group, gap):
+        elif not is_open_pit(layers, group):
             for layer in group:
                 errors[n_errors] = layer
                 n_errors += 1
@@ -249,14 +243,14 @@ def _judge_low(layers, bottom, seeds, gap, radius, limit, state, group_of):  # t
 
 
 @kernel
-def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[no-untyped-def]
+def _gather_groups(layers, seeds, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
     n_members, n_groups = 0, 0
-    group = np.empty(limit, dtype=np.int64)
+    group = np.empty(MAX_GROUP, dtype=np.int64)
     for seed in seeds:
         if state[seed] == UNKNOWN and group_of[seed] < 0:
-            n_more = _gather_low(layers, seed, gap, state, group_of, group)
+            n_more = _gather(layers, seed, GROUP_REACH, LOW_GAP, state, group_of, group)
             for k in range(n_more):
                 members[n_members + k] = group[k]
             if n_more > 0:
@@ -266,10 +260,11 @@ def _gather_groups(layers, seeds, gap, limit, state, group_of):  # type: ignore[
 
 
 @kernel
-def _gather_low(layers, seed, gap, state, group_of, members):  # type: ignore[no-untyped-def]
+def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore[no-untyped-def]
     """
     Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
 
+    Layers of columns within `reach` are connected if they are within the `gap` [m], the slope allowed for.
     `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
     """
     n_members, done = 1, 0
@@ -278,8 +273,8 @@ def _gather_low(layers, seed, gap, state, group_of, members):  # type: ignore[no
         layer = members[done]
         done += 1
         k = layers.column[layer]
-        for step in range(-GROUP_REACH, GROUP_REACH + 1):
-            start, stop = columns_in_row(layers, k, step, GROUP_REACH)
+        for step in range(-reach, reach + 1):
+            start, stop = columns_in_row(layers, k, step, reach)
             for other in range(start, stop):
                 across = layers.numbers[other] - layers.numbers[k] - step * layers.width
                 up = 0.5 * (rise(layers, k, across, step) - rise(layers, other, -across, -step))
@@ -299,9 +294,7 @@ def _gather_low(layers, seed, gap, state, group_of, members):  # type: ignore[no
 
 
 @kernel
-def _is_supported(  # type: ignore[no-untyped-def]
-    layers, bottom, group, gap, radius, state, group_of, counted, judged
-):
+def _is_supported(layers, bottom, group, state, group_of, counted, judged):  # type: ignore[no-untyped-def]
     """
     Whether enough columns around reach down to a group's level, or too few are there to tell.
 
@@ -315,7 +308,7 @@ def _is_supported(  # type: ignore[no-untyped-def]
         north = number // layers.width - layers.numbers[k] // layers.width
         top = max(top, high_end(layers, layer) - rise(layers, k, east, north))
     slope = math.hypot(layers.gradient[k, 0], layers.gradient[k, 1])
-    radius = math.ceil(radius / (1.0 + SHRINKAGE * slope))
+    radius = math.ceil(RADIUS / (1.0 + SHRINKAGE * slope))
     n_level, n_above = 0, 0
     for step in range(-radius, radius + 1):
         start, stop = columns_in_row(layers, k, step, radius)
@@ -324,7 +317,7 @@ def _is_supported(  # type: ignore[no-untyped-def]
             across = layers.numbers[other] - layers.numbers[k] - step * layers.width
             if b < 0 or group_of[b] == seed or across * across + step * step > radius * radius:
                 continue
-            if low_end(layers, b) - rise(layers, k, across, step) > top + gap:
+            if low_end(layers, b) - rise(layers, k, across, step) > top + LOW_GAP:
                 n_above += 1
             elif state[b] == LARGE or group_of[b] < 0:
                 n_level += 1
@@ -360,13 +353,13 @@ FULL_COVER = 0.8
 
 
 @kernel
-def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
+def is_open_pit(layers, group):  # type: ignore[no-untyped-def]
     """
     Whether a group of layers fills its place: hardly a point lies above it that is not at its rim.
 
     Errors lie scattered among the pulses that reached the surface, however dense they are themselves, so that
     no more of them are counted than the surface would have.
-    What is farther above a point than the `gap` [m] covers it.
+    What is farther above a point than `LOW_GAP` covers it.
     """
     n_points = 0
     for layer in group:
@@ -378,7 +371,7 @@ def is_open_pit(layers, group, gap):  # type: ignore[no-untyped-def]
     n_cover, n_all = 0.0, 0.0
     for layer in group:
         for i in range(layers.begin[layer], layers.begin[layer + 1]):
-            above, beside = _count_disc(layers, layers.column[layer], layers.points[i], radius, gap)
+            above, beside = _count_disc(layers, layers.column[layer], layers.points[i], radius)
             n_cover += above
             n_all += above + min(beside, usual)
     n_surface = usual + len(group) * (layers.size / spacing) ** 2
@@ -412,10 +405,8 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
-    """
-    Return how many points of a disc about a point of column k lie above it by the gap, and how many not.
-    """
+def _count_disc(layers, k, point, radius):  # type: ignore[no-untyped-def]
+    """Return how many points of a disc about a point of column k lie above it by the gap, and the rest."""
     above, beside = 0, 0
     reach = math.ceil(radius / layers.size)
     for step in range(-reach, reach + 1):
@@ -424,7 +415,7 @@ def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
             dx, dy = layers.points[i, 0] - point[0], layers.points[i, 1] - point[1]
             if dx * dx + dy * dy > radius * radius:
                 continue
-            if layers.points[i, 2] > point[2] + gap:
+            if layers.points[i, 2] > point[2] + LOW_GAP:
                 above += 1
             else:
                 beside += 1
@@ -432,29 +423,22 @@ def _count_disc(layers, k, point, radius, gap):  # type: ignore[no-untyped-def]
 
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
-#: Most points of a group: crowns, masts and the corners of roofs that a tile cuts off have more.
+#: Most layers of a group, and points of its first: crowns, masts and corners of roofs have more.
 MAX_POINTS = 3
 #: Columns around that have to be lower: with fewer there is nothing that a group could be above.
 MIN_LOWER = 6
 #: By what share of the gap those columns are lower.
 LOWER_SHARE = 0.7
-# Chosen with the clouds and towers of `test_noise.py`.
-#: Side of the blocks that are looked at, in columns.
-BLOCK_COLUMNS = 24
-#: Empty air between the surface and what is above it [m]; wide margin: no mast lacks points over so much.
-CLOUD_GAP = 200.0
-#: Share of a cloud's columns in which the surface is seen as well: towers hide what is below them.
-TRANSPARENT = 0.5
 
 
-def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float, radius: int) -> NDArray[np.bool_]:
+def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float) -> NDArray[np.bool_]:
     """
-    Return which layers are high gross errors: few points in the air, farther than a gap from everything.
+    Return which layers are high gross errors: few in the air, farther than the `gap` [m] from all others.
 
-    Layers, split at less than the `gap` [m], that are known as low gross errors do not count. The surface has
-    to lie below within `radius` columns.
+    Layers that are known as low gross errors do not count. The surface has to lie below within `RADIUS`.
     """
-    return _judge_high(layers, _isolated(layers, gap), errors, gap, radius)
+    state = np.where(errors, np.uint8(ERROR), np.uint8(UNKNOWN))
+    return _judge_high(layers, _isolated(layers, gap), state, gap)
 
 
 def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
@@ -471,131 +455,31 @@ def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
 
 
 @kernel
-def _judge_high(layers, seeds, errors, gap, radius):  # type: ignore[no-untyped-def]
+def _judge_high(layers, seeds, state, gap):  # type: ignore[no-untyped-def]
     """Return which layers are part of a group that is an error, starting from the seeds."""
-    high = np.zeros(len(layers.column), dtype=np.bool_)
-    group_of = np.full(len(layers.column), -1, dtype=np.int64)
-    is_large = np.zeros(len(layers.column), dtype=np.bool_)
+    high, group_of = np.zeros(len(state), dtype=np.bool_), np.full(len(state), -1, dtype=np.int64)
     members = np.empty(MAX_POINTS, dtype=np.int64)
+    reach = math.ceil(gap / layers.size)
     for seed in seeds:
-        if errors[seed] or is_large[seed] or group_of[seed] >= 0:
+        if state[seed] != UNKNOWN or group_of[seed] >= 0:
             continue
-        n_members = _gather_high(layers, seed, errors, gap, group_of, is_large, members)
-        group = members[: max(n_members, 0)]
-        if n_members > 0 and _is_in_the_air(layers, group, errors, gap, radius, group_of):
+        group = members[: max(_gather(layers, seed, reach, gap, state, group_of, members), 0)]
+        if len(group) > 0 and _is_in_the_air(layers, group, state, gap, group_of):
             for layer in group:
                 high[layer] = True
     return high
 
 
 @kernel
-def _gather_high(layers, seed, errors, gap, group_of, is_large, members):  # type: ignore[no-untyped-def]
-    """
-    Fill `members` with what is within the gap of a layer, and so on; return how many, −1 if it is too much.
-    """
-    n_members, done, n_points = 1, 0, layers.begin[seed + 1] - layers.begin[seed]
-    members[0], group_of[seed] = seed, seed
-    reach = math.ceil(gap / layers.size)
-    while done < n_members:
-        layer = members[done]
-        done += 1
-        k = layers.column[layer]
-        for step in range(-reach, reach + 1):
-            start, stop = columns_in_row(layers, k, step, reach)
-            for other in range(start, stop):
-                across = layers.numbers[other] - layers.numbers[k] - step * layers.width
-                upright = gap * gap - layers.size * layers.size * (across * across + step * step)
-                if upright < 0.0:
-                    continue
-                low = low_end(layers, layer) - math.sqrt(upright)
-                high = high_end(layers, layer) + math.sqrt(upright)
-                for j in range(layers.first[other], layers.first[other + 1]):
-                    if low_end(layers, j) > high:
-                        break
-                    if high_end(layers, j) < low or group_of[j] == seed or errors[j]:
-                        continue
-                    n_points += layers.begin[j + 1] - layers.begin[j]
-                    if is_large[j] or n_points > MAX_POINTS:
-                        for i in range(n_members):
-                            is_large[members[i]] = True
-                        return -1
-                    members[n_members], group_of[j] = j, seed
-                    n_members += 1
-    return n_members
-
-
-@kernel
-def _is_in_the_air(layers, group, errors, gap, radius, group_of):  # type: ignore[no-untyped-def]
-    seed = group[0]
-    low = np.inf
+def _is_in_the_air(layers, group, state, gap, group_of):  # type: ignore[no-untyped-def]
+    low, n_lower = np.inf, 0
     for layer in group:
         low = min(low, low_end(layers, layer))
-    k, n_lower = layers.column[seed], 0
-    for step in range(-radius, radius + 1):
-        start, stop = columns_in_row(layers, k, step, radius)
+    for step in range(-RADIUS, RADIUS + 1):
+        start, stop = columns_in_row(layers, layers.column[group[0]], step, RADIUS)
         for other in range(start, stop):
             first, j = layers.first[other], layers.first[other + 1] - 1
-            while j >= first and (errors[j] or group_of[j] == seed):
+            while j >= first and (state[j] == ERROR or group_of[j] == group[0]):
                 j -= 1
             n_lower += j >= first and high_end(layers, j) < low - LOWER_SHARE * gap
     return n_lower >= max(MIN_LOWER, len(group))
-
-
-def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """
-    Return which layers belong to clouds, block by block.
-
-    In two divisions into blocks, one shifted against the other: the corner of a tower that one cuts off
-    looks like a small cloud, but not in both. Layers known as low gross errors do not count.
-    """
-    if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
-        return np.zeros(len(layers.column), dtype=np.bool_)
-    side = BLOCK_COLUMNS * layers.size
-    lowest = layers.points[layers.begin[:-1]]
-    shifted = lowest + np.array([0.5 * side, 0.5 * side, 0.0])
-    clouds = _clouds_of_blocks(layers, errors, lowest, side)
-    return clouds & _clouds_of_blocks(layers, errors, shifted, side)
-
-
-def _clouds_of_blocks(
-    layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
-) -> NDArray[np.bool_]:
-    clouds = np.zeros(len(layers.column), dtype=np.bool_)
-    blocks = sort_by_cell(lowest, side)
-    _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
-    return clouds
-
-
-@kernel
-def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-untyped-def]
-    """
-    Mark what lies above the lowest gap of each block that divides surface and clouds.
-
-    `rising` holds the layers block by block, in each by their lowest point.
-    """
-    for block in range(len(first) - 1):
-        top = np.inf
-        for i in range(first[block], first[block + 1]):
-            layer = rising[i]
-            if errors[layer]:
-                continue
-            if low_end(layers, layer) - top > CLOUD_GAP and _is_transparent(
-                layers, errors, rising[first[block] : first[block + 1]], low_end(layers, layer)
-            ):
-                for j in range(i, first[block + 1]):
-                    clouds[rising[j]] = True
-                break
-            top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
-
-
-@kernel
-def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
-    n_upper, n_both = 0, 0
-    for layer in block:
-        if errors[layer] or low_end(layers, layer) < split:
-            continue
-        lowest = layers.first[layers.column[layer]]
-        if layer == lowest or low_end(layers, layer - 1) < split:
-            n_upper += 1
-            n_both += layer > lowest and not errors[layer - 1]
-    return n_both >= TRANSPARENT * n_upper

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import cells_in_row, raster_cells, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import raster_cells, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
 
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates.
@@ -48,21 +47,8 @@ def find_landforms(
     How many steps are allowed depends on the density of objects: in open terrain, what rises from it is
     likely to be terrain.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At most one per place [m].
-    ground, gained : ndarray of shape (n_candidates,), bool
-        What is ground without doubt, and what may be as well.
-    spacing : float
-        Spacing of the candidates [m].
-    config : GroundFilterConfig
-        Shares.
-
-    Returns
-    -------
-    landform, excluded : ndarray of shape (n_candidates,), bool
-        Parts of `gained`.
+    Candidates, at most one a place, have shape (n, 3) and a mean `spacing` [m]; `ground` is ground without
+    doubt, `gained` what may be as well, bool of shape (n,). Both results are masks of candidates.
     """
     rows = np.flatnonzero(gained)
     links = nearest_by_sector(candidates, rows, REACH * spacing)
@@ -198,103 +184,3 @@ def _look_around(candidates, rows, cell, runs, points, origin, reach, found, beg
                 if squared < nearest[sector]:
                     nearest[sector] = squared
                     found[r, sector] = origin[i]
-
-
-# These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
-#: Half planes that are tried.
-SIDES = 8
-#: How far the points of a plane may be, and how near the nearest of them has to be, in spacings.
-PLANE_REACH, PLANE_NEAREST = 3.5, 2.0
-#: Fewest points of a plane.
-MIN_PLANE_POINTS = 6
-#: Its steepest slope, rise over run, and its largest root mean square residual [m].
-MAX_SLOPE, MAX_RESIDUAL = 0.8, 0.25
-#: How far from it a point may be beyond that residual [m].
-MAX_DISTANCE = 0.3
-#: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
-MIN_SPREAD = 0.05
-
-
-def continues_terrain(
-    candidates: NDArray[np.float64], rows: NDArray[np.intp], ground: NDArray[np.bool_], spacing: float
-) -> NDArray[np.bool_]:
-    """
-    Return which of the rows lie on the plane through the ground in a half plane around them.
-
-    A robust form of mirroring (Axelsson 2000): instead of one corner's far side, all ground on one side of
-    the point has to make a plane that the point lies on. A roof has ground below it on every side.
-
-    Candidates, ground and spacing are those of `find_landforms`; `rows` are the candidates asked for.
-    """
-    known = candidates[ground]
-    result = np.zeros(len(rows), dtype=np.bool_)
-    if len(known) < MIN_PLANE_POINTS:
-        return result
-    cells = sort_by_cell(known, PLANE_REACH * spacing)
-    # A candidate's cell by the same numbering, without sorting again: from the first known point's.
-    column = math.floor(cells.points[0, 0] / cells.size) - cells.numbers[0] % cells.n_columns
-    row = math.floor(cells.points[0, 1] / cells.size) - cells.numbers[0] // cells.n_columns
-    start = (float(column), float(row))
-    for_row_blocks(
-        lambda a, b: _test_planes(candidates, rows, cells, start, spacing, result, a, b),
-        len(rows),
-        ROWS_A_BLOCK,
-    )
-    return result
-
-
-@kernel
-def _test_planes(candidates, rows, cells, start, spacing, result, begin, end):  # type: ignore[no-untyped-def]
-    sums = np.empty((SIDES, N_MOMENTS + 1))
-    towards = np.empty((SIDES, 2))
-    for side in range(SIDES):
-        turn = 2.0 * math.pi * side / SIDES
-        towards[side, 0], towards[side, 1] = math.cos(turn), math.sin(turn)
-    for r in range(begin, end):
-        x, y, z = candidates[rows[r]]
-        sums[:] = 0.0
-        sums[:, N_MOMENTS] = np.inf
-        # Whole numbers before the product: over an enormous extent it would be rounded.
-        column = np.int64(math.floor(x / cells.size) - start[0])
-        line = np.int64(math.floor(y / cells.size) - start[1])
-        for beside in range(line - 1, line + 2):
-            low, high = cells_in_row(cells.numbers, cells.n_columns, beside, column, 1)
-            for i in range(cells.first[low], cells.first[high]):
-                dx, dy, dz = cells.points[i, 0] - x, cells.points[i, 1] - y, cells.points[i, 2] - z
-                _count_sides(dx, dy, dz, PLANE_REACH * spacing, towards, sums)
-        for side in range(SIDES):
-            if _makes_plane(sums[side], PLANE_NEAREST * spacing):
-                result[r] = True
-                break
-
-
-@kernel
-def _count_sides(dx, dy, dz, reach, towards, sums):  # type: ignore[no-untyped-def]
-    """Add a ground point, relative to the candidate, to the moments of the sides it lies on."""
-    away = math.hypot(dx, dy)
-    if away > reach:
-        return
-    for side in range(SIDES):
-        if dx * towards[side, 0] + dy * towards[side, 1] <= 1e-9:
-            continue
-        s = sums[side]
-        add_point(s, dx, dy, dz)
-        s[N_MOMENTS] = min(s[N_MOMENTS], away)
-
-
-@kernel
-def _makes_plane(s, nearest):  # type: ignore[no-untyped-def]
-    """Whether the moments make a plane that passes near the candidate, which lies at the origin."""
-    n = s[0]
-    if n < MIN_PLANE_POINTS or s[N_MOMENTS] > nearest:
-        return False
-    x, y, z = s[1] / n, s[2] / n, s[3] / n
-    xx, xy, xz, yy, yz, zz = covariance(s)
-    determinant = xx * yy - xy * xy
-    if determinant <= MIN_SPREAD * 0.25 * (xx + yy) ** 2:
-        return False
-    a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
-    residual = math.sqrt(max(0.0, zz - a * xz - b * yz))
-    if math.hypot(a, b) > MAX_SLOPE or residual > MAX_RESIDUAL:
-        return False
-    return abs(z - a * x - b * y) <= MAX_DISTANCE + residual

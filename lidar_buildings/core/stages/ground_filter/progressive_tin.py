@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.landforms import continues_terrain, find_landforms
+from lidar_buildings.core.stages.ground_filter.landforms import find_landforms
 from lidar_buildings.core.stages.ground_filter.tin_growth import GrowthLimits, TerrainGrowth, start_growth
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
@@ -36,31 +36,12 @@ def grown_ground(
 
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
-    does is a landform and stays, one with steps around it is an object and is excluded. Single candidates are
-    kept where they continue a plane of ground on one side, as at the edge of a cliff, which mirroring reaches
-    from single corners.
+    does is a landform and stays, one with steps around it is an object and is excluded.
 
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At least one; at most one per place, gross errors removed, in an order that puts neighbours
-        together [m].
-    extent : ndarray of shape (2, 2)
-        Lower left and upper right corner of what the terrain has to cover [m].
-    spacing : float
-        Of the candidates [m].
-    config : GroundFilterConfig
-        Thresholds.
-
-    Returns
-    -------
-    ground, beyond : ndarray of shape (n_candidates,), bool
-        What lies on the terrain; and what narrow limits do not reach, and that may be of landforms: none if
-        these are not looked for.
-
-    Notes
-    -----
-    Only candidates whose facet changed are looked at again, so the time is near linear in their number.
+    Candidates, at least one and at most one a place, have shape (n, 3) and a mean `spacing` [m]; gross errors
+    are removed, and their order puts neighbours together. `extent`, shape (2, 2), is what the terrain has to
+    cover [m]. The second mask tells what narrow limits do not reach and may be of landforms, none if these
+    are not looked for. Only candidates whose facet changed are looked at again: the time is near linear.
     """
     terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
     limits = GrowthLimits(math.radians(config.iteration_angle), config.slope_gain, config.iteration_distance)
@@ -96,10 +77,8 @@ def _add_landforms(
     trial.grow(GrowthLimits(math.radians(LANDFORM_ANGLE), LANDFORM_SLOPE_GAIN, config.landform_distance))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
     landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
-    undecided = np.flatnonzero(gained & ~landform)
-    landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
     terrain.insert(landform)
-    terrain.grow(limits, excluded & ~landform)
+    terrain.grow(limits, excluded)
 
 
 def near_terrain(
@@ -125,16 +104,8 @@ def histogram_ground(
     The lowest points of large cells are triangulated. In each iteration all candidates join whose distance to
     their facet and whose angle at its nearest corner are within limits; these follow from the histograms of
     both, at first of all candidates, then of those that have joined. `iteration_distance` and
-    `iteration_angle` are never exceeded. It ends when none joins.
-
-    Parameters
-    ----------
-    candidates : ndarray of shape (n_candidates, 3)
-        At least one; at most one per place, gross errors removed [m].
-    extent : ndarray of shape (2, 2)
-        Lower left and upper right corner of what the terrain has to cover [m].
-    config : GroundFilterConfig
-        `seed_cell`, `iteration_distance`, `iteration_angle`.
+    `iteration_angle` are never exceeded. It ends when none joins. Candidates and extent are those of
+    `grown_ground`.
     """
     in_tin = np.zeros(len(candidates), dtype=np.bool_)
     in_tin[lowest_per_cell(candidates, config.seed_cell)] = True

@@ -16,6 +16,9 @@ from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, wi
 from lidar_buildings.core.surfaces.tin import corners_of, place_of, plane_elevation, plane_slope, walk
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
+#: How often the terrain is extended to the frame while it grows.
+EXTENSIONS = 2
+
 
 class GrowthLimits(NamedTuple):
     """How far from its facet a candidate may be to join."""
@@ -48,11 +51,13 @@ class TerrainGrowth:
 
     def grow(self, limits: GrowthLimits, excluded: NDArray[np.bool_] | None = None) -> None:
         """Let candidates join until none is left that may; those `excluded` never may."""
-        waiting = ~self.joined if excluded is None else ~(self.joined | excluded[~self.is_seed])
-        rows = np.flatnonzero(waiting).astype(np.int32)
-        self.n_triangles = join_in_rounds(
-            self.mesh, self.n_triangles, tuple(limits), rows, self.home, self.joined
-        )
+        may_join = True if excluded is None else ~excluded[~self.is_seed]
+        for _ in range(EXTENSIONS):
+            _extend(self.mesh, self.n_triangles)
+            rows = np.flatnonzero(~self.joined & may_join).astype(np.int32)
+            self.n_triangles = join_in_rounds(
+                self.mesh, self.n_triangles, tuple(limits), rows, self.home, self.joined
+            )
 
     def insert(self, chosen: NDArray[np.bool_]) -> None:
         """Let the chosen candidates join, whatever the limits."""
@@ -153,55 +158,24 @@ def join_in_rounds(
     """
     Let candidates join, in each round the best one of each triangle, until none is left that may.
 
-    Parameters
-    ----------
-    mesh, n_triangles
-        Changed in place, and how many of its triangles are in use; the new number is returned.
-    limits : tuple
-        See `GrowthLimits`.
-    rows : ndarray of shape (n_rows,), int32
-        The candidates that may join.
-    home, joined : ndarray of shape (n_candidates,), int32 and bool
-        A triangle near each candidate, and whether it has joined; kept up to date.
+    `rows` are the candidates that may join, int32; `home`, a triangle near each candidate, and `joined` are
+    kept up to date. The mesh is changed in place; its new number of triangles in use is returned.
     """
     waiting = Waiting(
         np.full(len(mesh.triangles), -1, dtype=np.int32), np.empty_like(home), home, np.empty(len(home))
     )
     # Those to evaluate: they have not been yet, or their triangle changed.
     pending, n_pending = rows.copy(), len(rows)
-    border, fresh = np.zeros(0, dtype=np.int32), _at_frame(mesh, np.arange(n_triangles, dtype=np.int32))
     while True:
-        if len(fresh):
-            border = _at_frame(mesh, np.union1d(border, fresh))
-            n_pending = _extend(mesh, border, waiting, pending, n_pending)
         # In the candidates' order, which puts neighbours together.
         pending[:n_pending].sort()
         for_row_blocks(lambda a, b: _evaluate(mesh, limits, waiting, pending, a, b), n_pending)
         facets = np.sort(_enqueue(waiting, pending[:n_pending]))
         if len(facets) == 0:
-            break
+            return n_triangles
         best = _take_best(waiting, facets)
         joined[best] = True
-        n_triangles, n_pending, fresh = _insert(mesh, n_triangles, facets, best, waiting, pending)
-    return n_triangles
-
-
-def _at_frame(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    corners = mesh.triangles[triangles]
-    return triangles[((corners >= mesh.n_real) & (corners < mesh.n_start)).any(axis=1)]
-
-
-@kernel
-def _extend(mesh, border, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
-    """Carry the terrain on to the frame; candidates of triangles that move with it become pending."""
-    vertices, triangles, _, n_real, n_start, gradient = mesh
-    moved = extend_terrain(vertices, n_real, n_start, triangles, border, gradient)
-    for triangle in border:
-        for k in range(3):
-            v = triangles[triangle, k]
-            if n_real <= v < n_start and moved[v - n_real]:
-                n_pending = _release(triangle, waiting, pending, n_pending)
-    return n_pending
+        n_triangles, n_pending = _insert(mesh, n_triangles, facets, best, waiting, pending)
 
 
 @kernel
@@ -260,10 +234,10 @@ def _insert(mesh, n_triangles, facets, best, waiting, pending):  # type: ignore[
     """
     Insert the best candidate of each facet; candidates of triangles that change become pending.
 
-    Return the numbers of triangles and of pending candidates, and the triangles at the frame that changed.
+    Return the numbers of triangles and of pending candidates.
     """
-    vertices, triangles, neighbours, n_real, n_start, _ = mesh
-    n_pending, n_fresh, fresh = 0, 0, np.empty(64, dtype=np.int32)
+    vertices, triangles, neighbours, _, n_start, _ = mesh
+    n_pending = 0
     for k in range(len(facets)):
         p = n_start + best[k]
         # Insertions of this round may have cut the point's triangle off this number.
@@ -274,18 +248,10 @@ def _insert(mesh, n_triangles, facets, best, waiting, pending):  # type: ignore[
         triangle = within
         while True:
             n_pending = _release(triangle, waiting, pending, n_pending)
-            if at_frame(triangle, triangles, n_real, n_start):
-                if n_fresh == len(fresh):
-                    longer = np.empty(2 * n_fresh, dtype=np.int32)
-                    for i in range(n_fresh):
-                        longer[i] = fresh[i]
-                    fresh = longer
-                fresh[n_fresh] = triangle
-                n_fresh += 1
             triangle = neighbours[triangle, 1]
             if triangle == within:
                 break
-    return n_triangles, n_pending, fresh[:n_fresh]
+    return n_triangles, n_pending
 
 
 # Chosen with `bench.ground.isprs` and `bench.ground.scenes`; mirroring is Axelsson's (2000).
@@ -407,33 +373,11 @@ def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-d
 
 
 @kernel
-def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # type: ignore[no-untyped-def]
-    """
-    Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (n, 3)
-        Rows `n_real` to `n_start` are the virtual ones; changed in place [m].
-    n_real, n_start : int
-        See `vertices`.
-    triangles : ndarray of shape (m, 3), int32
-        The mesh so far.
-    border : ndarray of int32
-        The triangles with a virtual corner, rising: of several real vertices as near, the first counts.
-    gradient : ndarray of shape (n_start - n_real, 2)
-        As `edge_gradients` gives it.
-
-    Returns
-    -------
-    ndarray of shape (n_start - n_real,), bool
-        Which virtual vertices moved.
-    """
+def _extend(mesh, n_triangles):  # type: ignore[no-untyped-def]
+    """Raise each virtual vertex to the slope beyond the nearest real one that it shares a triangle with."""
+    vertices, triangles, _, n_real, n_start, gradient = mesh
     least = np.full(n_start - n_real, np.inf)
-    elevation = np.empty(n_start - n_real)
-    for f in range(n_start - n_real):
-        elevation[f] = vertices[n_real + f, 2]
-    for t in border:
+    for t in range(n_triangles):
         for v in triangles[t]:
             if not n_real <= v < n_start:
                 continue
@@ -443,9 +387,4 @@ def extend_terrain(vertices, n_real, n_start, triangles, border, gradient):  # t
                 f = v - n_real
                 if not n_real <= w < n_start and away < least[f]:
                     least[f] = away
-                    elevation[f] = vertices[w, 2] + gradient[f, 0] * dx + gradient[f, 1] * dy
-    moved = np.empty(n_start - n_real, dtype=np.bool_)
-    for f in range(n_start - n_real):
-        moved[f] = elevation[f] != vertices[n_real + f, 2]
-        vertices[n_real + f, 2] = elevation[f]
-    return moved
+                    vertices[v, 2] = vertices[w, 2] + gradient[f, 0] * dx + gradient[f, 1] * dy

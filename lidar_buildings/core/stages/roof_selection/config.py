@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
+from lidar_buildings.core.model.parameters import SMALLEST_BUILDING, StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class RoofSelectionConfig(StageConfig):
         within=(0.0, 1000.0),
     )
     min_building_area: float = parameter(
-        12.0,
+        SMALLEST_BUILDING,
         "Smallest building in plan; raising it drops sheds and garages (Mancera-Taboada and others: 40).",
         unit="m^2",
         within=(0.0, 10000.0),

@@ -35,23 +35,11 @@ def find_facades(
     """
     Tell which points hang below a roof's edge or beside a wall: windows, what is under eaves, in light wells.
 
-    Parameters
-    ----------
-    columns : CellGrid
-        What is roof or wall, and what can be façade: neither ground nor of a class that stays [m].
-    height : ndarray of shape (n_points,)
-        Above ground [m].
-    is_roof : ndarray of bool, shape (n_points,)
-        Which points are roof, or wall as large as a building's; the answer for them is False.
-    is_last : ndarray of bool, shape (n_points,)
-        Whether the pulse ended there; what has roof all around, or lies farther from roof points than half a
-        metre, counts only then, else it is foliage.
-    highest : ndarray of shape (n_columns,)
-        Top of these within `TOP_REACH` of columns that hold others [m].
-    reach : float
-        Largest distance from a roof point in plan [m]; 0 for none. It is no less than 0.7 spacings.
-    spacing : float
-        Spacing of the pulses [m].
+    `columns` holds roof, wall and what can be façade: neither ground nor of a class that stays. `height` is
+    above ground, `is_roof` says which points are roof, or wall as large as a building's. What has roof all
+    around, or lies farther from roof points than half a metre, counts only if `is_last`, else it is foliage.
+    `highest`, shape (n_columns,), is the top within `TOP_REACH` of columns that hold others. `reach` is the
+    largest distance from a roof point in plan, 0 for none, and 0.7 `spacing` at least [m].
     """
     if reach <= 0.0 or not is_roof.any():
         return np.zeros(len(height), dtype=bool)

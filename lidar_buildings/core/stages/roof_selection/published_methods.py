@@ -48,18 +48,8 @@ def planar_cells(candidates: Candidates, config: RoofSelectionConfig) -> NDArray
     deviation is orthogonal to the plane, one planar cell is enough, and edges are completed along the planes
     by what does not lie in rugged cells alone.
 
-    Parameters
-    ----------
-    candidates : Candidates
-        Of which returns have no say in the published rules; cells have a size of their own.
-    config : RoofSelectionConfig
-        `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation`, and `max_plane_distance` for the
-        edges.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        Roofs.
+    Of `config` `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation` and, for the edges,
+    `max_plane_distance` count.
     """
     high = candidates.columns
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
@@ -130,17 +120,7 @@ def single_return_planes(candidates: Candidates, config: RoofSelectionConfig) ->
     `min_height` and `min_building_area`; `roof_returns` says which returns count. Others are never roof: the
     edges of roofs, where pulses are split, are lost as they were in the paper.
 
-    Parameters
-    ----------
-    candidates : Candidates
-        Everything that rises above ground.
-    config : RoofSelectionConfig
-        `roof_returns`, `max_roughness`, `max_plane_distance`.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        Roofs.
+    Of `config` `roof_returns`, `max_roughness` and `max_plane_distance` count.
     """
     counts = {
         "single": candidates.is_only,

@@ -41,22 +41,9 @@ def find_roads(
     has less than `min_road_area` under the open sky is left out; ground of unknown brightness follows what is
     around it.
 
-    Parameters
-    ----------
-    ground : ndarray of shape (n_points, 3)
-        Ground points [m].
-    normalised : ndarray of shape (n_points,)
-        Their normalised intensities, 0 to 255.
-    is_single : ndarray of bool, shape (n_points,)
-        Whether the point is the only return of its pulse.
-    spacing : float
-        Spacing of the pulses [m].
-    config : RoofSelectionConfig
-        The stage's parameters.
-    cover : ndarray of shape (n_cover_points, 3), optional
-        Leaves above the ground [m].
-    dark_limit : float, optional
-        Brightness of the darkest other ground where it is known already; only the automatic search uses it.
+    Ground points have shape (n, 3) [m]; `normalised` are their intensities, 0 to 255, `is_single` says which
+    are the only return of their pulse, `cover` are leaves above the ground, shape (m, 3) [m]. `dark_limit`
+    is the brightness of the darkest other ground, for the automatic search, if it is known.
     """
     nothing = np.zeros(len(ground), dtype=bool)
     if config.road_method == "none" or not is_single.any():

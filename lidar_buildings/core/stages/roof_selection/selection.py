@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
 from lidar_buildings.core.model.point_array import checked_column, checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, neighbours_of, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.crowds import without_crowds
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.roof_selection.candidates import (
     COLUMNS_A_RADIUS,
@@ -115,8 +113,8 @@ def select_roofs(
         What is known before: 0, 1, 3 to 6 and 8 are decided here; ground 2 can become road 11; noise, water
         and all others stay. If not given, points within 0.2 m of the ground are ground.
     return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given; else every point counts as the only return of its pulse. So it does if
-        it was recorded twice, as first and as last return, by scanners that give two for every pulse.
+        Used only if both are given and a pulse has a single return; else every point counts as the only
+        return of its pulse.
     intensity : array_like of shape (n_points,), optional
         As recorded; without any there are no roads.
     normalised_intensity : array_like of shape (n_points,), optional
@@ -149,7 +147,7 @@ def select_roofs(
         raise ValueError(f"dark_limit = {dark_limit!r}: must be a normalised intensity")
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
-    is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
+    is_last, is_only = last_and_only_returns(len(points), return_number, number_of_returns)
     is_open = _is_of(OPEN)[classes]
     spacing = given_or_measured(points, point_spacing)
     is_low = (height < LOW_SHARE * config.min_height) & ~_is_of(NOISE)[classes]
@@ -289,44 +287,22 @@ def _open_classes(
     return classes, facade.astype(np.uint8)
 
 
-#: Returns of a pulse this near one another came from one surface: scanners that record a first and a last
-#: return of every pulse give the same echo twice, some centimetres apart [m].
-SAME_ECHO = 0.3
-
-
 def last_and_only_returns(
-    points: NDArray[np.float64], return_number: ArrayLike | None, number_of_returns: ArrayLike | None
+    n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
     Tell which points are the last return of their pulse, and which are its only one.
 
-    Where no pulse has a single return, the scanner recorded two of every pulse. A point then counts as the
-    only return if another return number lies next to it. Every point does if either column is missing.
+    Every point counts as the only one if either column is missing, or no pulse has a single return: some
+    scanners record a first and a last return of every pulse.
     """
-    n = len(points)
+    everyone = np.ones(n_points, dtype=bool)
     if return_number is None or number_of_returns is None:
-        return np.ones(n, dtype=bool), np.ones(n, dtype=bool)
-    number = checked_column("return_number", return_number, n, np.int64)
-    of = checked_column("number_of_returns", number_of_returns, n, np.int64)
+        return everyone, everyone
+    number = checked_column("return_number", return_number, n_points, np.int64)
+    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
     is_only = of <= 1
-    if n and not is_only.any():
-        grid = sort_by_cell(points, SAME_ECHO)
-        runs, of_point = grid.around(SAME_ECHO), grid.cell
-        for_row_blocks(lambda begin, end: _find_twins(grid, runs, of_point, number, is_only, begin, end), n)
-    return (number >= of) | is_only, is_only
-
-
-@kernel
-def _find_twins(grid, runs, cell, number, has_twin, begin, end):  # type: ignore[no-untyped-def]
-    """Mark sorted points begin to end next to which a return of another number lies."""
-    near = np.empty(len(grid.points), dtype=np.int64)
-    for i in range(begin, end):
-        x, y, z = grid.points[i]
-        row = grid.rows[i]
-        for k in range(neighbours_of(grid, runs[cell[i]], x, y, z, SAME_ECHO, False, near)):
-            if number[grid.rows[near[k]]] != number[row]:
-                has_twin[row] = True
-                break
+    return (number >= of) | is_only, is_only if is_only.any() else everyone
 
 
 #: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.
@@ -339,19 +315,7 @@ def vegetation_classes(height: NDArray[np.float64], config: RoofSelectionConfig)
 
     Of points that are neither ground nor roof; a limit belongs to the class above it.
     """
-    limits = np.maximum.accumulate(
-        [
-            VEGETATION_FLOOR,
-            config.low_vegetation_height,
-            config.medium_vegetation_height,
-            config.max_vegetation_height,
-        ]
-    )
-    classes = (
-        PointClass.UNCLASSIFIED,
-        PointClass.LOW_VEGETATION,
-        PointClass.MEDIUM_VEGETATION,
-        PointClass.HIGH_VEGETATION,
-        PointClass.UNCLASSIFIED,
-    )
+    names = ("low_vegetation_height", "medium_vegetation_height", "max_vegetation_height")
+    limits = np.maximum.accumulate([VEGETATION_FLOOR, *(getattr(config, name) for name in names)])
+    classes = (1, 3, 4, 5, 1)  # PointClass: unclassified, low, medium and high vegetation
     return np.array(classes, dtype=np.uint8)[np.digitize(height, limits)]

@@ -55,25 +55,8 @@ def find_wet_roofs(
     and on one plane, along most of its perimeter. Around water it is ground, around gaps between crowns on no
     plane, beside shadows on one side only.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        All, in any order [m].
-    height : ndarray of shape (n_points,)
-        Above ground [m].
-    is_open : ndarray of bool, shape (n_points,)
-        Which of them may become roof.
-    is_roof : ndarray of bool, shape (n_points,)
-        Which of them are roof already: they count as rim, and the answer for them is False.
-    spacing : float
-        Of the pulses [m].
-    config : RoofSelectionConfig
-        `min_height` of the rim, `min_building_area` of the roof.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_points,)
-        Neither the order of the points matters nor what lies farther away than `MAX_LENGTH` and some cells.
+    Points, in any order, have shape (n, 3), heights are above ground [m]; `is_open` says which may become
+    roof, `is_roof` which are: these count as rim. What is farther away than `MAX_LENGTH` does not matter.
     """
     found = np.zeros(len(points), dtype=bool)
     raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))
@@ -147,9 +130,6 @@ def _is_rim(
     """Tell which raised points, given with their cells, are the rim of the roof that the void is."""
     is_near = ndimage.distance_transform_edt(~void)[tuple(places.T)] <= RIM_REACH
     if is_near.sum() < 3:
-        return np.zeros(len(points), dtype=bool)
-    # Fewer than all frame it, if those on the plane do.
-    if not _frames(places[is_near], void, spacing, config):
         return np.zeros(len(points), dtype=bool)
     is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
     on_rim = is_near & is_level

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
+from lidar_buildings.core.model.parameters import SMALLEST_BUILDING, StageConfig, advanced, parameter
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SegmentationConfig(StageConfig):
         within=(1, None),
     )
     min_area: float = parameter(
-        6.0,
+        SMALLEST_BUILDING / 2.0,
         "Smallest area of a building, measured from its number of points; raising it drops more sheds.",
         unit="m²",
         within=(0.0, None),

@@ -28,19 +28,9 @@ def relief(
     rasters that share a side have the same vertices there. Within, the worst node of each triangle becomes a
     vertex, round by round (Garland and Heckbert 1995).
 
-    Parameters
-    ----------
-    elevation : ndarray of shape (height, width)
-        Of the nodes, the northernmost row first [m]; NaN where unknown: no triangle lies there.
-    tolerance : float
-        In height [m].
-
-    Returns
-    -------
-    rows, columns : ndarray of shape (n_vertices,), int64
-        The nodes that are vertices, row by row.
-    triangles : ndarray of shape (n_triangles, 3), int32
-        Which of these, counter-clockwise from above; none without three vertices that span a triangle.
+    Elevations, shape (height, width), the northernmost row first, and the tolerance are in [m]; no triangle
+    lies where they are NaN. Return rows and columns of the nodes that are vertices, row by row, and which of
+    these make each triangle, shape (n, 3), counter-clockwise from above.
     """
     known = ~np.isnan(elevation)
     inner = np.zeros_like(known)

@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 
-from bench.scenes import buildings as scenes
 from bench.scenes.edges import level_roof, roof_and_truth, sphere
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.stages.edge_labelling.config import AS_PUBLISHED, EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
 
@@ -61,17 +59,6 @@ def test_the_edge_cluster_is_the_more_linear_one():
     assert found.planarity[edge].mean() < found.planarity[~edge].mean()
 
 
-def test_normals_are_those_of_the_roof_planes():
-    scene = scenes.gable(density=8.0)
-    points, (building,) = scene.points[scene.is_roof], scene.buildings
-    found = label_edges(points)
-    slopes = np.array(building.planes)[scene.roof_plane[scene.is_roof] - 1]
-    expected = np.column_stack([-slopes[:, 0], -slopes[:, 1], np.ones(len(slopes))])
-    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
-    cosine = np.sum(found.normals * expected, axis=1)[found.edge == 0]
-    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean() < 4
-
-
 def high_beside_low():
     """Return a high roof that touches a low one along x = 15, and which points are within 0.3 m of it."""
     points = np.vstack([level_roof((0, 15), (0, 12), 12.0), level_roof((15, 30), (0, 12), 8.0, seed=1)])
@@ -127,8 +114,3 @@ def test_what_is_no_number_is_refused_by_name():
         label_edges([[0, 0, np.nan]])
     with pytest.raises(ValueError, match="point_spacing"):
         label_edges(np.zeros((2, 3)), point_spacing=0.0)
-
-
-def test_an_unknown_feature_set_is_refused():
-    with pytest.raises(ParameterError, match=r"edge_labelling\.features"):
-        EdgeLabellingConfig(features="colour")

@@ -71,13 +71,6 @@ def test_a_roof_that_is_whole_in_two_tiles_has_the_same_labels_in_both(name):
 
 
 @every_config
-def test_a_scaled_roof_has_the_same_edges(config):
-    # A power of two changes no bit but the exponents.
-    points, _ = roof_and_truth("l_shape", density=8.0)
-    assert np.array_equal(label_edges(points * 4, config).edge, label_edges(points, config).edge)
-
-
-@every_config
 def test_moved_roofs_have_the_same_edges(config):
     # Whole cells of the grid at this spacing, exact in binary.
     points = np.round(roof_and_truth("l_shape", density=8.0)[0] * 1024) / 1024
@@ -104,16 +97,6 @@ def test_points_at_one_place_have_no_edges_and_are_said_to_be_too_few(name):
     found = label_edges(DEGENERATE[name])
     assert found.status == "too_few_points"
     assert not found.edge.any()
-
-
-@every_config
-def test_points_recorded_ten_times_are_labelled_alike(config):
-    points, distance = roof_and_truth("flat", density=8.0)
-    found = label_edges(np.repeat(points, 10, axis=0), config)
-    edge = found.edge.reshape(-1, 10)
-    assert (edge == edge[:, :1]).all()
-    assert edge[distance < 0.35].mean() > 0.7
-    assert edge[distance > 2].mean() < 0.25
 
 
 def test_the_edge_of_a_lattice_without_noise_is_its_outer_points():

@@ -76,18 +76,6 @@ def test_other_roofs_are_not_seen():
         assert np.array_equal(found[mine], rims(points[mine]))
 
 
-def test_a_point_alone_is_on_a_rim():
-    assert rims(np.zeros((1, 3))).tolist() == [True]
-    assert rims(np.zeros((5, 3))).all()
-    assert len(rims(np.zeros((0, 3)))) == 0
-
-
-def test_roofs_numbered_beyond_what_a_float_can_tell_apart_are_not_seen():
-    points = cloud()
-    roof_id = 2**60 + (points[:, 1] > 0).astype(np.int64)
-    assert np.array_equal(rims(points, roof_id=roof_id), rims(points, roof_id=roof_id - 2**60))
-
-
 @pytest.mark.parametrize("size", [0.3, 1.0, 7.0])
 def test_roofs_are_the_connected_cells(size):
     points = cloud(400)

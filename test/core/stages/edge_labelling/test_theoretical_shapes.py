@@ -88,10 +88,6 @@ def test_each_shape_is_nearest_to_itself_and_its_group_that_of_the_paper():
     assert edges == {"line", "half plane", "quarter plane", "two planes"}
 
 
-def test_no_points_have_no_shapes():
-    assert len(nearest_shapes(np.zeros((0, 3)))) == 0
-
-
 def cube_and_six_points(n=60):
     """
     Return a densely sampled cube, of n steps a side, and the rows of the six points of the paper's Figure 2.

@@ -55,20 +55,6 @@ def test_boxes_on_a_slope_are_objects_and_the_rest_is_ground():
     assert accepted < 0.02
 
 
-def test_a_window_of_a_slope_that_no_profile_goes_down_without_steps_is_ground_but_for_its_boxes():
-    points = lattice(56.0, 56.0, 1.0)
-    points[:, 2] += 1.2 * points[:, 0]
-    points[:, 2] += np.random.default_rng(1).normal(0.0, 0.15, len(points))
-    roof = np.zeros(len(points), dtype=bool)
-    for x, y in ((15, 15), (35, 40), (40, 12)):
-        inside = (np.abs(points[:, :2] - (x, y)) < 6).all(axis=1)
-        points[inside, 2] = 1.2 * (x + 6) + 2.5
-        roof |= inside
-    rejected, accepted = errors(label_ground(points, CONFIG), ~roof)
-    assert rejected < 0.02
-    assert accepted < 0.02
-
-
 def test_a_box_that_the_edge_cuts_off_is_an_object():
     points = lattice(120.0, 100.0, 1.0)
     roof = box(points, [0, 0], [30, 25], 6.0) | box(points, [120, 50], [20, 12], 6.0)
@@ -118,13 +104,6 @@ def test_terrain_scenes_have_few_errors(name):
     assert np.mean(ground != scene.is_ground) < 0.01
 
 
-def test_a_single_low_point_does_not_spoil_its_surroundings():
-    points = lattice(100.0, 100.0, 1.0)
-    points[5050, 2] -= 8.0
-    ground = label_ground(points, CONFIG)
-    assert np.delete(ground, 5050).mean() > 0.99
-
-
 def test_times_make_the_order_of_rows_indifferent():
     points = lattice(80.0, 80.0, 1.0)
     roof = box(points, [40, 40], [10, 14], 5.0)
@@ -133,12 +112,6 @@ def test_times_make_the_order_of_rows_indifferent():
     straight = label_ground(points, CONFIG, gps_time=time)
     np.testing.assert_array_equal(label_ground(points[rows], CONFIG, gps_time=time[rows]), straight[rows])
     np.testing.assert_array_equal(straight, ~roof)
-
-
-def test_points_on_one_line_are_told_apart_by_its_profile():
-    points = np.column_stack((np.arange(0.0, 200.0), np.zeros(200), np.zeros(200)))
-    points[80:110, 2] = 6.0
-    np.testing.assert_array_equal(label_ground(points, CONFIG), points[:, 2] == 0)
 
 
 def test_votes_tell_ground_object_and_what_nothing_is_known_of():
@@ -175,11 +148,9 @@ def test_the_trend_of_a_plane_is_the_plane_whatever_stands_on_it():
     points = lattice(100.0, 80.0, 1.0)
     points[:, 2] = 0.3 * points[:, 0] - 0.1 * points[:, 1] + 50
     roof = box(points, [50, 40], [10, 10], 8.0)
-    trend, slope = fit_trend(points, ~roof, 10.0)
+    trend = fit_trend(points, ~roof, 10.0)
     truth = 0.3 * points[:, 0] - 0.1 * points[:, 1] + 50
-    # Slopes are damped a little where points are few to say so: by the cell's own size.
     np.testing.assert_allclose(trend, truth, atol=0.3)
-    np.testing.assert_allclose(slope[roof], np.hypot(0.3, 0.1), atol=0.02)
 
 
 @pytest.mark.real_data

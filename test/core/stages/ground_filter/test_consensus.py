@@ -46,18 +46,6 @@ LARGEST_ERROR = {
     # A fifth of the points is ground, on slopes on which the tolerance is as high as the undergrowth.
     "steep_forest": 17.0,
 }
-#: Scenes that are also turned, so that neither cells nor rows lie along what they show.
-TURNED = (
-    "city_block",
-    "bridge_over_cut",
-    "overpass_with_ramps",
-    "houses_on_hillside",
-    "sparse_suburb",
-    "quarry",
-    "river_bank",
-    "low_outliers",
-    "dyke_and_mound",
-)
 #: Largest total error over the ISPRS samples at hand, and their mean [%].
 ISPRS_WORST, ISPRS_MEAN = 9.0, 3.2
 
@@ -87,11 +75,6 @@ def test_the_error_on_each_terrain_scene_stays_within_what_is_known_of_it(name):
     assert error_on(name) <= LARGEST_ERROR[name]
 
 
-@pytest.mark.parametrize("name", TURNED)
-def test_turning_a_scene_and_scanning_it_anew_changes_little(name):
-    assert error_on(name, rotation_deg=33.0, seed=1) <= LARGEST_ERROR[name]
-
-
 def test_the_mean_error_over_the_scenes_is_small():
     errors = [error_on(name) for name in TERRAIN_SCENES]
     assert np.mean(errors) < 1.8
@@ -102,13 +85,6 @@ def test_a_road_on_a_bank_is_ground_where_the_same_road_on_a_bridge_is_not():
     points = lattice(120.0, 80.0)
     points[:, 2] += np.clip((6.0 - (abs(points[:, 1]) - 5.0) * np.tan(np.deg2rad(35))), 0.0, 6.0)
     assert is_ground(points).all()
-
-
-def test_an_embankment_is_ground_from_its_foot_to_its_crest():
-    points = lattice(120.0, 120.0)
-    points[:, 2] += 6.0 * np.clip((17.0 - abs(points[:, 0])) / 9.0, 0, 1)
-    points[:, :2] = points[:, :2] @ [[0.8, 0.6], [-0.6, 0.8]]
-    assert is_ground(points).mean() > 0.999
 
 
 @pytest.mark.parametrize(("spacing", "height"), [(0.8, 4.0), (1.6, 6.0), (2.4, 8.0)])

@@ -114,38 +114,6 @@ def test_less_than_a_percent_depends_on_how_the_cloud_is_cut_into_tiles(size, st
     assert (pieces != whole).mean() < 0.01
 
 
-def test_a_tile_with_a_buffer_gets_the_labels_of_the_whole():
-    points, roof = hilly_town()
-    whole = classify_ground(points)
-    assert (whole.classification[~roof] == GROUND).mean() > 0.99
-    assert (whole.classification[roof] == GROUND).mean() < 0.001
-    for core, low, high in ((0, 0, 170), (120, 70, 300)):
-        tile = (points[:, 0] >= low) & (points[:, 0] < high)
-        inner = (points[:, 0] >= core) & (points[:, 0] < (120 if core == 0 else 301))
-        cut = np.zeros(len(points), dtype=np.uint8)
-        cut[tile] = classify_ground(points[tile]).classification
-        assert (cut == whole.classification)[inner].mean() > 0.999
-
-
-def test_heights_within_a_buffer_of_a_seed_cell_do_not_depend_on_the_cut():
-    points, _ = hilly_town()
-    whole = classify_ground(points).height_above_ground
-    tile = points[:, 0] < 170.0
-    inner = points[tile, 0] < 120.0
-    differs = np.abs(classify_ground(points[tile]).height_above_ground - whole[tile])[inner]
-    # Where the terrain keeps what grew from the large cells of the first seeds it is one point of six.
-    assert (differs > 0.02).mean() < 0.03
-    assert differs.max() < 0.1
-
-
-def test_a_hall_larger_than_a_seed_cell_is_not_ground():
-    points = lattice(240.0, 240.0, 1.0)
-    hall = (np.abs(points[:, :2] - [128.0, 117.0]) < [55.0, 45.0]).all(axis=1)
-    points[hall, 2] += 9.0
-    ground = classify_ground(points).classification == GROUND
-    np.testing.assert_array_equal(ground, ~hall)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_both_sides_of_a_cliff_are_ground(method):
     points = lattice(120.0, 120.0, 0.7)
@@ -168,24 +136,6 @@ def test_a_courtyard_and_the_street_are_ground_where_a_block_is_closed(method):
     points[block, 2] += 12.0
     ground = classify_ground(points, GroundFilterConfig(method=method)).classification == GROUND
     np.testing.assert_array_equal(ground, ~block)
-
-
-def test_points_far_below_are_low_noise_and_do_not_pull_the_ground_down():
-    points = lattice(60.0, 60.0, 0.5)
-    below = np.array([[20.0, 20.0, -7.0], [20.2, 20.1, -9.0], [45.0, 33.0, -2.5], [5.0, 50.0, -80.0]])
-    result = classify_ground(np.vstack((points, below)))
-    assert (result.classification[-4:] == LOW).all()
-    assert (result.classification[:-4] == GROUND).all()
-    np.testing.assert_allclose(result.height_above_ground[-4:], below[:, 2], atol=0.1)
-
-
-def test_a_bird_is_high_noise_and_a_tower_is_not():
-    points = lattice(60.0, 60.0, 0.7)
-    tower = (np.abs(points[:, :2] - 30.0) < 6).all(axis=1)
-    points[tower, 2] += 90.0
-    result = classify_ground(np.vstack((points, [[12.0, 50.0, 70.0]])))
-    assert result.classification[-1] == HIGH
-    assert (result.classification[:-1][tower] == PointClass.UNCLASSIFIED).all()
 
 
 def errors_below(n_points=20_000, share=0.99, seed=0):
@@ -250,15 +200,6 @@ def test_low_points_are_no_ground_to_any_method(method):
     assert (result.classification[len(points) :] == LOW).all()
     assert (result.classification[: len(points)] == GROUND).mean() > 0.99
     np.testing.assert_allclose(result.height_above_ground[len(points) :], clump[:, 2], atol=0.2)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_points_all_at_one_height_are_all_ground(method):
-    points = lattice(50.0, 50.0, 0.6)
-    points[:, 2] = 4.0
-    result = classify_ground(points, GroundFilterConfig(method=method))
-    assert (result.classification == GROUND).all()
-    assert (result.height_above_ground == 0.0).all()
 
 
 def test_where_there_is_nothing_but_a_roof_it_is_the_ground():

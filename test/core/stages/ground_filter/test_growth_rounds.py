@@ -5,7 +5,6 @@ from lidar_buildings.core.stages.ground_filter import tin_growth
 from lidar_buildings.core.stages.ground_filter.tin_growth import (
     GrowthLimits,
     candidate_score,
-    extend_terrain,
     start_growth,
 )
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
@@ -33,30 +32,30 @@ def grow_plainly(growth, limits, excluded):
     """
     Let candidates join, all that wait asked in every round whether their triangle changed in the last one.
     """
-    vertices, triangles, neighbours, n_real, n_start, gradient = growth.mesh
-    mesh, changed = (vertices, triangles, neighbours), np.zeros(len(triangles), dtype=np.int32)
-    for turn in range(1, 1000):
-        used = triangles[: growth.n_triangles]
-        virtual = (used >= n_real) & (used < n_start)
-        rim = np.flatnonzero(virtual.any(axis=1))
-        moved = np.flatnonzero(extend_terrain(vertices, n_real, n_start, triangles, rim, gradient))
-        changed[: len(used)][np.isin(used, n_real + moved).any(axis=1)] = turn - 1
-        best = {}
-        for i in np.flatnonzero(~growth.joined & ~excluded & (changed[growth.home] >= turn - 1)):
-            p = n_start + i
-            growth.home[i] = here = walk(*vertices[p, :2], growth.home[i], *mesh)
-            score = candidate_score(p, here, vertices, n_real, n_start, *mesh[1:], tuple(limits))
-            if score < best.get(here, (np.inf, 0))[0]:
-                best[here] = (score, i)
-        if not best:
-            return
-        before = triangles.copy()
-        for here, (_, i) in sorted(best.items()):
-            p = n_start + i
-            growth.home[i] = within = walk(*vertices[p, :2], here, *mesh)
-            growth.n_triangles = insert_vertex(p, within, growth.n_triangles, vertices, triangles, neighbours)
-            growth.joined[i] = True
-        changed[(triangles != before).any(axis=1)] = turn
+    vertices, triangles, neighbours, n_real, n_start, _ = growth.mesh
+    mesh = (vertices, triangles, neighbours)
+    for _ in range(tin_growth.EXTENSIONS):
+        tin_growth._extend(growth.mesh, growth.n_triangles)
+        changed = np.ones(len(triangles), dtype=bool)
+        while True:
+            best = {}
+            for i in np.flatnonzero(~growth.joined & ~excluded & changed[growth.home]):
+                p = n_start + i
+                growth.home[i] = here = walk(*vertices[p, :2], growth.home[i], *mesh)
+                score = candidate_score(p, here, vertices, n_real, n_start, *mesh[1:], tuple(limits))
+                if score < best.get(here, (np.inf, 0))[0]:
+                    best[here] = (score, i)
+            if not best:
+                break
+            before = triangles.copy()
+            for here, (_, i) in sorted(best.items()):
+                p = n_start + i
+                growth.home[i] = within = walk(*vertices[p, :2], here, *mesh)
+                growth.n_triangles = insert_vertex(
+                    p, within, growth.n_triangles, vertices, triangles, neighbours
+                )
+                growth.joined[i] = True
+            changed = (triangles != before).any(axis=1)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -58,7 +58,7 @@ def test_points_on_top_of_one_another_count_as_one_however_many_they_are():
 
 
 @pytest.mark.parametrize("terrain", TERRAINS)
-@pytest.mark.parametrize("density", [1.0, 4.0, 15.0])
+@pytest.mark.parametrize("density", [1.0, 15.0])
 @pytest.mark.parametrize(("n_points", "depth"), [(1, 3.0), (2, 40.0), (6, 5.0), (20, 8.0), (60, 15.0)])
 def test_low_points_are_found_alone_and_in_groups(terrain, density, n_points, depth):
     surface = ground(density, terrain)
@@ -156,18 +156,6 @@ def test_birds_are_found(height, n_points, terrain):
     classes = noise_of(np.vstack((surface, bird)))
     assert (classes[len(surface) :] == HIGH).all()
     assert not classes[: len(surface)].any()
-
-
-def test_a_cloud_is_found_and_a_tower_is_none():
-    points = ground(4.0)
-    tower = (np.abs(points[:, :2] - (15.0, 55.0)) < 10.0).all(axis=1)
-    points[tower, 2] += 260.0
-    random = np.random.default_rng(4)
-    cloud = random.uniform((35, 10, 380), (65, 40, 410), (1500, 3))
-    classes = noise_of(np.vstack((points, cloud)))
-    # Where a block shows tower and cloud at once there is not enough air between them.
-    assert (classes[len(points) :] == HIGH).mean() > 0.95
-    assert not classes[: len(points)].any()
 
 
 def test_masts_wires_trees_and_towers_are_no_errors():

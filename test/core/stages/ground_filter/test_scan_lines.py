@@ -9,7 +9,6 @@ import pytest
 from lidar_buildings.core.stages.ground_filter.scan_profiles import (
     cut_profiles,
     find_scan_lines,
-    sorted_profiles,
 )
 
 SPACING = 1.0
@@ -127,17 +126,6 @@ def test_points_along_a_curve_that_fills_the_plane_have_no_scan_lines():
     assert find_scan_lines(points[np.argsort(key)], SPACING) is None
 
 
-@pytest.mark.parametrize("n", [0, 1, 2, 3])
-def test_few_points_are_fine(n):
-    found = find_scan_lines(np.arange(3.0 * n).reshape(n, 3), SPACING)
-    assert found is None or len(found.line) == n
-
-
-def test_identical_points_and_times_are_fine():
-    points = np.ones((50, 3))
-    assert find_scan_lines(points, SPACING, gps_time=np.zeros(50), point_source_id=np.zeros(50)) is None
-
-
 def test_profiles_hold_every_point_once_and_rise_along_each():
     points, _ = zigzag()
     for profiles in (
@@ -149,20 +137,6 @@ def test_profiles_hold_every_point_once_and_rise_along_each():
         assert profiles.first[-1] == len(points)
         for begin, end in zip(profiles.first[:-1], profiles.first[1:], strict=True):
             assert (np.diff(profiles.along[begin:end]) >= 0).all()
-
-
-def test_strips_lie_at_multiples_of_their_width_from_the_origin():
-    points, _ = zigzag()
-    profiles = cut_profiles(points, 1.5, 0.0)
-    strip = np.floor(points[:, 1] / 1.5)
-    for begin, end in zip(profiles.first[:-1], profiles.first[1:], strict=True):
-        assert len(set(strip[profiles.rows[begin:end]])) == 1
-
-
-def test_no_points_give_no_profiles():
-    empty = sorted_profiles(np.zeros(0), np.zeros(0))
-    assert len(empty.rows) == 0
-    np.testing.assert_array_equal(empty.first, [0])
 
 
 @pytest.mark.real_data

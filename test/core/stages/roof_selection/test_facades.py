@@ -64,14 +64,3 @@ def test_a_light_well_is_of_the_building_if_the_pulse_ends_there():
     roofs = np.vstack([roof(0.0, 10.0), roof(11.5, 20.0)])
     assert facades(roofs, well).all()
     assert not facades(roofs, well, is_last=False).any()
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_order_of_points_does_not_matter(seed):
-    roofs, others = roof(0.0, 10.0), np.vstack([column(9.9), column(9.95, y=3.3), column(4.0)])
-    order = np.random.default_rng(seed).permutation(len(roofs) + len(others))
-    assert (facades(roofs, others) == facades(roofs, others, order=order)).all()
-
-
-def test_no_roof_has_no_facade():
-    assert not facades(np.zeros((0, 3)), column(1.0)).any()

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.smooth_patches import wide_enough as of_columns
-from lidar_buildings.core.surfaces.morphology import square_distances
 
 SPACING = 0.25
 
@@ -64,16 +62,3 @@ def test_blocks_do_not_show_where_a_roof_lies_across_them():
 
 def test_where_cells_are_too_large_to_tell_all_pass():
     assert wide_enough(rectangle(0.5, 10.0), 2.0, 2.5).all()
-
-
-@pytest.mark.parametrize("n", [0, 1, 2])
-def test_few_points_are_narrow(n):
-    assert not wide_enough(rectangle(0.5, 0.5)[:n], SPACING, 2.5).any()
-
-
-@pytest.mark.parametrize("value", [0, 1])
-def test_distances_are_those_of_scipy_up_to_the_reach(value):
-    plan = (np.random.default_rng(0).random((40, 30)) < 0.9).astype(np.uint8)
-    plan[5:20, 8:22] = 1 - value
-    expected = np.rint(ndimage.distance_transform_edt(plan != value) ** 2)
-    np.testing.assert_array_equal(square_distances(plan, value, 4), np.minimum(expected, 25))

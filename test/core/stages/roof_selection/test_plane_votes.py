@@ -6,7 +6,6 @@ from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roof_patches import (
-    N_VOTERS,
     find_voted_surface,
     plane_votes,
 )
@@ -56,10 +55,6 @@ def test_a_crown_has_few_votes():
     assert (plane_votes(crown(), 0.125)[0] >= 7).mean() < 0.1
 
 
-def test_no_more_points_than_voters_have_no_plane():
-    assert not plane_votes(np.zeros((N_VOTERS, 3)), 0.125)[0].any()
-
-
 def test_a_gable_of_forty_points_is_roof_up_to_the_ridge_whether_returns_are_known_or_not():
     points = gable_of_a_few_points()
     assert roof_share(points) > 0.9
@@ -72,15 +67,6 @@ def test_a_crown_is_no_roof_whether_returns_are_known_or_not():
     assert roof_share(crown()) == 0.0
     every_other = np.arange(len(crown())) % 2 == 0
     assert roof_share(crown(), is_last=every_other, is_only=every_other) == 0.0
-
-
-def test_the_normal_is_that_of_the_plane_that_neighbours_lie_on():
-    x, y = (one.ravel() for one in np.meshgrid(np.arange(6.0), np.arange(6.0)))
-    votes, normals = plane_votes(np.column_stack([x, y, 0.5 * x]), 0.01)
-    assert (votes == N_VOTERS).all()
-    np.testing.assert_allclose(
-        normals * np.sign(normals[:, 2:]), [np.array([-0.5, 0.0, 1.0]) / 1.25**0.5] * 36
-    )
 
 
 def test_shrubs_on_open_ground_are_no_roof_whatever_house_is_the_nearest():
@@ -114,7 +100,3 @@ def test_a_deck_of_few_points_is_no_roof():
     ground = np.vstack([deck + np.array([shift, 0.0, 0.0]) for shift in (-60.0, 60.0)])
     assert roof_share(deck) == 1.0
     assert roof_share(deck, ground=ground) == 0.0
-
-
-def test_few_points_are_no_roof():
-    assert roof_share(np.zeros((3, 3))) == 0.0

@@ -54,8 +54,3 @@ def test_other_roofs_beside_it_are_no_foliage():
     points, is_roof = among(square(15.0, 5.0))
     cells = sort_by_cell(points, CELL)
     assert stands_out(cells, cells.points[:, 2], np.where(is_roof, 0, 1)[cells.rows], 2).all()
-
-
-def test_no_building_is_asked_for_none():
-    none = sort_by_cell(np.zeros((0, 3)), CELL)
-    assert len(stands_out(none, np.zeros(0), np.zeros(0, dtype=np.int64), 0)) == 0

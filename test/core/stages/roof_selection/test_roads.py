@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 
@@ -191,31 +190,3 @@ def test_a_part_of_the_cloud_gives_the_same_road_with_a_known_limit():
         points[near], None, normalised_intensity=normalised[near], dark_limit=100.0, point_spacing=0.5
     )
     assert (part[core[near]] == whole[core]).mean() > 0.995
-
-
-@pytest.mark.parametrize("n", [0, 1, 2])
-@pytest.mark.parametrize("method", ["automatic", "thresholds"])
-def test_hardly_any_points_have_no_road(n, method):
-    points = np.zeros((n, 3))
-    assert not road_of(points, np.full(n, 50.0), RoofSelectionConfig(road_method=method)).any()
-
-
-@pytest.mark.parametrize("far", [1e4, 1e6])
-def test_two_places_far_apart_take_no_memory(far):
-    points, reflectance = meadow()
-    _, reflectance = with_roads(points, reflectance)
-    points = np.vstack([points, [[far, far, 0.0]]])
-    road_of(points, measured(np.append(reflectance, GRASS)), point_spacing=0.7)
-
-
-@pytest.mark.parametrize("name", ["intensity", "normalised_intensity", "point_source_id"])
-def test_a_column_of_another_length_is_refused_by_name(name):
-    points, reflectance = meadow(spacing=5.0)
-    columns = {"intensity": measured(reflectance), name: np.zeros(3)}
-    with pytest.raises(ValueError, match=name):
-        select_roofs(points, **columns)
-
-
-def test_an_unknown_method_is_refused():
-    with pytest.raises(ParameterError, match=r"roof_selection\.road_method = 'otsu'.*automatic"):
-        RoofSelectionConfig(road_method="otsu")

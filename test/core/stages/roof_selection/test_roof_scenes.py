@@ -94,15 +94,6 @@ def test_leaning_beams_meet_walls_on_both_sides_and_see_each_shadow_from_one():
         assert 0.4 < beside / far_off < 0.9
 
 
-def test_steep_roofs_are_met_exactly_where_they_are():
-    site = RoofSite(30, 30, 10.0, 0)
-    box = site.house(15, 15, 12, 10, 5, 60)
-    scene = site.scanned(0.0, 0.0)
-    x, y, z = scene.points[scene.is_building & (scene.columns["number_of_returns"] == 1)].T
-    across = abs(box.local(x, y)[1])
-    np.testing.assert_allclose(z, GROUND + 5 + np.tan(np.deg2rad(60)) * (5 - across), atol=0.01)
-
-
 def test_leaves_are_no_building_and_give_several_returns():
     site = RoofSite(30, 30, 20.0, 0)
     site.tree(15, 15, 6, 14)
@@ -134,21 +125,3 @@ def test_a_courtyard_is_ground_and_what_is_higher_hides_what_is_lower():
     assert (scene.columns["classification"][inside] == 2).all()
     hidden = Box(15, 23.5, 3, 2).depth(*scene.points[:, :2].T) > 0
     assert scene.is_building[hidden].all()
-
-
-def test_sheets_let_pulses_through_and_lost_places_return_nothing():
-    site = RoofSite(30, 30, 20.0, 0)
-    site.hang(Box(8, 15, 10, 10), GROUND + 6, 0.5, 0.0)
-    site.put(Box(22, 15, 10, 10), GROUND + 5)
-    site.lose(Box(22, 15, 4, 4), 1.0)
-    scene = site.scanned(0.0, 0.0, max_angle_deg=0.0)
-    under = Box(8, 15, 9, 9).depth(*scene.points[:, :2].T) > 0
-    hit = scene.columns["height_above_ground"][under] > 5
-    # Half of the pulses, none of which goes on.
-    assert 0.45 < hit.mean() < 0.55
-    assert not (Box(22, 15, 3.9, 3.9).depth(*scene.points[:, :2].T) > 0).any()
-
-
-def test_a_box_knows_how_deep_positions_lie_inside():
-    depth = Box(2, 1, 4, 2, 90).depth(np.array([2.0, 2.0, 4.0]), np.array([1.0, 2.5, 1.0]))
-    np.testing.assert_allclose(depth, [1.0, 0.5, -1.0], atol=1e-12)

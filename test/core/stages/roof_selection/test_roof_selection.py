@@ -202,14 +202,6 @@ def test_the_classes_given_are_not_written_to():
     assert np.array_equal(given["classification"], before)
 
 
-def test_a_roof_is_the_same_in_a_tile_twice_as_large():
-    one, other = scenes.hip(density=8.0), scenes.l_shape(density=8.0, seed=5)
-    far = np.vstack([one.points, other.points + np.array([60, 0, 0])])
-    classes = select_roofs(far, **{k: np.append(v, w) for (k, v), w in zip(
-        known(one).items(), known(other).values(), strict=True)}).classification  # fmt: skip
-    assert np.array_equal(classes[: len(one.points)], select_roofs(one.points, **known(one)).classification)
-
-
 @pytest.mark.parametrize(
     "name", ["height_above_ground", "classification", "return_number", "number_of_returns"]
 )

@@ -36,8 +36,3 @@ def test_the_limits_are_parameters():
     )
     found = vegetation_classes(np.array([0.3, 0.5, 1.9, 2.0, 49.0, 50.0]), config)
     assert found.tolist() == [3, 4, 4, 5, 5, 1]
-
-
-def test_limits_in_another_order_leave_no_room_for_the_class_between():
-    config = RoofSelectionConfig(low_vegetation_height=4.0, medium_vegetation_height=2.0)
-    assert vegetation_classes(np.array([1.0, 3.0, 5.0]), config).tolist() == [3, 3, 5]

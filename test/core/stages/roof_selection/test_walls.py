@@ -122,10 +122,6 @@ def test_areas_are_length_times_height(turned):
     np.testing.assert_allclose(areas, [60.0, 48.0, 0.0, 0.0], rtol=0.05)
 
 
-def test_no_patches_have_no_areas():
-    assert len(wall_areas(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 3.0)) == 0
-
-
 def test_walls_below_a_roof_are_told_from_bare_ones():
     random = np.random.default_rng(9)
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 10.0, 0.2), np.arange(0.0, 6.0, 0.2)))

@@ -88,12 +88,6 @@ def test_a_place_with_returns_inside_is_not_empty():
     assert not found(np.vstack([points, ground])).any()
 
 
-def test_what_lies_beyond_the_cloud_is_no_roof():
-    points, _ = with_rim(lambda along, across: 3.0 + 0 * along)
-    west = points[:, 0] < MIDDLE[0]
-    assert not found(points[west]).any()
-
-
 def test_what_is_roof_already_counts_as_rim_and_is_not_found_again():
     points, on_rim = with_rim(lambda along, across: 3.0 + 0 * along)
     known = on_rim & (local(points)[:, 0] > 0)
@@ -122,11 +116,6 @@ def test_neither_order_nor_far_points_nor_cuts_change_the_result():
 def test_it_does_not_matter_where_the_blocks_of_cells_end(shift):
     points, on_rim = with_rim(lambda along, across: 3.0 + 0 * along)
     np.testing.assert_array_equal(found(points + np.array([shift, shift, 0.0])), on_rim)
-
-
-@pytest.mark.parametrize("n", [0, 1, 2, 50])
-def test_few_and_repeated_points_are_legal(n):
-    assert not found(np.full((n, 3), 5.0)).any()
 
 
 def test_the_stage_makes_the_rim_building_and_not_vegetation():

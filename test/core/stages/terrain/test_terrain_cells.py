@@ -1,7 +1,6 @@
 """What rasters are made of: the TIN, distances between cells, closing, and the points of a cell."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -9,42 +8,8 @@ from scipy import ndimage
 
 from lidar_buildings.core.stages.terrain.cells import GROUND, LEFT_OUT, SEEN, Cells, closed, squared_distance
 from lidar_buildings.core.stages.terrain.window import RasterWindow
-from lidar_buildings.core.surfaces.triangulation import triangulate
 
 MASKS = hnp.arrays(bool, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.booleans())
-
-
-def area(tin):
-    """Twice the signed area of every triangle [m²]."""
-    a, b, c = (tin.vertices[tin.triangles[:, k], :2] for k in range(3))
-    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-
-
-@pytest.mark.parametrize(
-    "xy",
-    [
-        np.stack(np.meshgrid(np.arange(30.0), np.arange(20.0)), -1).reshape(-1, 2),
-        np.column_stack((np.arange(200.0), np.zeros(200))),
-        np.column_stack((np.arange(200.0), np.arange(200.0))),
-        np.column_stack((np.cos(np.arange(0, 6.2, 0.05)), np.sin(np.arange(0, 6.2, 0.05)))) * 50,
-        np.array([[3.0, 4.0]]),
-        np.array([[3.0, 4.0], [3.0, 1000.0]]),
-    ],
-    ids=["grid", "row", "diagonal", "circle", "one", "two"],
-)
-def test_a_tin_stands_vertices_in_special_places(xy):
-    vertices = np.column_stack((xy, 2.0 + 0.1 * xy[:, 0] - 0.2 * xy[:, 1]))
-    tin = triangulate(vertices)
-    assert (area(tin) > -1e-9).all()
-    assert len(tin.triangles) == 2 * len(tin.vertices) - 2 - 4, "Euler: four corners on the hull"
-    np.testing.assert_allclose(tin.elevation(xy), vertices[:, 2], atol=1e-9)
-    hull = np.ptp(tin.vertices[:, :2], axis=0)
-    assert area(tin).sum() / 2 == pytest.approx(np.prod(hull)), "the triangles tile the hull"
-
-
-def test_a_tin_needs_a_vertex():
-    with pytest.raises(ValueError, match="vertices is empty"):
-        triangulate(np.empty((0, 3)))
 
 
 @settings(max_examples=60, deadline=None)
