@@ -88,9 +88,7 @@ class Cost:
 def expected_cost(
     plan: SurveyPlan, n_workers: int, way: Way, until: str = STAGES[-1], slowness: float = 1.0
 ) -> Cost:
-    """
-    Say what a run until a stage will take, with so many processes for tiles, on a machine of this slowness.
-    """
+    """Estimate a run until a stage, with so many processes, on a machine of this slowness."""
     of_way, share = way.value, 1.0 - sum(_STAGE_SHARES[STAGES.index(until) + 1 :])
     work = _POINT * plan.n_points + _SEEN_POINT * plan.tile_points.sum() + _SQUARE_METRE * plan.area
     work *= slowness * share

@@ -37,9 +37,7 @@ if TYPE_CHECKING:  # what reads and writes files is imported while the processes
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """
-    Run the whole job and report its outcome; return 0, 2 if some input could not be read, 3 if a tile failed.
-    """
+    """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     with sole_use(request.output):

@@ -68,9 +68,7 @@ def regularise_outlines(
 
 
 def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
-    """
-    Return the rows of buildings whose rings through the points were split from one block, group by group.
-    """
+    """Return the rows of buildings whose traced rings were split from one block, group by group."""
     known = [row for row, outline in enumerate(traced) if len(outline.exterior) >= 3]
     if len(known) < 2:
         return []
@@ -136,9 +134,7 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
 
 
 def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
-    """
-    Give buildings of one block that still lie over each other their traced outlines, the smaller one first.
-    """
+    """Give buildings of a block that overlap their traced outlines, the smaller one first."""
     polygons = [outlines[row].polygon for row in members]
     pairs = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
     for one, other in sorted(pairs[:, pairs[0] < pairs[1]].T.tolist()):

@@ -66,9 +66,7 @@ _SHORT = 65_536
 
 
 class Spool:
-    """
-    One file of records per grid cell, in a temporary folder: made in `folder`, or in the system's place.
-    """
+    """One file of records per grid cell, in a temporary folder within `folder`, or the system's."""
 
     def __init__(self, folder: str | Path | None = None) -> None:
         self.folder = make_temporary_folder(folder)
@@ -178,9 +176,7 @@ def read_records(path: Path, first: int, end: int) -> Iterator[NDArray[Any]]:
 
 
 def append_records(path: Path, n_before: int, records: NDArray[Any]) -> None:
-    """
-    Append records to a file that holds so many; what cannot be written whole leaves it as it was (OSError).
-    """
+    """Append records to a file that holds so many; OSError if they do not fit: it stays as it was."""
     try:
         with open(path, "ab", buffering=0) as file:
             content = records.view(np.uint8).data

@@ -21,9 +21,7 @@ _SIDE = 16
 
 
 class CellTable:
-    """
-    A number for each cell, in some bytes, so that a feed may go on for hours; `missing` where none was given.
-    """
+    """A number for each cell in a few bytes, as a feed may go on for hours; `missing` where none is given."""
 
     def __init__(self, missing: float) -> None:
         self._missing = missing

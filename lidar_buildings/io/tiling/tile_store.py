@@ -78,9 +78,7 @@ class TileStore:
         return KnownSurvey(grid.tile_size, grid.start, buffer, self.spacing, limit, scales)
 
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
-        """
-        Keep a chunk of a file's points, the first of index `first`; return the tiles that they belong to.
-        """
+        """Keep a chunk of a file's points, the first of index `first`; return the tiles they lie in."""
         xyz = xyz_of(chunk)
         records = np.empty(len(chunk), RECORD)
         records["x"], records["y"], records["z"] = self.frame.to_map(xyz).T
@@ -225,9 +223,7 @@ class SpooledTile:
         )
 
     def grow(self, sides: Sides = ALL) -> bool:
-        """
-        Double the buffer on some sides, up to the largest, until it brings more points; False if none does.
-        """
+        """Double the buffer on some sides until it brings more points; False if the largest does not."""
         n_before, buffer = self._count(self.buffer), self.buffer
         while (wider := buffer.doubled(sides, self.store.grid.cell_size, self.max_buffer)) != buffer:
             if self._count(wider) > n_before:
