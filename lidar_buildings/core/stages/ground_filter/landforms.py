@@ -7,17 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import raster_cells, sort_by_cell
-from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.neighbours.sectors import N_SECTORS, sector_of
+from lidar_buildings.core.neighbours.cell_grid import raster_cells
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
-#: How far neighbours may be, in spacings of the candidates.
-REACH = 3.0
+#: How far neighbours may be, in spacings of the candidates, and how many count.
+REACH, N_LINKS = 3.0, 8
 #: Share of objects around up to which terrain is open, and from which on it is not at all.
 OPEN_SHARE, BUILT_SHARE = 0.04, 0.15
 #: Side of the cells that are counted [m], and the number of them around: `bench.ground.isprs` and `.scenes`.
@@ -51,7 +50,7 @@ def find_landforms(
     doubt, `gained` what may be as well, bool of shape (n,). Both results are masks of candidates.
     """
     rows = np.flatnonzero(gained)
-    links = nearest_by_sector(candidates, rows, REACH * spacing)
+    links = nearest_candidates(candidates, rows, REACH * spacing)
     density = object_density(candidates, ~(ground | gained))[rows]
     openness = np.clip((BUILT_SHARE - density) / (BUILT_SHARE - OPEN_SHARE), 0.0, 1.0)
     part = level_parts(candidates, rows, links, MAX_LINK_SLOPE)
@@ -109,29 +108,13 @@ def object_density(candidates: NDArray[np.float64], is_object: NDArray[np.bool_]
     return near[0] / near[1]
 
 
-#: Rows a block of work; wide margin, the result does not depend on it.
-ROWS_A_BLOCK = 1024
-
-
-def nearest_by_sector(
+def nearest_candidates(
     candidates: NDArray[np.float64], rows: NDArray[np.intp], reach: float
-) -> NDArray[np.int32]:
-    """
-    Return for each of the rows the nearest other candidate in each of eight sectors, −1 where there is none.
-
-    At most one candidate a place; none farther away in plan than `reach` [m].
-    """
-    cells = sort_by_cell(candidates, reach)
-    found = np.full((len(rows), N_SECTORS), -1, dtype=np.int32)
-    runs = cells.first[cells.around(reach)]
-    cell = np.empty(len(candidates), dtype=np.int64)
-    cell[cells.rows] = cells.cell
-    for_row_blocks(
-        lambda a, b: _look_around(candidates, rows, cell, runs, cells.points, cells.rows, reach, found, a, b),
-        len(rows),
-        ROWS_A_BLOCK,
-    )
-    return found
+) -> NDArray[np.int64]:
+    """Return the nearest others of some candidates within reach in plan [m], −1 where there are fewer."""
+    tree, nearest = cKDTree(candidates[:, :2]), [*range(2, N_LINKS + 2)]  # the first is itself
+    near = tree.query(candidates[rows, :2], nearest, distance_upper_bound=reach)[1]
+    return np.where(near < len(candidates), near, -1)
 
 
 @kernel
@@ -139,7 +122,7 @@ def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-
     """
     Return the part of each row: the lowest of the rows that it is connected with.
 
-    Neighbours, the `links` of `nearest_by_sector`, are connected if they rise by no more than `max_slope`
+    Neighbours, the `links` of `nearest_candidates`, are connected if they rise by no more than `max_slope`
     over their distance.
     """
     place = np.full(len(candidates), -1, dtype=np.int32)
@@ -161,26 +144,3 @@ def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
     """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
-
-
-@kernel
-def _look_around(candidates, rows, cell, runs, points, origin, reach, found, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill the rows `begin` to `end` of `found`; `points` are the candidates by cell, `origin` their rows.
-
-    `runs` say between which of them the cells around lie, south, level and north: (n_cells, 3, 2).
-    """
-    nearest = np.empty(N_SECTORS)
-    for r in range(begin, end):
-        x, y, k = candidates[rows[r], 0], candidates[rows[r], 1], cell[rows[r]]
-        nearest[:] = reach * reach
-        for line in range(3):
-            for i in range(runs[k, line, 0], runs[k, line, 1]):
-                dx, dy = points[i, 0] - x, points[i, 1] - y
-                squared = dx * dx + dy * dy
-                if squared == 0.0 or squared > reach * reach:
-                    continue
-                sector = sector_of(dx, dy)
-                if squared < nearest[sector]:
-                    nearest[sector] = squared
-                    found[r, sector] = origin[i]
