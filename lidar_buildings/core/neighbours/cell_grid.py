@@ -326,15 +326,14 @@ def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-unt
 
 
 @kernel
-def neighbours_of(grid, runs, x, y, z, radius, in_plan, near):  # type: ignore[no-untyped-def]
+def neighbours_of(grid, runs, x, y, z, radius, upright, near):  # type: ignore[no-untyped-def]
     """
     Write the points within a radius of a position to `near`, in the grid's order; return how many.
 
-    `runs` are those of the position's cell, (n_rows, 2); `near` holds as many numbers as there are points,
-    those beyond the count are rubbish.
+    `runs` are those of the position's cell, (n_rows, 2); `upright` is 1.0, or 0.0 for distances in plan;
+    `near` has room for all points, and holds rubbish beyond the count.
     """
-    points, upright = grid.points, 0.0 if in_plan else 1.0
-    found = 0
+    points, found = grid.points, 0
     for row in range(len(runs)):
         for j in range(grid.first[runs[row, 0]], grid.first[runs[row, 1]]):
             dx, dy, dz = points[j, 0] - x, points[j, 1] - y, upright * (points[j, 2] - z)

@@ -31,6 +31,7 @@ def filled(
     """
     if not known.any():
         raise ValueError("known has no True cell: there is nothing to fill the others from")
+    known = np.ascontiguousarray(known)
     out = np.where(known, elevation, 0.0)
     if max(out.shape) <= 2:
         # Cells on either side of the grid's origin are never paired.

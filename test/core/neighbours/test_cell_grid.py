@@ -15,7 +15,7 @@ def near_rows(points, radius, in_plan):
     runs, near = grid.around(radius), np.empty(len(points), dtype=np.int64)
     found = [None] * len(near)
     for i, (x, y, z) in enumerate(grid.points):
-        count = neighbours_of(grid, runs[grid.cell[i]], x, y, z, radius, in_plan, near)
+        count = neighbours_of(grid, runs[grid.cell[i]], x, y, z, radius, 0.0 if in_plan else 1.0, near)
         found[grid.rows[i]] = sorted(grid.rows[near[:count]].tolist())
     return found
 

@@ -40,7 +40,7 @@ def refine_labels(
     plane: others stay where they are.
     """
     labels = labels.copy()
-    size = 1
+    size = np.int64(1)
     for label in labels:
         size = max(size, label + 1)
     waiting = np.zeros(len(labels), np.bool_)
@@ -199,7 +199,7 @@ def _extracted(
         PROBABILITY,
     )
     chance = np.random.default_rng(config.random_state)
-    n_samples = samples_needed(PROBABILITY, config.outlier_share)
+    n_samples = samples_needed(PROBABILITY, config.outlier_share, 3)
     samples = chance.random((_SAMPLE_SETS, n_samples, 2))
     order = chance.permutation(len(cloud.points))
     # Planes are found from the inside: what lies by ridges and rims comes last.
@@ -242,6 +242,6 @@ def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) ->
             if j < 0 or labels[i] == 0:
                 break
             if labels[j] == labels[i] and part[j] != part[i]:
-                link(part, i, j)
+                link(part, i, np.int64(j))
     flatten(part)
     return part

@@ -178,7 +178,8 @@ def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queu
     while head < tail and not found:
         i = queue[head]
         head += 1
-        for j in cloud.neighbours[i]:
+        for near in cloud.neighbours[i]:
+            j = np.int64(near)
             if j < 0:
                 break
             if labels[j] == own or way[j] < np.inf or distance_of(plane, cloud.points, j) > max_distance:

@@ -32,7 +32,7 @@ def ransac_planes(
     order = np.lexsort(points.T[::-1])
     ordered = np.ascontiguousarray(points[order])
     chance = np.random.default_rng(config.random_state)
-    n_samples = samples_needed(PROBABILITY, config.outlier_share)
+    n_samples = samples_needed(PROBABILITY, config.outlier_share, 3)
     enough = math.ceil(config.largest_plane_area / spacing**2) or len(points)
     labels = np.zeros(len(points), dtype=np.int32)
     number = 0

@@ -46,7 +46,7 @@ class Scratch(NamedTuple):
 
 
 @kernel
-def samples_needed(probability: float, outlier_share: float, n_unknowns: int = 3) -> int:
+def samples_needed(probability: float, outlier_share: float, n_unknowns: int) -> int:
     """
     Return how many random samples hold one without gross errors with this probability.
 
@@ -100,22 +100,16 @@ def propose(
             best = support
             for k in range(4):
                 plane[k] = trial[k]
-    if best > 0.0:
-        fit_near(cloud, limits, near[:n], seed, plane)
-    return best > 0.0
-
-
-@kernel
-def fit_near(cloud: Cloud, limits: Limits, near: IntArray, seed: int, plane: FloatArray) -> None:
-    """Replace `plane` by the least-squares plane of its inliers among the seed's neighbours."""
-    origin, points = cloud.points[seed], cloud.points
-    x, y, z = origin[0], origin[1], origin[2]
+    if best == 0.0:
+        return False
+    x, y, z = cloud.points[seed, 0], cloud.points[seed, 1], cloud.points[seed, 2]
     moments = np.zeros(N_MOMENTS)
     add_point(moments, 0.0, 0.0, 0.0)
-    for j in near:
-        if distance_of(plane, points, j) <= limits.distance:
-            add_point(moments, points[j, 0] - x, points[j, 1] - y, points[j, 2] - z)
-    refit(moments, origin, plane)
+    for j in near[:n]:
+        if distance_of(plane, cloud.points, j) <= limits.distance:
+            add_point(moments, cloud.points[j, 0] - x, cloud.points[j, 1] - y, cloud.points[j, 2] - z)
+    refit(moments, cloud.points[seed], plane)
+    return True
 
 
 @kernel
@@ -132,14 +126,14 @@ def grow(
     labels: NDArray[np.int32],
     seed: int,
     plane: FloatArray,
-    refine: bool,
+    next_fit: int,
     scratch: Scratch,
 ) -> tuple[int, float]:
     """
     Collect the free points of a plane that hang together with the seed.
 
-    With `refine`, `plane` is fitted anew each time the number of points has doubled, so that a plane known
-    from a few points finds its way across the roof; at the end it is fitted to all of them.
+    With `next_fit` > 0, `plane` is fitted anew at so many points, each time their number has doubled, and at
+    the end, so that a plane known from a few points finds its way across the roof.
 
     Returns
     -------
@@ -154,7 +148,7 @@ def grow(
     origin, points = cloud.points[seed], cloud.points
     x, y, z = origin[0], origin[1], origin[2]
     moments = np.zeros(N_MOMENTS)
-    head, tail, score, next_fit = 0, 0, 0.0, cloud.neighbours.shape[1]
+    head, tail, score, refine = 0, 0, 0.0, next_fit > 0
     if labels[seed] == 0 and belongs(cloud, limits, plane, seed):
         queue[0], tail, visit[seed] = seed, 1, number
     while head < tail:
@@ -167,7 +161,7 @@ def grow(
             refit(moments, origin, plane)
             next_fit *= 2
         for k in range(cloud.neighbours.shape[1]):
-            j = cloud.neighbours[i, k]
+            j = np.int64(cloud.neighbours[i, k])
             if j < 0:
                 break
             if visit[j] != number and labels[j] == 0 and belongs(cloud, limits, plane, j):
@@ -238,7 +232,9 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
             if known <= 0.0:
                 break
             # Counted anew among the free points; one with too few loses its score.
-            count, score = grow(cloud, limits, labels, pool.seed[best], pool.plane[best], False, scratch)
+            count, score = grow(
+                cloud, limits, labels, pool.seed[best], pool.plane[best], np.int64(0), scratch
+            )
             pool.n_points[best], pool.score[best] = count, score
             if count < limits.min_points:
                 pool.score[best] = 0.0
@@ -276,7 +272,7 @@ def draw_seeds(
     best = best_of(pool)
     while pool.size[1] < len(order):
         if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
-            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), 1
+            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), np.int64(1)
         ):
             break
         seed = order[pool.size[1]]
@@ -309,8 +305,8 @@ def add_hypothesis(
     if not propose(cloud, limits, labels, seed, samples, plane):
         return -1
     # It finds its way across the roof; then the points of where it came to lie are collected.
-    grow(cloud, limits, labels, seed, plane, True, scratch)
-    count, score = grow(cloud, limits, labels, seed, plane, False, scratch)
+    grow(cloud, limits, labels, seed, plane, cloud.neighbours.shape[1], scratch)
+    count, score = grow(cloud, limits, labels, seed, plane, np.int64(0), scratch)
     if count < limits.min_points or plane[2] < limits.min_vertical:
         scratch.counter[3] += count
         if scratch.counter[3] > _PATIENCE * len(labels):

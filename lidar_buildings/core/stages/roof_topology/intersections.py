@@ -154,7 +154,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
         if bend < LEAST_BEND:
             continue
         least, strict = max(_TOLERANCE * spacing, _NOISE / bend), max(_END_TOLERANCE * spacing, _NOISE / bend)
-        n = 0
+        n = np.int64(0)
         for k in range(a, b):
             x, y = xy[k, 0], xy[k, 1]
             t[k], off[k] = x * ux + y * uy, abs((x - fx) * uy - (y - fy) * ux)
@@ -401,7 +401,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
                 if abs(at - there) < abs(at - here):
                     at = math.nan
             if math.isnan(at):
-                at = stop(here, fx, fy, ux, uy, stops, _STOP_REACH * spacing, _CORNER * spacing, -1)
+                at = stop(here, fx, fy, ux, uy, stops, _STOP_REACH * spacing, _CORNER * spacing, np.int64(-1))
             if math.isnan(at) and abs(there - here) <= _STUB * spacing:
                 at = point
             if not math.isnan(at):

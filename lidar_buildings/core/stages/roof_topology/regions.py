@@ -172,20 +172,14 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
     numbers, place = numbers[:n], place[:n]
     key = numbers[:, 0].astype(np.int64) << 32 | numbers[:, 1]
     order = np.argsort(key, kind="stable")
-    numbers, place, key = numbers[order], place[order], key[order]
+    place, key = place[order], key[order]
     changes = np.flatnonzero(key[1:] != key[:-1]) + 1
     start = np.concatenate([[0], changes, [n]]) if n else np.zeros(1, dtype=np.int64)
     origin = np.array([raster.west - centre[0], raster.south - centre[1]])
+    xy, (_, _, upright, gap) = origin + raster.cell * place[:, :2], np.ascontiguousarray(place.T)
+    first, second, near_first, near_second = np.ascontiguousarray(numbers[order].T)
     return Borders(
-        origin + raster.cell * place[:, :2],
-        place[:, 2] > 0,
-        numbers[:, 0],
-        numbers[:, 1],
-        numbers[:, 2],
-        numbers[:, 3],
-        place[:, 3],
-        start.astype(np.int64),
-        raster.cell,
+        xy, upright > 0, first, second, near_first, near_second, gap, start.astype(np.int64), raster.cell
     )
 
 

@@ -74,29 +74,9 @@ def step_chains(
     """
     Order the sides of cells along the steps that they make up.
 
-    Where more than two steps meet, the wall of the highest roof goes on.
-
-    Parameters
-    ----------
-    xy : ndarray of shape (n_sides, 2)
-        Middles of the sides [m].
-    upright : ndarray of shape (n_sides,), bool
-        Which run north-south.
-    upper : ndarray of shape (n_sides,), int
-        Number of the upper one of each side's planes.
-    top : ndarray of shape (n_sides,)
-        Elevation of that plane there [m].
-    cell : float
-        Length of a side [m].
-
-    Returns
-    -------
-    order : ndarray of shape (n_sides,), int64
-        Rows of the sides, chain by chain.
-    begin : ndarray of shape (n_chains + 1,), int64
-        Where each chain begins in `order`.
-    is_closed : ndarray of shape (n_chains,), bool
-        Which go round.
+    Where more than two steps meet, the wall of the highest roof goes on. Sides are given by their middles,
+    whether they are `upright`, their upper plane and its elevation there, and their length. Returned are
+    their rows chain by chain, where each chain begins in these, and which chains go round.
     """
     # Corners of cells are whole numbers of half-sides from one another.
     column, row = np.rint((xy - xy.min(axis=0, initial=0.0)) / (0.5 * cell)).astype(np.int64).T + 1
@@ -177,27 +157,10 @@ def straight_runs(
     spacing: float,
 ) -> tuple[FloatArray, IntArray]:
     """
-    Divide chains of sides into straight runs, in the best of all ways for what lines cost.
+    Divide chains of sides, see `step_chains`, into straight runs, in the best way for what lines cost.
 
-    Parameters
-    ----------
-    xy : ndarray of shape (n_sides, 2)
-        Middles of the sides, near the origin [m].
-    chains : tuple
-        As `step_chains` returns them.
-    angles : ndarray of shape (n_angles,)
-        Directions that lines may have for nothing [rad].
-    cell : float
-        Length of a side [m].
-    spacing : float
-        Point spacing [m].
-
-    Returns
-    -------
-    runs : ndarray of shape (n_runs, 2)
-        Angle [rad] and offset from the origin to the left of that direction [m].
-    run : ndarray of shape (n_sides,), int64
-        Which run each side lies on.
+    `angles` are directions that lines may have for nothing [rad]; `cell` is the length of a side. Returned
+    are angle and offset from the origin to the left of it, (n_runs, 2), and which run each side lies on.
     """
     return _runs(xy, *chains, angles, cell / (_SAMPLE * spacing), _NOISE * spacing)
 
@@ -219,7 +182,7 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
         if len(rows) % 2 == 1:
             weights[n - 1] = weight
         sums = running_sums(spots, weights)
-        first, kind = _divided(sums, n, 0, cosines, sines, noise)
+        first, kind = _divided(sums, n, np.int64(0), cosines, sines, noise)
         if is_closed[chain]:
             # Once more from a corner, the farthest from where the first division began.
             corner = first[0]
@@ -245,7 +208,7 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
 def _divided(sums, n, shift, cosines, sines, noise):  # type: ignore[no-untyped-def]
     """Return first side and kind of each line, last to first; steps are as in outlines, without arcs."""
     first, kind, _ = divide_chain(
-        sums, n, shift, 1.0, cosines, sines, noise, _LINE, _OWN_DIRECTION, _LINE, np.inf, 0.0, False
+        sums, n, shift, 1.0, cosines, sines, noise, _LINE, _OWN_DIRECTION, _LINE, np.inf, 0.0, np.bool_(False)
     )
     return first, kind
 
@@ -437,7 +400,7 @@ def _extended(t, angle, offset, walls, others, reach):  # type: ignore[no-untype
         ux, uy = math.cos(angle[k]), math.sin(angle[k])
         fx, fy = -offset[k] * uy, offset[k] * ux
         for end in range(2):
-            wall = stop(t[k, end], fx, fy, ux, uy, walls, reach, 0.2 * reach, -1)
+            wall = stop(t[k, end], fx, fy, ux, uy, walls, reach, 0.2 * reach, np.int64(-1))
             other = stop(t[k, end], fx, fy, ux, uy, others, reach, reach, k)
             if math.isnan(wall) or abs(other - t[k, end]) < abs(wall - t[k, end]):
                 wall = other

@@ -288,7 +288,7 @@ def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untype
     moments, fitted = np.empty(N_MOMENTS), np.empty(4)
     for i in range(begin, end):
         x, y, z = grid.points[i]
-        n = neighbours_of(grid, runs[i], x, y, z, reach, True, near)
+        n = neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)
         moments[:] = 0.0
         for j in near[:n]:
             add_point(moments, grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z)
@@ -308,7 +308,7 @@ def _choose_planes(grid, runs, reach, plane, max_offset, best, is_flat, begin, e
         x, y, z = grid.points[i]
         best[i, 0] = best[i, 1] = 0.0
         least = np.inf
-        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, True, near)]:
+        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)]:
             there = (
                 plane[j, 2] + plane[j, 0] * (x - grid.points[j, 0]) + plane[j, 1] * (y - grid.points[j, 1])
             )
@@ -326,7 +326,7 @@ def _link_levels(grid, runs, block, reach, best, is_flat, min_step, parent):  # 
         if not is_flat[i]:
             continue
         x, y, z = grid.points[i]
-        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, True, near)]:
+        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)]:
             if j <= i or not is_flat[j] or block[i] != block[j]:
                 continue
             dx, dy, dz = grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z

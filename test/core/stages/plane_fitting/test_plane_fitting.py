@@ -66,7 +66,7 @@ def test_the_number_of_samples_is_that_of_the_papers_table(n_unknowns):
 
 
 def test_without_gross_errors_one_sample_is_enough():
-    assert samples_needed(0.95, 0.0) == 1
+    assert samples_needed(0.95, 0.0, 3) == 1
 
 
 @pytest.mark.parametrize(
