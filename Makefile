@@ -114,7 +114,7 @@ lint: setup
 	$(BIN)/mypy
 
 reference: setup
-	$(BIN)/python -m lidar_buildings.nodes.reference
+	$(BIN)/python -m bench.pages.node_reference
 	$(BIN)/python -m bench.pages.command_line doc/command_line.md
 
 site: setup

@@ -123,11 +123,7 @@ setup(
     entry_points={
         "console_scripts": [
             "lidar-buildings = lidar_buildings.cli:console",
-            *(
-                f"{one} = {PACKAGE}.nodes.{one}:{one.title().replace('_', '')}.main"
-                for one in NODES
-                if IS_FOR_ROS
-            ),
+            *(f"{one} = {PACKAGE}.commands.node:node_process" for one in NODES if IS_FOR_ROS),
         ],
     },
 )

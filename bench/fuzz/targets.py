@@ -186,7 +186,7 @@ def json_text(random: np.random.Generator) -> str:
 
     from lidar_buildings.io.models.cityjson import load_feature
     from lidar_buildings.ros.node_state import state_of
-    from lidar_buildings.ros.outline_quality import qualities_of
+    from lidar_buildings.ros.text_messages import qualities_of
     from lidar_buildings.ros.tile_info import infos_of
 
     text = _TEXTS[random.integers(len(_TEXTS))]

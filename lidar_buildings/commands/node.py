@@ -1,12 +1,14 @@
-"""``lidar-buildings node``: one node in a process of its own, for environments without `ros2 run`."""
+"""One node in a process of its own: ``lidar-buildings node``, and the executables of a ROS workspace."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from importlib import import_module
+from pathlib import Path
 
-from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.commands.versions import check_versions
+from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
+from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.nodes.table import NODE_TABLE
 
 
@@ -14,14 +16,38 @@ def node_command(options: argparse.Namespace) -> int:
     """
     Run a node until it is done or interrupted; return its exit status.
 
-    ParameterError if there is no such node, or ROS is not installed.
+    LidarBuildingsError if there is no such node, or a library is missing.
     """
     names = [card.name for card in NODE_TABLE]
     if options.name not in names:
         raise ParameterError(f"node {options.name}: must be one of {', '.join(names)}")
-    try:
-        module = import_module(f"lidar_buildings.nodes.{options.name}")
-    except ModuleNotFoundError as error:
-        raise ParameterError(f"node: {error.name} is not installed: pip install '.[ros]'") from error
     sys.argv = [options.name, *options.arguments]  # where ROS looks for its arguments
-    return getattr(module, options.name.title().replace("_", "")).main()
+    return _run(options.name)
+
+
+def node_process(name: str = "") -> int:
+    """
+    Run the node after which the executable is named; return its exit status.
+
+    That is 2 with one line on stderr where a user's mistake keeps it from running, or a library is missing or
+    too old.
+    """
+    try:
+        check_versions()
+        return _run(name or Path(sys.argv[0]).name)
+    except LidarBuildingsError as error:
+        sys.stderr.write(" ".join(str(error).split()) + "\n")
+        return ExitStatus.WRONG_USE
+
+
+def _run(name: str) -> int:
+    try:
+        from lidar_buildings.nodes.graph import node_class
+        from lidar_buildings.ros.runner import run_node
+
+        kind = node_class(name)
+    except ImportError as error:
+        raise LidarBuildingsError(
+            f"node {name}: {error}: source a ROS 2 workspace, or pip install '.[ros]' in the sources"
+        ) from error
+    return run_node(kind)

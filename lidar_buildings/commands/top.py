@@ -34,8 +34,8 @@ def top_command(options: argparse.Namespace) -> int:
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
 
+    from lidar_buildings.commands.graph_view import GraphListener
     from lidar_buildings.nodes.table import NODE_TABLE
-    from lidar_buildings.ros.graph_listener import GraphListener
 
     with (
         suppress(KeyboardInterrupt),
@@ -46,7 +46,7 @@ def top_command(options: argparse.Namespace) -> int:
         executor.add_node(node)
         listener = GraphListener(node, options.namespace or "", [card.name for card in NODE_TABLE])
         _wait_for_graph(executor, listener, options)
-        _listen(executor, _HEARING, lambda: all(one.has_all for one in listener.views.values()))
+        _listen(executor, _HEARING, lambda: listener.has_all)
         _print(listener.views)
         while not options.once:
             if listener.has_ended():

@@ -59,7 +59,7 @@ class BuildingTracer(StageNode):
 
     def publish(self, stamp: int, traced: TracedTile) -> None:
         """Publish one tile's buildings."""
-        self.summary.passed_on(stamp, len(traced.tile))
+        self.summary.passed_on(len(traced.tile))
         self._building_points.publish(to_message(traced.tile))
         publish_all(self._traced, ring_messages(stamp, outline_rings(traced.outlines)))
         self.summary.counts["buildings"] += len(traced.outlines)

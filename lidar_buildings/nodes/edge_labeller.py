@@ -31,6 +31,6 @@ class EdgeLabeller(StageNode):
 
     def publish(self, stamp: int, labelled: LabelledTile) -> dict[str, int]:
         """Publish one tile's points; report how many of its roofs came to which status."""
-        self.summary.passed_on(stamp, len(labelled.tile))
+        self.summary.passed_on(len(labelled.tile))
         self._edge_points.publish(to_message(labelled.tile))
         return {f"roofs_{status}": number for status, number in labelled.n_roofs.items()}

@@ -35,7 +35,7 @@ class GroundFilter(StageNode):
 
     def publish(self, stamp: int, filtered: FilteredTile) -> None:
         """Publish one tile's points, and its terrain on request."""
-        self.summary.passed_on(stamp, len(filtered.tile))
+        self.summary.passed_on(len(filtered.tile))
         self._ground_points.publish(to_message(filtered.tile))
         if self._dtm is not None:
             resolution = self.parameters[GroundFilterNodeConfig].dtm_resolution

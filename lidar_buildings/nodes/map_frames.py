@@ -34,7 +34,7 @@ class FrameListener:
 
     Where tiles wait for the frame and nobody publishes `map_origin`, the map frame is taken as it is after
     `patience` [s]: origin 0, no reference system. What is published later counts from then on. Who publishes
-    one of the two but says nothing is waited for, and that is said. Publishers that the node has itself,
+    one of the two but says nothing is waited for, with a warning. Publishers that the node has itself,
     `n_own`, tell it nothing.
     """
 
@@ -45,14 +45,11 @@ class FrameListener:
         patience: float = math.inf,
         n_own: int = 0,
     ) -> None:
-        self._node = node
-        self._on_frame = on_frame
-        self._patience = patience
-        self._n_own = n_own
+        self._node, self._on_frame, self._patience, self._n_own = node, on_frame, patience, n_own
         self._origin: PointStamped | None = None
         self._units: Vector3Stamped | None = None
         self._timer: Timer | None = None
-        self._told: list[str] = []
+        self._warned: list[str] = []
         node.create_subscription(Vector3Stamped, "map_units", self._on_units, LATCHED)
         node.create_subscription(PointStamped, "map_origin", self._on_origin, LATCHED)
 
@@ -67,32 +64,28 @@ class FrameListener:
             self._timer = self._node.create_timer(self._patience, self._lose_patience)
         return self.frame is not None
 
+    def _silent(self) -> list[str]:
+        """Return which topics others publish, of which nothing has come."""
+        said = {"map_origin": self._origin, "map_units": self._units}
+        unknown = [topic for topic, message in said.items() if message is None]
+        return [topic for topic in unknown if self._node.count_publishers(topic) > self._n_own]
+
     def _lose_patience(self) -> None:
         """Take the frame as it is, unless somebody is there who may still tell of it."""
-        silent, told = self._silent(), self._told
         if self._timer is None:
-            return  # it has come just now
-        if silent:
-            self._told = silent
-            if silent != told:
+            return  # the frame has come just now
+        if silent := self._silent():
+            if silent != self._warned:
                 self._node.warn(f"{' and '.join(silent)} is advertised but silent: tiles wait for it")
-        elif self._origin is None:
+            self._warned = silent
+            return
+        if self._origin is None:
             self._node.warn(
                 f"no map_origin was published for {self._patience:g} s: assuming a map frame "
                 "with origin 0 and no reference system"
             )
-            self._on_origin(origin_message(MapFrame()))
-        else:
-            self._notify()
-
-    def _silent(self) -> list[str]:
-        """Return which topics others publish, of which nothing has come."""
-        told = {"map_origin": self._origin, "map_units": self._units}
-        return [
-            topic
-            for topic, message in told.items()
-            if message is None and self._node.count_publishers(topic) > self._n_own
-        ]
+            self._origin = origin_message(MapFrame())
+        self._notify()
 
     def _on_units(self, message: Vector3Stamped) -> None:
         check_place(_frame(PointStamped(), message))

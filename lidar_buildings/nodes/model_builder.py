@@ -19,13 +19,17 @@ from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_
 from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFrameConfig
 from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
-from lidar_buildings.ros.features import tile_closing_message, withdrawal_message
 from lidar_buildings.ros.markers import model_markers
-from lidar_buildings.ros.outline_quality import Qualities, qualities_of
 from lidar_buildings.ros.polygons import outlines_of, ring_messages, roof_rings
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, MAP, MAP_RINGS
 from lidar_buildings.ros.stage_node import StageNode, publish_all
 from lidar_buildings.ros.stamps import header_of
+from lidar_buildings.ros.text_messages import (
+    Qualities,
+    qualities_of,
+    tile_closing_message,
+    withdrawal_message,
+)
 from lidar_buildings.ros.tile_intake import agree_on_buildings
 from lidar_buildings.ros.withdrawals import Withdrawals
 
@@ -50,7 +54,7 @@ class ModelBuilder(StageNode):
         self._numbers: Withdrawals[int] = Withdrawals()
         self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
         self.take_tiles((_POINTS, _OUTLINES, _QUALITY), self.work, self.publish, agree_on_buildings)
-        self.subscribe_parts(String, _QUALITY, CLOUD, qualities_of)
+        self.subscribe_texts(String, _QUALITY, CLOUD, qualities_of)
         self.subscribe_rings(_OUTLINES, outlines_of)
         self.subscribe_tiles(_POINTS)
 
@@ -78,7 +82,7 @@ class ModelBuilder(StageNode):
         publish_all(self._roof_faces, ring_messages(stamp, roof_rings(faces)))
         solids = {one.building_id: one.model.solids.values() for one in models}
         self._markers.publish(model_markers(stamp, solids, self._numbers.of(stamp, solids)))
-        self.summary.passed_on(stamp, 0)
+        self.summary.passed_on(0)
         self.summary.count_buildings(one.attributes["status"] for one in models)
         if self._tile_done is not None:
             self._tile_done.publish(header_of(stamp))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
+from functools import partial
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.timer import Timer
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
@@ -26,18 +27,20 @@ from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.run_record import RunRecord
 from lidar_buildings.nodes.survey_folder import SurveyFolder
 from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
-from lidar_buildings.nodes.topics import CITY_MODEL, OUTLINES, TRACED_OUTLINES
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
-from lidar_buildings.ros.features import FeaturePool, closed_tile, is_withdrawal
 from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.text_messages import closed_tile, is_withdrawal
 from lidar_buildings.ros.tile_intake import Parts, agree_on_buildings
 
-#: After so long without diagnostics the last have come [s]; at most so many periods are waited for them.
-#: Wide margin: they are sent right after the results.
-_SILENCE, _MAX_PERIODS = 0.1, 20
+#: So long diagnostics of the last tiles are waited for, which are sent right after the results; and how often
+#: it is looked whether all have come [s].
+_PATIENCE, _TICK = 0.5, 0.05
+#: How many models wait for their tile; wide margin: a tile has hundreds. The oldest are of tiles sent again.
+_MAX_FEATURES = 100_000
+_MODELS, _OUTLINES, _TRACED = "city_model", "outlines", "traced_outlines"
 
 
 class ModelWriter(StageNode):
@@ -56,13 +59,16 @@ class ModelWriter(StageNode):
         with self.starting():
             self._survey = SurveyFolder(config, read)
         self._stages = [NODE_STAGES[name] for name in nodes_until(config.until)[1:-1]]
-        self._topics = [topic.name for topic in writer_topics(config.until)]
+        self._topics = writer_topics(config.until)
         told = self._survey.settings
         self._record = RunRecord({name: told[name] for name in ("bags", "preset") if told.get(name)})
-        self._features, self._end_timer = FeaturePool(), None
+        self._features: OrderedDict[int, str] = OrderedDict()  # building → its model, as a line of text
+        self._waited = 0.0  # for diagnostics since the survey was done [s]
         self._has_loaded = self._has_news = False
         self._begin()
-        self.summary.watch(self._gauges)
+        self.summary.gauges.append(
+            lambda: {"tiles_on_disk": len(self._survey.on_disk), "clouds_left": self.n_clouds_left}
+        )
         self._map: FrameListener | None = None
         if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
@@ -71,22 +77,22 @@ class ModelWriter(StageNode):
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self.take_tiles(self._topics, self.work, self.publish, self._fits)
         for topic in self._topics:
-            if topic == CITY_MODEL.name:
-                self.subscribe_parts(String, topic, BUILDING, self._read_feature)
-            elif topic in (TRACED_OUTLINES.name, OUTLINES.name):
+            if topic == _MODELS:
+                self.subscribe_texts(String, topic, BUILDING, self._read_feature)
+            elif topic in (_TRACED, _OUTLINES):
                 self.subscribe_rings(topic, outlines_of)
             else:
                 self.subscribe_tiles(topic)
         self.create_service(Trigger, "~/save", self.on_save)
         self.create_service(Trigger, "~/reset", self.on_reset)
+        self._end_timer = self.create_timer(_TICK, self._finish_if_told)
+        self._end_timer.cancel()
 
     @property
     def failed_tiles(self) -> dict[int, str]:
         """Tiles that were given up → why."""
-        failed = self._record.failed
-        return self._record.reasons(
-            tile_of(stamp) for stamp in failed if stamp > self._survey.revision_of(stamp)
-        )
+        failed = [one for one in self._record.failed if one > self._survey.revision_of(one)]
+        return self._record.reasons(map(tile_of, failed))
 
     # tiles
 
@@ -107,43 +113,49 @@ class ModelWriter(StageNode):
     def work(self, *parts: Any) -> Future[TileProducts]:
         """Put one tile on disk."""
         of_tile = dict(zip(self._topics, parts, strict=True))
-        features = self._features.take(sorted(self._modelled(of_tile)))
+        features = tuple(self._features.pop(number) for number in sorted(self._modelled(of_tile)))
         return self.submit_here(self._write, of_tile, features)
 
     def publish(self, stamp: int, products: TileProducts) -> None:
         """Report one tile as done."""
         self._written.add(tile_of(stamp))
         self._has_news = True
-        self.summary.passed_on(stamp, len(products.core))
+        self.summary.passed_on(len(products.core))
         self.summary.counts["buildings"] += products.n_buildings
         self._report_done(stamp)
         if not self._has_loaded:
             self._has_loaded = True
-            self.submit_here(self._survey.load_writers)
+            self.submit_here(self._load_writers)
 
     def _write(self, parts: Parts, features: tuple[str, ...]) -> TileProducts:
         """Write the fragment of a tile; in the node's thread."""
-        all_points: PointTile = parts[self._topics[0]]
-        rasterise = rasterise_tile, all_points, self.parameters[ModelWriterConfig], self._survey.frame
-        rasters = rasterise[0](*rasterise[1:]) if self.pool is None else self.pool.submit(*rasterise).result()
         clouds = [one for one in parts.values() if isinstance(one, PointTile)]
+        given = clouds[0], self.parameters[ModelWriterConfig], self._survey.frame
+        rasterise = partial(rasterise_tile, *given)
+        rasters = rasterise() if self.pool is None else self.pool.submit(rasterise).result()
         if self._survey.is_live and any(one.source is None or one.index is None for one in clouds):
             # points of somebody else, of which there are no files
             clouds = [one.select(np.zeros(0, dtype=np.intp)) for one in clouds]
         products = TileProducts.from_tiles(
             *clouds,
-            traced=parts.get(TRACED_OUTLINES.name, ()),
-            outlines=parts.get(OUTLINES.name, ()),
+            traced=parts.get(_TRACED, ()),
+            outlines=parts.get(_OUTLINES, ()),
             features=features,
             rasters=rasters,
         )
         try:
-            self._survey.write(products)
+            self._survey.folder.write_tile(products)
         except OutputError as error:
             failure = error
             self.call_soon(lambda: self.fail(failure))
             raise
         return products
+
+    def _load_writers(self) -> None:
+        """Import what files need, in a time when nothing else is to be done."""
+        import lidar_buildings.report.page_file  # noqa: F401
+
+        self._survey.folder.load_writers()
 
     def _read_feature(self, message: String) -> tuple[int, bool] | None:
         """Take a building's model; InputError if a feature is not one of a building."""
@@ -151,19 +163,21 @@ class ModelWriter(StageNode):
         if not line.startswith('{"type":"CityJSONFeature"'):
             return None
         if (stamp := closed_tile(line)) is not None:
-            return None if self.drops(stamp, CITY_MODEL.name) else (stamp, True)
+            return stamp, True
         if not is_withdrawal(line):  # the tile's later revision lacks the building in any case
-            self._features.add(load_feature(line)[1], line)
+            number = load_feature(line)[1]
+            self._features[number] = line
+            self._features.move_to_end(number)
+            while len(self._features) > _MAX_FEATURES:
+                self._features.popitem(last=False)
         return None
 
     def _fits(self, parts: Parts) -> bool:
-        return agree_on_buildings(parts) and self._features.has(self._modelled(parts))
+        return agree_on_buildings(parts) and self._modelled(parts) <= self._features.keys()
 
     def _modelled(self, parts: Parts) -> set[int]:
         """Return the buildings of a tile that have models."""
-        if CITY_MODEL.name not in self._topics:
-            return set()
-        return {one.building_id for one in parts[OUTLINES.name]}
+        return {one.building_id for one in parts[_OUTLINES]} if _MODELS in self._topics else set()
 
     # the survey
 
@@ -180,8 +194,6 @@ class ModelWriter(StageNode):
         if before is None:
             self._report_tiles_on_disk()
             self.look_again()
-            if self.is_over:
-                self._make_files_soon()
 
     def on_failed(self, message: Header) -> None:
         """Note that a tile was given up."""
@@ -189,9 +201,8 @@ class ModelWriter(StageNode):
 
     def on_survey_done(self, _: Header) -> None:
         """Make the files as soon as it is known where they lie and what the nodes say of the last tiles."""
-        self.is_over = True
-        if self._survey.frame is not None:
-            self._make_files_soon()
+        self.is_over, self._waited = True, 0.0
+        self._end_timer.reset()
 
     def on_save(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Make the files of a live survey now."""
@@ -199,20 +210,21 @@ class ModelWriter(StageNode):
             response.message = "only live surveys can be saved on request"
             return response
         try:
-            summary = self.submit_here(self._make_files).result()
+            self.submit_here(self._make_files).result()
         except Exception as error:
             response.message = " ".join(str(error).split())
-            return response
-        response.success, response.message = True, self._words(summary)
+        else:
+            response.success, response.message = True, self.last_words
         return response
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        """Forget the tiles of a live survey, whose source has begun anew."""
+        """Forget the tiles of a live survey, whose source has begun anew; files made of them stay."""
         if not self._survey.is_live:
             response.message = "only live surveys can be reset: give model_writer.overwrite"
             return response
         n_tiles = len(self._survey.on_disk)
-        self.submit_here(self._survey.forget_tiles).result()
+        if self._survey.folder is not None:
+            self.submit_here(self._survey.folder.keep_only, ()).result()
         self._record.failed.clear()
         # with it goes what late listeners would hear of the tiles that were done
         self.destroy_publisher(self._tile_done)
@@ -228,14 +240,11 @@ class ModelWriter(StageNode):
             return
         work = self.submit_here(self._make_files)
         while not work.done():
-            spin_once(_SILENCE)
+            spin_once(_TICK)
         if (error := work.exception()) is not None:
             self.get_logger().error(f"no files were written: {' '.join(str(error).split())}")
         else:
             self.get_logger().info(self.last_words)
-
-    def _gauges(self) -> dict[str, int]:
-        return {"tiles_on_disk": len(self._survey.on_disk), "clouds_left": self.n_clouds_left}
 
     def _begin(self) -> None:
         """Wait for tiles, and say which are on disk."""
@@ -256,17 +265,12 @@ class ModelWriter(StageNode):
 
     # files
 
-    def _make_files_soon(self) -> None:
-        """Make the files once the diagnostics of the last tiles have come."""
-        if self._end_timer is None:
-            self._counts = [-1]
-            self._end_timer: Timer | None = self.create_timer(_SILENCE, self._finish_after_silence)
-
-    def _finish_after_silence(self) -> None:
-        """Make the files if the last diagnostics have come: of all tiles, or none since the last call."""
-        self._counts.append(self._record.n_heard)
-        is_quiet = self._counts[-1] == self._counts[-2] or len(self._counts) > _MAX_PERIODS
-        if is_quiet or self._record.has_all(self._stages, self._written):
+    def _finish_if_told(self) -> None:
+        """Make the files of a survey that is done once the diagnostics of the last tiles have come."""
+        if self._survey.frame is None:
+            return
+        self._waited += _TICK
+        if self._waited >= _PATIENCE or self._record.has_all(self._stages, self._written):
             self._end_timer.cancel()
             self.when_done(self.submit_here(self._make_files), self._finish)
 
@@ -274,12 +278,12 @@ class ModelWriter(StageNode):
         """End, unless more tiles may come."""
         if work.cancelled():
             return
-        self._end_timer, error = None, work.exception()
+        error = work.exception()
         if error is None:
             self.n_finished += 1
             self.get_logger().info(self.last_words)
             if not self._survey.is_live:
-                self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else 0
+                self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else ExitStatus.DONE
                 self.outcome.set_result(work.result())
         elif self._survey.is_live:
             self.warn(f"no files were written: {' '.join(str(error).split())}")
@@ -297,24 +301,18 @@ class ModelWriter(StageNode):
             raise
         finally:
             self.n_clouds_left = 0
-        self.last_words, self.n_saved = self._words(summary), self.n_saved + 1
+        self.n_saved += 1
+        n_buildings = sum(summary.buildings.values())
+        why = f"; {summary.why_no_building}" if summary.why_no_building else ""
+        path = self.parameters[ModelWriterConfig].output
+        self.last_words = f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {path}{why}"
         return summary
-
-    def _each(self, function: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[Any]:
-        """Do jobs side by side where there is a pool, and yield the results in their order."""
-        results: Iterator[Any] = (map if self.pool is None else self.pool.map)(function, jobs)
-        return results
 
     def _each_cloud(self, write: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[Any]:
         """Write clouds side by side, and count them; what is left when ROS is shut down is left."""
         self.n_clouds_left = len(jobs)
-        for one in self._each(write, jobs):
+        for one in (map if self.pool is None else self.pool.map)(write, jobs):
             if not self.context.ok():
                 raise OutputError(f"{self.n_clouds_left} classified clouds are left for the next time")
             self.n_clouds_left -= 1
             yield one
-
-    def _words(self, summary: RunSummary) -> str:
-        n_buildings = sum(summary.buildings.values())
-        why = f"; {summary.why_no_building}" if summary.why_no_building else ""
-        return f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {self._survey.path}{why}"

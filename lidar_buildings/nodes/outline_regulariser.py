@@ -12,10 +12,10 @@ from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
-from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.qos import CLOUD, MAP_RINGS
 from lidar_buildings.ros.stage_node import StageNode, publish_all
+from lidar_buildings.ros.text_messages import quality_message
 from lidar_buildings.ros.withdrawals import Withdrawals
 
 Outlines = tuple[BuildingOutline, ...]
@@ -43,5 +43,5 @@ class OutlineRegulariser(StageNode):
         publish_all(
             self._outlines, ring_messages(stamp, {**dict.fromkeys(gone, ()), **outline_rings(outlines)})
         )
-        self.summary.passed_on(stamp, 0)
+        self.summary.passed_on(0)
         self.summary.count_buildings(one.quality.status.value for one in outlines)

@@ -31,5 +31,5 @@ class PlaneFitter(StageNode):
 
     def publish(self, stamp: int, planes: PointTile) -> None:
         """Publish one tile's points with their planes."""
-        self.summary.passed_on(stamp, len(planes))
+        self.summary.passed_on(len(planes))
         self._plane_points.publish(to_message(planes))

@@ -42,7 +42,7 @@ class Recorder(StageNode):
         self._last_heard, self._lag = time.monotonic(), 0.0
         self.recording.start(self._on_written)
         self._sought = set(config.topics)
-        self.summary.watch(self._gauges)
+        self.summary.gauges.append(self._gauges)
         for name in config.topics:
             for topic in topics_called(name):
                 if topic.qos != _OF_SENSORS:

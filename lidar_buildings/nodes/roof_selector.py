@@ -32,6 +32,6 @@ class RoofSelector(StageNode):
 
     def publish(self, stamp: int, classified: PointTile) -> None:
         """Publish one tile's points, and its roofs apart."""
-        self.summary.passed_on(stamp, len(classified))
+        self.summary.passed_on(len(classified))
         self._roof_points.publish(to_message(roof_points(classified)))
         self._classified_points.publish(to_message(classified))

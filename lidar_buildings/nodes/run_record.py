@@ -14,25 +14,22 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.io.results.run_summary import run_info
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import NODE_STAGES, NODE_TABLE
+from lidar_buildings.nodes.table import NODE_STAGES
 from lidar_buildings.ros.stamps import tile_of
 
 #: What the name of a node has beside that of its kind, where several share their tiles.
 _REPLICA = re.compile(r"_\d+$")
-_NODES = {card.name for card in NODE_TABLE}
 
 
 class RunRecord:
     """
     Seconds per stage, parameters and failed tiles of a run; `parameters` are those that no node reports.
 
-    `failed` are the stamps of the tiles that were given up, in the revision that was sent last; `n_heard`
-    counts the statuses of tiles taken so far.
+    `failed` are the stamps of the tiles that were given up, in the revision that was sent last.
     """
 
     def __init__(self, parameters: Mapping[str, Any] = MappingProxyType({})) -> None:
         self.failed: set[int] = set()
-        self.n_heard = 0
         self._seconds: dict[str, dict[int, float]] = {stage: {} for stage in NODE_STAGES.values()}
         self._parameters: dict[str, Any] = dict(parameters)
         self._reasons: dict[int, str] = {}
@@ -47,20 +44,23 @@ class RunRecord:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
             node = _REPLICA.sub("", status.name)
-            if node not in _NODES or "tile" not in values:
+            if node not in NODE_CONFIGS or "tile" not in values:
                 continue
-            self.n_heard += 1
             tile = tile_of(int(values["tile"]))
             if status.level == DiagnosticStatus.ERROR:
                 self._reasons[tile] = f"{status.name}: {status.message}"
                 continue
-            self._parameters.update(_parameters_of(node, values.get("parameters", "{}")))
+            told = json.loads(values.get("parameters", "{}"))
+            if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
+                raise ValueError(f"parameters of {node} are {values['parameters'][:100]}")
+            told.pop(ReplicaConfig.stage, None)
+            self._parameters.update(told)
             if node in NODE_STAGES and "seconds" in values:
                 self._seconds[NODE_STAGES[node]][tile] = float(values["seconds"])
 
-    def has_all(self, stages: Iterable[str], stamps: Iterable[int]) -> bool:
+    def has_all(self, stages: Iterable[str], stamps: set[int]) -> bool:
         """Whether the seconds of all these stages on all these tiles have come."""
-        return all(self._seconds[stage].keys() >= set(stamps) for stage in stages)
+        return all(self._seconds[stage].keys() >= stamps for stage in stages)
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that a node reported of it."""
@@ -71,11 +71,3 @@ class RunRecord:
         seconds = {stage: sum(per.values()) for stage, per in self._seconds.items() if per}
         seconds = {"wall": time.perf_counter() - self._started, **seconds}
         return run_info(seconds, self._parameters, failed, ())
-
-
-def _parameters_of(node: str, text: str) -> dict[str, Any]:
-    """Return a node's parameters by stage; of stages that it has."""
-    told = json.loads(text)
-    if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
-        raise ValueError(f"parameters of {node} are {text[:100]}")
-    return {stage: members for stage, members in told.items() if stage != ReplicaConfig.stage}

@@ -21,7 +21,7 @@ from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
-from lidar_buildings.ros.stamps import FRAME_ID, header_of
+from lidar_buildings.ros.stamps import FRAME_ID
 
 #: A warning of lost scans is repeated no sooner [s].
 _REMIND = 10.0
@@ -45,14 +45,13 @@ class ScanAssembler(TileSender):
         self._told: set[str] = set()
         self._has_looked = False
         self._has_frame = False
-        self.summary.watch(self.tiles.counts)
-        self.summary.watch(lambda: {"scans_lost": self._n_lost})
+        self.summary.gauges.append(self.tiles.counts)
+        self.summary.gauges.append(lambda: {"scans_lost": self._n_lost})
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
         FrameListener(self, self.tiles.add_frame, n_own=1)
         self._subscribe_sensors()
-        self.tiles.start(lambda: self.call_soon(self.on_tick))
 
     def on_tick(self) -> None:
         """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
@@ -67,14 +66,9 @@ class ScanAssembler(TileSender):
             self.publish_frame(self.tiles.frame)
         super().on_tick()
         n_flushed = self.tiles.n_flushed
-        if self._n_flushed < n_flushed and self._is_empty:
+        if self._n_flushed < n_flushed and self.is_empty:
             self._n_flushed = n_flushed
-            self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
-
-    @property
-    def _is_empty(self) -> bool:
-        """Whether no tile is in flight, waiting or spooled."""
-        return not (len(self._ledger) or self._next is not None or self.tiles.n_left)
+            self.tell_survey_done()
 
     def note_done(self, stamp: int) -> None:
         """Note that a revision of a tile is done: it may come again."""
@@ -109,7 +103,7 @@ class ScanAssembler(TileSender):
 
     def finish(self) -> None:
         """Send all tiles that have new points, also if sending was paused."""
-        self._playback.resume()
+        self._is_paused, self._steps = False, 0
         self.tiles.flush()
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

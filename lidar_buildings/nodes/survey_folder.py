@@ -20,7 +20,6 @@ from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import Share, check_folder, sole_use
 from lidar_buildings.io.results.run_summary import RunSummary
-from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes.configs import ModelWriterConfig
 
 if TYPE_CHECKING:  # what reads them takes time to import
@@ -35,7 +34,7 @@ class SurveyFolder:
     Takes a survey's tiles and makes its files, whether its inputs are known before or only at the end.
 
     Without inputs the survey is live: tiles go on coming after files were made. Such a survey, and one of
-    bags, has a frame, and with it tiles on disk, from `open` on. `settings` are what results depend on. The
+    bags, has a frame, and with it its `folder`, from `open` on. `settings` are what results depend on. The
     points of files that were `read` in this process may still be decoded. LidarBuildingsError if inputs
     cannot be read, or the folder cannot be used.
     """
@@ -46,31 +45,33 @@ class SurveyFolder:
         self._config = config
         self.is_live = not config.input
         self._bags = bags_among(config.input)
-        self.settings = _settings(config.settings)
-        self._problems: list[str] = []
-        self._read = {(one.path, one.state): one for one in read}
-        self._folder: OutputFolder | None = None
         if self._bags and not config.placed:
             raise ParameterError("model_writer.placed is empty: bags need the folder of tile_player.placed")
+        self.settings = _settings(config.settings)
+        self._read = {(one.path, one.state): one for one in read}
+        self._problems: list[str] = []
+        self.folder: OutputFolder | None = None
         held = ExitStack()
         weakref.finalize(self, held.close)
         held.enter_context(sole_use(Path(config.output)))
         if self.is_live or self._bags:
             check_folder(Path(config.output), overwrite=config.overwrite, is_live=self.is_live)
-            return
-        clouds, self._problems = open_inputs(config.input)
-        inputs = [cloud.input_file for cloud in clouds]
-        self._claim(inputs, frame_of(clouds, config.crs), overwrite=config.overwrite)
-
-    @property
-    def path(self) -> Path:
-        """Where the files go."""
-        return Path(self._config.output)
+        else:
+            self._claim(config.input)
 
     @property
     def frame(self) -> MapFrame | None:
         """The frame of the tiles on disk, None as long as a live survey has none."""
-        return None if self._folder is None else self._folder.frame
+        return None if self.folder is None else self.folder.frame
+
+    @property
+    def on_disk(self) -> dict[int, int]:
+        """See `OutputFolder`; empty as long as a live survey has no frame."""
+        return {} if self.folder is None else self.folder.on_disk
+
+    def revision_of(self, stamp: int) -> int:
+        """Return the stamp of the revision of a tile that is on disk, -1 if none is."""
+        return self.on_disk.get(tile_of(stamp), -1)
 
     def open(self, frame: MapFrame) -> bool:
         """
@@ -79,35 +80,12 @@ class SurveyFolder:
         A live source has no files yet then; of bags it has placed the scans. LidarBuildingsError if the
         folder holds tiles of another run.
         """
-        if self.frame == frame:
-            return True
-        if self.on_disk:
+        if self.frame != frame and self.on_disk:
             return False
-        inputs = []
-        if self._bags:
-            clouds, self._problems = open_inputs(with_clouds(self._config.input, Path(self._config.placed)))
-            inputs = [cloud.input_file for cloud in clouds]
-        self._claim(inputs, frame, overwrite=self._config.overwrite and self.frame is None)
+        if self.frame != frame:
+            placed = with_clouds(self._config.input, Path(self._config.placed)) if self._bags else ()
+            self._claim(placed, frame)
         return True
-
-    @property
-    def on_disk(self) -> dict[int, int]:
-        """See `OutputFolder`; empty as long as a live survey has no frame."""
-        return {} if self._folder is None else self._folder.on_disk
-
-    def revision_of(self, stamp: int) -> int:
-        """Return the stamp of the revision of a tile that is on disk, -1 if none is."""
-        return self.on_disk.get(tile_of(stamp), -1)
-
-    def write(self, products: TileProducts) -> None:
-        """Put a tile on disk; OutputError if it cannot be written."""
-        self._opened().write_tile(products)
-
-    def load_writers(self) -> None:
-        """Import what `make_files` needs, in a time when nothing else is to be done."""
-        import lidar_buildings.report.page_file  # noqa: F401
-
-        self._opened().load_writers()
 
     def make_files(self, run_info: Mapping[str, Any], share: Share = map) -> RunSummary:
         """
@@ -116,35 +94,29 @@ class SurveyFolder:
         `share` does clouds side by side, as in `OutputFolder.finalise`. LidarBuildingsError if no frame is
         known, or a file cannot be written.
         """
-        folder, problems = self._opened(), list(self._problems)
-        folder.inputs = [self._read.get((one.path, one.state), one) for one in folder.inputs]
+        if self.folder is None:
+            raise ParameterError("no tile has arrived yet: the map frame is unknown")
+        problems, placed = list(self._problems), self._config.placed
+        self.folder.inputs = [self._read.get((one.path, one.state), one) for one in self.folder.inputs]
         if self.is_live:
-            folder.inputs = placed_inputs(Path(self._config.placed)) if self._config.placed else []
-            if not folder.inputs:
-                where = f"{self._config.placed}/{PLACED_CLOUDS}" if self._config.placed else "no folder named"
+            self.folder.inputs = placed_inputs(Path(placed)) if placed else []
+            if not self.folder.inputs:
+                where = f"{placed}/{PLACED_CLOUDS}" if placed else "no folder named"
                 problems.append(f"no classified clouds: the source's clouds are not on this host ({where})")
         from lidar_buildings.report.page_file import write_report  # what it needs is needed last
 
-        return folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
+        return self.folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
 
-    def forget_tiles(self) -> None:
-        """Delete the tiles on disk; the files that were made of them stay."""
-        if self._folder is not None:
-            self._folder.keep_only(())
-
-    def _opened(self) -> OutputFolder:
-        if self._folder is None:
-            raise ParameterError("no tile has arrived yet: the map frame is unknown")
-        return self._folder
-
-    def _claim(self, inputs: list[InputFile], frame: MapFrame, *, overwrite: bool) -> None:
+    def _claim(self, inputs: Sequence[str], frame: MapFrame | None = None) -> None:
         config = self._config
+        clouds, self._problems = open_inputs(inputs) if inputs else ([], [])
+        frame = frame or frame_of(clouds, config.crs)
         written = {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
-        self._folder = OutputFolder(
+        self.folder = OutputFolder(
             config.output,
-            inputs,
+            [cloud.input_file for cloud in clouds],
             frame,
-            overwrite=overwrite,
+            overwrite=config.overwrite and self.folder is None,
             until=config.until,
             parameters=self.settings | {OutputConfig.stage: written},
             footprints=_footprints(config, frame),

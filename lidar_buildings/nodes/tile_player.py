@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from lidar_buildings.io.tiling.tiling import FileQueue, TileSource
 from lidar_buildings.nodes.configs import TilePlayerConfig
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.qos import EVENT
-from lidar_buildings.ros.stamps import header_of, to_time
+from lidar_buildings.ros.stamps import to_time
 
 
 class TilePlayer(TileSender):
@@ -34,21 +35,24 @@ class TilePlayer(TileSender):
             self.get_logger().error(problem)
         self.tiles = FileQueue(self._source, self._read)
         self._is_finished = False
-        self._clock_publisher = None
-        if config.publish_clock:
-            self._clock_publisher = self.create_publisher(Clock, "/clock", EVENT)
+        self._clock_publisher = (
+            self.create_publisher(Clock, "/clock", EVENT) if config.publish_clock else None
+        )
         self.begin()
         self.publish_frame(self._source.frame)
-        self.tiles.start(lambda: self.call_soon(self.on_tick))
 
     @property
     def inputs(self) -> list[InputFile]:
         """The files that are read."""
         return self._source.inputs
 
-    def may_send(self, tile: PointTile) -> bool:
-        """Whether a tile's time has come in the recording."""
-        return self._playback.is_due(tile.stamp, self.parameters[TilePlayerConfig].rate)
+    def is_due(self, stamp: int) -> bool:
+        """Whether a tile's time has come at `rate` times the recorded speed; 0 means at once."""
+        rate = self.parameters[TilePlayerConfig].rate
+        if self._is_paused or not rate:
+            return True
+        self._first = self._first or (stamp, time.monotonic())
+        return time.monotonic() - self._first[1] >= (stamp - self._first[0]) * 1e-9 / rate
 
     def before(self, tile: PointTile) -> None:
         """Publish the time of a tile on request."""
@@ -60,12 +64,11 @@ class TilePlayer(TileSender):
         if self._is_finished:
             return
         super().on_tick()
-        if self.tiles.n_left or self._peek() is not None or len(self._ledger):
-            return
-        self._is_finished = True
-        n_failed = f", {len(self._failed)} given up" if self._failed else ""
-        self.get_logger().info(f"all tiles are done{n_failed}")
-        self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
+        if self.is_empty:
+            self._is_finished = True
+            n_failed = f", {len(self._failed)} given up" if self._failed else ""
+            self.get_logger().info(f"all tiles are done{n_failed}")
+            self.tell_survey_done()
 
     def destroy_node(self) -> None:
         """Stop reading and remove the temporary files."""
@@ -86,11 +89,9 @@ class TilePlayer(TileSender):
         if not config.placed:
             self._temporary = make_temporary_folder()
         folder = self._temporary or Path(config.placed)
-        self.get_logger().info("placing the scans of bags")
-        records = place_bags(
-            config.input, folder, config, self.parameters[ScanConfig], self.get_logger().info
-        )
-        for record in records:
+        log = self.get_logger().info
+        log("placing the scans of bags")
+        for record in place_bags(config.input, folder, config, self.parameters[ScanConfig], log):
             for problem in filter(None, [record["problem"], *record["warnings"]]):
                 self.warn(f"{record['bag']}: {problem}")
         return with_clouds(config.input, folder)

@@ -25,14 +25,13 @@ from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.diagnostics import TileReport
 from lidar_buildings.ros.node_state import LISTENER_QOS, state_of
 from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
-from lidar_buildings.ros.playback import Playback
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
 from lidar_buildings.ros.tile_info import info_message
-from lidar_buildings.ros.tile_ledger import Flight, TileLedger
+from lidar_buildings.ros.tile_ledger import TileLedger
 
 #: Period of the checks of tiles and subscribers, short against the time that a tile takes [s].
 _TICK = 0.1
@@ -56,17 +55,19 @@ class TileSender(StageNode):
         self._ledger = TileLedger(
             sending.max_tiles_in_flight, sending.tile_timeout, sending.max_attempts, lambda: self._time
         )
-        self.summary.watch(self._ledger.gauges)
-        self._life = uuid4().hex if self._ledger.is_counting else ""
+        self.summary.gauges.append(self._ledger.gauges)
+        self._life = uuid4().hex if self._ledger.limit else ""
         #: Tile → the last revision of it that is done; tiles that were given up.
         self._done: dict[int, int] = {}
         self._failed: set[int] = set()
         #: Tiles whose larger revision is being read; those sent last, where none is waited for.
         self._growing: set[int] = set()
         self._uncounted: list[PointTile] = []
-        self._seen: set[str] = set()
+        self._seen: set[str] = set()  # nodes in the graph
         self._looked = -_LOOK
-        self._playback = Playback(is_paused=sending.start_paused)
+        self._is_paused, self._steps = sending.start_paused, 0
+        #: First tile of a recording since the start or a pause, and when it was due [s].
+        self._first: tuple[int, float] | None = None
         self._next: PointTile | None = None
 
     def begin(self) -> None:
@@ -85,20 +86,22 @@ class TileSender(StageNode):
         )
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
+        self.tiles.start(lambda: self.call_soon(self.on_tick))
 
     def publish_frame(self, frame: MapFrame) -> None:
         """Publish where the map frame lies."""
         self._map_units.publish(units_message(frame))
         self._map_origin.publish(origin_message(frame))
 
-    def may_send(self, tile: PointTile) -> bool:
-        """Whether a tile's time has come, all else being there; pause and step say so."""
-        return self._playback.is_due(tile.stamp, 0.0)
-
     @property
     def n_done(self) -> int:
         """Number of tiles that are done."""
         return len(self._done)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether no tile is in flight, waiting or spooled."""
+        return not (len(self._ledger) or self._peek() is not None or self.tiles.n_left)
 
     # what is heard
 
@@ -117,8 +120,8 @@ class TileSender(StageNode):
         self._give_up()
         for tile, sides in self._ledger.wanted():
             self._grow(tile, sides)
-        while (tile := self._next_to_send()) is not None:
-            self._send(tile)
+        while self._may_send():
+            self._send(self._next)
 
     def on_state(self, message: String) -> None:
         """Note what a node has of each tile."""
@@ -146,6 +149,10 @@ class TileSender(StageNode):
         """Note that a tile was given up."""
         self._failed.add(tile_of(stamp))
 
+    def tell_survey_done(self) -> None:
+        """Say that every tile is done or given up."""
+        self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
+
     def forget_tiles(self) -> None:
         """Forget all tiles, and have the copies of those dropped that are under way."""
         self._ledger.forget()
@@ -156,32 +163,35 @@ class TileSender(StageNode):
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Send no more tiles."""
-        self._playback.pause()
+        self._is_paused = True
         response.success, response.message = True, "paused"
         return response
 
     def on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Go on."""
-        self._playback.resume()
+        self._is_paused, self._steps, self._first = False, 0, None
         response.success, response.message = True, "playing"
         return response
 
     def on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Send one tile while paused."""
-        response.success = self._playback.step()
-        response.message = "one tile will be sent" if response.success else "not paused: call pause first"
+        self._steps += self._is_paused
+        response.success = self._is_paused
+        response.message = "one tile will be sent" if self._is_paused else "not paused: call pause first"
         return response
 
     # what is sent
 
-    def _next_to_send(self) -> PointTile | None:
-        """Return the next tile if there is a credit for it, someone to take it, and its time has come."""
-        tile = self._peek() if self._ledger.has_room else None
-        if tile is None or not self.may_send(tile) or not self._has_listeners():
-            return None
-        self._next = None
-        self._playback.sent()
-        return tile
+    def is_due(self, stamp: int) -> bool:
+        """Whether a tile's time has come."""
+        return True
+
+    def _may_send(self) -> bool:
+        """Whether a tile is there, its time has come, there is a credit for it, and someone to take it."""
+        if not self._ledger.has_room or (self._is_paused and not self._steps):
+            return False
+        tile = self._peek()
+        return tile is not None and self.is_due(tile.stamp) and self._has_listeners()
 
     def _peek(self) -> PointTile | None:
         """Return the next tile that is not done yet, None if none is ready."""
@@ -192,7 +202,7 @@ class TileSender(StageNode):
         return self._next
 
     def _look_around(self) -> None:
-        """See which nodes are in the graph."""
+        """See which nodes are in the graph, and send again what is lost."""
         self._looked = self._time
         self._seen = {
             one.node_name
@@ -202,7 +212,10 @@ class TileSender(StageNode):
         self._ledger.see(self._seen)
         if len(self._ledger) and self._has_listeners():
             for flight in self._ledger.lost():
-                self._send_again(flight)
+                # one of which the nodes know other bounds is a new revision
+                tile = replace(flight.tile, stamp=flight.tile.stamp + flight.is_adopted)
+                self.warn(f"tile {tile.stamp} is lost: sending it again ({flight.n_resent})")
+                self._publish(tile)
 
     def _has_listeners(self) -> bool:
         """
@@ -211,13 +224,14 @@ class TileSender(StageNode):
         They know of each other, too.
         """
         wanted = Counter(self.sending.wait_for)
-        missing = [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]
-        what = f"a subscriber of {', '.join(missing)}"
-        if not missing and self._ledger.is_counting and not self.count_publishers("tile_done"):
-            missing, what = ["tile_done"], "a publisher of tile_done (model_writer, or model_builder)"
-        if not missing and (missing := self._ledger.missing_replicas()):
+        what = ""
+        if missing := [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]:
+            what = f"a subscriber of {', '.join(missing)}"
+        elif self._ledger.limit and not self.count_publishers("tile_done"):
+            what = "a publisher of tile_done (model_writer, or model_builder)"
+        elif missing := self._ledger.missing_replicas():
             what = f"{', '.join(missing)} (all replicas share the tiles)"
-        if missing:
+        if what:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
             return False
         return self._ledger.is_settled(self._seen, self.count_subscribers, len(self._done))
@@ -226,39 +240,34 @@ class TileSender(StageNode):
         """
         Send a tile for the first time; what nodes have from this one's life before is only listed again.
         """
-        latest = self._ledger.latest(tile.stamp) if self._ledger.is_counting else None
+        self._next, self._steps = None, max(0, self._steps - 1)
+        latest = self._ledger.latest(tile.stamp) if self._ledger.limit else None
         if latest is not None and latest >= tile.stamp:
             self._ledger.sent(replace(tile, stamp=latest), is_adopted=True)
             self._tell()
             return
         self._publish(tile)
-        if not self._ledger.is_counting:
+        if not self._ledger.limit:
             self.note_done(tile.stamp)
-
-    def _send_again(self, flight: Flight) -> None:
-        """Send a tile that is lost; one of which the nodes know other bounds as a new revision."""
-        tile = replace(flight.tile, stamp=flight.tile.stamp + flight.is_adopted)
-        self.warn(f"tile {tile.stamp} is lost: sending it again ({flight.n_resent})")
-        self._publish(tile)
 
     def _publish(self, tile: PointTile) -> None:
         """List a tile, and publish its points."""
         report = TileReport(tile.stamp, len(tile))
-        self._diagnostics.begin_tile(tile.stamp)
+        self.summary.taken(tile.stamp)
         self.before(tile)
         self._ledger.sent(tile)
-        if not self._ledger.is_counting:
+        if not self._ledger.limit:
             self._uncounted = [*self._uncounted[1 - CLOUD_DEPTH :], tile]
         self._tell()
         self._points.publish(to_message(tile))
         self._ledger.sent(tile)  # publishing takes its time
-        self.summary.passed_on(tile.stamp, len(tile))
-        self._diagnostics.end_tile(report, "", 0.0)
+        self.summary.passed_on(len(tile))
+        self._diagnostics.end_tile(report)
 
     def _tell(self) -> None:
         """Publish which tiles are in flight."""
         listed = self._uncounted or self._ledger.listed()
-        adopted = self._ledger.adopted()
+        adopted = (one.stamp for one in self._ledger.listed(is_adopted=True))
         self._info.publish(info_message(*listed, adopted=adopted, life=self._life))
 
     def before(self, tile: PointTile) -> None:
@@ -266,12 +275,10 @@ class TileSender(StageNode):
 
     def _grow(self, tile: PointTile, sides: Sides) -> None:
         """Read a tile with a larger buffer, beside the executor."""
-        if tile.stamp in self._growing:
-            return
-        self._growing.add(tile.stamp)
-        self.when_done(
-            self.submit_here(self.tiles.grown, tile, sides), lambda work: self._grown(tile, sides, work)
-        )
+        if tile.stamp not in self._growing:
+            self._growing.add(tile.stamp)
+            work = self.submit_here(self.tiles.grown, tile, sides)
+            self.when_done(work, lambda work: self._grown(tile, sides, work))
 
     def _grown(self, tile: PointTile, sides: Sides, work: Future[PointTile | None]) -> None:
         """Send the next revision of a tile; only say so if there is nothing more to send."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import threading
-import time
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -28,34 +26,26 @@ class Composition:
         self._threads = [
             threading.Thread(target=_spin, args=(node,), name=node.get_name(), daemon=True) for node in nodes
         ]
-        #: Something has happened that may end a `wait`.
-        self._news = threading.Event()
+        self._has_news = threading.Event()  # something has happened that may end a `wait`
         for node in nodes:
-            node.outcome.add_done_callback(lambda _: self._news.set())
-            node.context.on_shutdown(self._news.set)
+            node.outcome.add_done_callback(lambda _: self._has_news.set())
+            node.context.on_shutdown(self._has_news.set)
 
     def start(self) -> None:
         """Let all nodes spin."""
-        for node in self._nodes:
+        for node, thread in zip(self._nodes, self._threads, strict=True):
             node.announce()
-        for thread in self._threads:
             thread.start()
 
     def wait(self, node: StageNode, timeout: float | None = None) -> bool:
         """
-        Wait for a node's outcome; False if the time was up first. Raises what keeps any node from going on.
+        Wait for a node's outcome; False if there was none in time. Raises what keeps any node from going on.
         """
-        end = math.inf if timeout is None else time.monotonic() + timeout
-        while True:
-            self._news.clear()
-            for one in self._nodes:
-                if one.outcome.done():
-                    one.outcome.result()
-            if node.outcome.done() or not rclpy.ok(context=node.context):
-                return True
-            left = end - time.monotonic()
-            if left <= 0.0 or not self._news.wait(None if math.isinf(left) else left):
-                return False
+        self._has_news.wait(timeout)
+        for one in self._nodes:
+            if one.outcome.done():
+                one.outcome.result()
+        return node.outcome.done() or not rclpy.ok(context=node.context)
 
     def stop(self) -> None:
         """Shut ROS down, wait for the threads, and destroy the nodes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
@@ -13,8 +13,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.ros.stamps import header_of
 
-#: With a building's id it names its marker.
-_NAMESPACE = "buildings"
 #: Width of the lines [m].
 _WIDTH = 0.15
 _COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0)
@@ -26,26 +24,23 @@ def model_markers(
     """
     Return the edges of each building's solids as a list of lines that replaces the one shown before.
 
-    A building without solids is shown no more, nor are those withdrawn.
+    The marker of a building without solids, or of one that is withdrawn, is deleted.
     """
-    shown = {number: [edge for solid in of for edge in _edges(solid)] for number, of in buildings.items()}
-    return MarkerArray(
-        markers=[_marker(stamp, number, ()) for number in withdrawn]
-        + [_marker(stamp, number, segments) for number, segments in shown.items()]
-    )
+    shown: dict[int, Iterable[Solid]] = {**dict.fromkeys(withdrawn, ()), **buildings}
+    return MarkerArray(markers=[_marker(stamp, number, solids) for number, solids in shown.items()])
 
 
-def _marker(stamp: int, building_id: int, segments: Sequence[NDArray[np.float64]]) -> Marker:
-    """Return a building's lines, or without any the message that deletes them."""
+def _marker(stamp: int, building_id: int, solids: Iterable[Solid]) -> Marker:
+    corners = [corner for solid in solids for edge in _edges(solid) for corner in edge.tolist()]
     marker = Marker(
         header=header_of(stamp),
-        ns=_NAMESPACE,
+        ns="buildings",
         id=building_id - (building_id >> 31 << 32),  # a marker's id has a sign
         type=Marker.LINE_LIST,
-        action=Marker.ADD if len(segments) else Marker.DELETE,
+        action=Marker.ADD if corners else Marker.DELETE,
         scale=Vector3(x=_WIDTH),
         color=_COLOUR,
-        points=[Point(x=x, y=y, z=z) for segment in segments for x, y, z in segment.tolist()],
+        points=[Point(x=x, y=y, z=z) for x, y, z in corners],
     )
     marker.pose.orientation.w = 1.0
     return marker

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from importlib import resources
 from pathlib import Path
 
 from lidar_buildings.core.freed_memory import tune_malloc
 
 #: Fast DDS 2 (Jazzy) and Fast DDS 3 read different variables.
 _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-_TRANSPORTS, _RANGE, _PEERS = (
-    "FASTDDS_BUILTIN_TRANSPORTS",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE",
-    "ROS_STATIC_PEERS",
-)
+_TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
+_RANGE, _PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 #: For all ranges of discovery; in place of the range of this host alone.
 _PROFILE, _LOCALHOST = "fastdds_profile.xml", "fastdds_localhost.xml"
 
@@ -26,18 +22,13 @@ _ALLOWED_BUFFER = Path("/proc/sys/net/core/rmem_max")
 
 
 def prepare_middleware(*, carries_scans: bool = False) -> None:
-    """Tune malloc and set Fast DDS up, see `use_profile`; call it once, before ``rclpy.init``."""
-    tune_malloc()
-    use_profile(carries_scans=carries_scans)
-
-
-def use_profile(*, carries_scans: bool = False) -> None:
     """
-    Give Fast DDS our profile and transport, unless the user has a profile.
+    Tune malloc, and give Fast DDS our profile and transport, unless the user has a profile.
 
-    By default Fast DDS holds at most 5000 messages of a topic on each side, KEEP_ALL or not, and a tile can
-    have more rings: a publisher in the same process then blocks for good, one in another process fails. The
-    credits of the player bound what is under way, so no limit is needed here.
+    Call it once, before ``rclpy.init``. By default Fast DDS holds at most 5000 messages of a topic on each
+    side, KEEP_ALL or not, and a tile can have more rings: a publisher in the same process then blocks for
+    good, one in another process fails. The credits of the player bound what is under way, so no limit is
+    needed here.
 
     Its shared memory is not used: a node that was killed and started anew at once was at times deaf to some
     of the others for good, containers often share no ``/dev/shm``, and of clouds of more than its 512 kB most
@@ -46,6 +37,7 @@ def use_profile(*, carries_scans: bool = False) -> None:
     no such buffers: the smaller ones come through by it. ROS's range ``LOCALHOST`` always comes with it, so a
     profile takes the place of that.
     """
+    tune_malloc()
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):
         return
     profile = _PROFILE
@@ -53,10 +45,7 @@ def use_profile(*, carries_scans: bool = False) -> None:
         if os.environ.get(_RANGE) == "LOCALHOST" and not os.environ.get(_PEERS):
             os.environ[_RANGE], profile = "SYSTEM_DEFAULT", _LOCALHOST
         os.environ[_TRANSPORTS] = "UDPv4"
-    path = resources.files("lidar_buildings.ros").joinpath(profile)
-    if isinstance(path, Path) and path.is_file():
-        for name in _PROFILE_VARIABLES:
-            os.environ[name] = str(path)
+    os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, str(Path(__file__).with_name(profile))))
 
 
 def allowed_buffer() -> float:

@@ -10,10 +10,10 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.replicas import ReplicaConfig
-from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED, LATCHED_EVENT
 from lidar_buildings.ros.stamps import tile_of
-from lidar_buildings.ros.tile_ledger import FAILED, IN_HAND, PASSED_ON, WAITING, NodeState, TileState
+from lidar_buildings.ros.text_messages import read_json
+from lidar_buildings.ros.tile_ledger import IN_HAND, NodeState, TileState
 
 TOPIC = "node_state"
 #: Period of the states [s].
@@ -21,15 +21,15 @@ PERIOD = 0.4
 #: How many tiles are listed; wide margin: at most 8 are in flight. The oldest that are not in hand go first.
 _MOST = 64
 #: Who hears states takes all that wait; each node keeps its last one for late listeners.
-LISTENER_QOS, _QOS = LATCHED_EVENT, LATCHED
+LISTENER_QOS = LATCHED_EVENT
 
 
 class StatePublisher:
     """
     Publishes what its node has of each tile; the node's life begins with this.
 
-    `is_stage` says whether tiles go through the node, `matched` how many subscriptions of which topics it has
-    found, `n_done` how many tiles it has reported as done.
+    `is_stage` says whether tiles go through the node, `matched` returns how many subscriptions of which
+    topics it has found, `n_done` is how many tiles it has reported as done.
     """
 
     def __init__(self, node: Node, kind: str, share: ReplicaConfig, matched: Callable[[], Mapping[str, int]]):
@@ -37,24 +37,23 @@ class StatePublisher:
         self._node, self._kind, self._share, self._matched = node, kind, share, matched
         self._life, self._sequence = uuid4().hex, 0
         self._tiles: OrderedDict[int, TileState] = OrderedDict()
-        self._publisher = node.create_publisher(String, TOPIC, _QOS)
+        self._publisher = node.create_publisher(String, TOPIC, LATCHED)
         node.create_timer(PERIOD, self.publish)
 
     def publish(self) -> None:
         """Publish the state as it is now."""
         self._sequence += 1
-        share = self._share
         state = NodeState(
             self._node.get_name(),
             self._life,
             self._sequence,
-            dict(self._tiles),
+            self._tiles,
             self.is_stage,
             self._kind,
-            share.replica,
-            share.replicas,
+            self._share.replica,
+            self._share.replicas,
             self.n_done,
-            dict(self._matched()),
+            self._matched(),
         )
         self._publisher.publish(String(data=state.text()))
 
@@ -62,26 +61,18 @@ class StatePublisher:
         """Whether the node works on a tile in this revision."""
         return stamp in self._tiles and self._tiles[stamp].status == IN_HAND
 
-    def waits(self, stamp: int, missing: Iterable[str]) -> None:
-        """Say that parts of a tile are missing."""
-        if not self.has_in_hand(stamp):
-            self._set(stamp, TileState(WAITING, tuple(sorted(missing))))
-
-    def takes(self, stamp: int) -> None:
-        """Say that the node works on a tile."""
-        self._set(stamp, TileState(IN_HAND))
-
-    def asks_for(self, stamp: int, sides: Iterable[str]) -> None:
-        """Say that a tile is too small: points beyond some sides are missing."""
-        self._set(stamp, TileState(WAITING, tuple(sides)))
-
-    def passes_on(self, stamp: int) -> None:
-        """Say that the results of a tile are published."""
-        self._set(stamp, TileState(PASSED_ON))
-
-    def fails(self, stamp: int, reason: str) -> None:
-        """Say that the node cannot handle a tile."""
-        self._set(stamp, TileState(FAILED, reason=reason))
+    def set(self, stamp: int, status: str, missing: Iterable[str] = (), reason: str = "") -> None:
+        """Say what the node has of a tile, which parts or sides of it are missing, or why it failed."""
+        state = TileState(status, tuple(sorted(missing)), reason)
+        if self._tiles.get(stamp) == state:
+            return
+        self._tiles[stamp] = state
+        self._tiles.move_to_end(stamp)
+        idle = [one for one, at in self._tiles.items() if at.status != IN_HAND]
+        earlier = [one for one in idle if one < stamp and tile_of(one) == tile_of(stamp)]
+        for other in earlier or idle[: max(0, len(self._tiles) - _MOST)]:
+            del self._tiles[other]
+        self.publish()
 
     def forget(self, is_over: Callable[[int], bool]) -> None:
         """Drop the tiles that are over, but those in hand."""
@@ -90,19 +81,6 @@ class StatePublisher:
             del self._tiles[stamp]
         if over:
             self.publish()
-
-    def _set(self, stamp: int, state: TileState) -> None:
-        if self._tiles.get(stamp) == state:
-            return
-        for other in [one for one in self._tiles if one < stamp and tile_of(one) == tile_of(stamp)]:
-            if not self.has_in_hand(other):
-                del self._tiles[other]
-        self._tiles[stamp] = state
-        self._tiles.move_to_end(stamp)
-        idle = [one for one, at in self._tiles.items() if at.status != IN_HAND]
-        for other in idle[: max(0, len(self._tiles) - _MOST)]:
-            del self._tiles[other]
-        self.publish()
 
 
 def state_of(message: String) -> NodeState:

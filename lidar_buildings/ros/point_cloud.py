@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import array
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,7 @@ from lidar_buildings.ros.stamps import header_of, to_stamp
 _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 
-@dataclass(frozen=True, eq=False)
-class CloudReading:
+class CloudReading(NamedTuple):
     """What a cloud held."""
 
     tile: PointTile  #: the finite points with every column that we know

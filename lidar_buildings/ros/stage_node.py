@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import functools
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future as Work
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from geometry_msgs.msg import PolygonInstanceStamped
@@ -38,18 +36,10 @@ from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
 from lidar_buildings.ros.tile_info import TileInfos
 from lidar_buildings.ros.tile_intake import Parts, TileJoin
+from lidar_buildings.ros.tile_ledger import FAILED, IN_HAND, PASSED_ON, WAITING
 
 #: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
 _MEMORY_PERIOD = 10.0
-
-
-@dataclass
-class _InHand:
-    """A tile on which the node works."""
-
-    report: TileReport
-    started: float
-    result: Any = None  #: of the work, where the tile is held back
 
 
 class StageNode(Node):
@@ -69,15 +59,11 @@ class StageNode(Node):
     def __init__(
         self, name: str, configs: Mapping[str, type[StageConfig]], pool: Any = None, **kwargs: Any
     ) -> None:
-        super().__init__(
-            name,
-            automatically_declare_parameters_from_overrides=True,
-            **kwargs,
-        )
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **kwargs)
         self.outcome: Future = Future()
         self.exit_status = 0
-        self._is_destroyed = False
         self.pool = pool
+        self._is_destroyed = False
         self._worker = ThreadPoolExecutor(1, thread_name_prefix=name)
         self._later: deque[Callable[[], object]] = deque()
         self._woken = self.create_guard_condition(self._do_later)
@@ -91,16 +77,10 @@ class StageNode(Node):
         self.state = StatePublisher(self, name, self._share, self._matched)
         self._infos: TileInfos  # of nodes that take tiles
         self._join = TileJoin(())
-        self._in_hand: dict[int, _InHand] = {}
+        self._in_hand: dict[int, TileReport] = {}
+        self._held_back: dict[int, Any] = {}  # results of tiles in hand that may come larger
         self._warnings: dict[int, list[str]] = {}
         self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD))
-
-    @classmethod
-    def main(cls) -> int:
-        """Run the node as a process of its own."""
-        from lidar_buildings.ros.runner import run_node
-
-        return run_node(cls)
 
     @contextmanager
     def starting(self) -> Iterator[None]:
@@ -137,9 +117,8 @@ class StageNode(Node):
 
     def create_timer(self, period: float, callback: Callable[..., None], *args: Any, **kwargs: Any) -> Timer:
         """Create a timer, which goes on when the clock of a recording (`use_sim_time`) stands still."""
-        return super().create_timer(
-            period, callback, *args, **{"clock": Clock(clock_type=ClockType.STEADY_TIME), **kwargs}
-        )
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(period, callback, *args, **{"clock": clock, **kwargs})
 
     def create_output(self, kind: Any, topic: str, qos: QoSProfile) -> Publisher:
         """Create a publisher of what other nodes wait for; the state says who listens to it."""
@@ -180,7 +159,7 @@ class StageNode(Node):
     @property
     def is_at_work(self) -> bool:
         """Whether some work has begun that cannot be interrupted."""
-        return any(one.result is None for one in self._in_hand.values())
+        return self._in_hand.keys() > self._held_back.keys()
 
     # tiles
 
@@ -202,7 +181,6 @@ class StageNode(Node):
         """
         self._join = TileJoin(topics, fits)
         self._work_on, self._publish_result, self._clipped = work, publish, clipped
-        self._part_order = tuple(topics)
         self.state.is_stage = True
         self._infos = TileInfos(self, self.look_again)
         self.create_timer(1.0, self.look_again)
@@ -210,60 +188,64 @@ class StageNode(Node):
     def subscribe_tiles(self, topic: str) -> None:
         """Take the points of tiles, with their limits and spacing if the source says them."""
 
-        def read(message: PointCloud2) -> tuple[int, PointTile]:
-            reading = from_message(message)
-            if reading.n_dropped:
-                text = f"{reading.n_dropped} points of {topic} were left out: x, y or z is not finite"
-                self._warnings.setdefault(reading.tile.stamp, []).append(text)
-            return reading.tile.stamp, reading.tile
+        def read(message: PointCloud2) -> PointTile:
+            tile, n_dropped = from_message(message)
+            if n_dropped:
+                text = f"{n_dropped} points of {topic} were left out: x, y or z is not finite"
+                self._warnings.setdefault(tile.stamp, []).append(text)
+            return tile
 
-        self.subscribe_parts(PointCloud2, topic, CLOUD, read, lambda one: to_stamp(one.header.stamp))
+        self.subscribe_parts(PointCloud2, topic, CLOUD, read)
 
     def subscribe_rings(self, topic: str, read: Callable[[Rings], Any]) -> None:
         """Take what `read` makes of all rings of each tile that a topic closes."""
         collector = RingCollector()
 
-        def gather(message: PolygonInstanceStamped) -> tuple[int, Any] | None:
+        def gather(message: PolygonInstanceStamped) -> Any:
             rings = collector.add(message)
-            return None if rings is None else (to_stamp(message.header.stamp), read(rings))
+            return None if rings is None else read(rings)
 
-        self.subscribe_parts(
-            PolygonInstanceStamped, topic, BUILDING, gather, lambda one: to_stamp(one.header.stamp)
-        )
+        self.subscribe_parts(PolygonInstanceStamped, topic, BUILDING, gather)
 
     def subscribe_parts(
-        self,
-        kind: Any,
-        topic: str,
-        qos: QoSProfile,
-        read: Callable[[Any], tuple[int, Any] | None],
-        stamp_of: Callable[[Any], int] | None = None,
+        self, kind: Any, topic: str, qos: QoSProfile, read: Callable[[Any], Any | None]
     ) -> None:
-        """Take what `read` makes of a topic's messages with the stamp of its tile, None if nothing yet."""
+        """Take what `read` makes of a topic's messages, which have a header; None if nothing yet."""
 
         def on_message(message: Any) -> None:
-            stamp = None if stamp_of is None else stamp_of(message)
-            if stamp is not None and (not self.takes(stamp) or self.drops(stamp, topic)):
+            stamp = to_stamp(message.header.stamp)
+            if self.drops(stamp, topic):
                 return
             try:
-                found = read(message)
+                part = read(message)
             except Exception as error:
-                if stamp is None or not self.context.ok():
-                    raise
-                self._fail_tile(TileReport(stamp), error, 0.0)
+                if self.context.ok():
+                    self._fail_tile(TileReport(stamp), error)
                 return
-            if found is not None and (stamp is not None or self.takes(found[0])):
+            if part is not None:
+                self.add_part(stamp, topic, part)
+
+        self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
+
+    def subscribe_texts(
+        self, kind: Any, topic: str, qos: QoSProfile, read: Callable[[Any], tuple[int, Any] | None]
+    ) -> None:
+        """Take what `read` makes of messages without a header, with the stamp of its tile."""
+
+        def on_message(message: Any) -> None:
+            found = read(message)
+            if found is not None and not self.drops(found[0], topic):
                 self.add_part(found[0], topic, found[1])
 
         self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
 
-    def takes(self, stamp: int) -> bool:
-        """Whether a tile is this node's, where nodes of one kind share them [ns]."""
-        return self._share.takes(stamp)
-
     def drops(self, stamp: int, topic: str) -> bool:
-        """Whether a topic's part of a tile is dropped: the tile is in hand, or the source says it is over."""
-        return self.state.has_in_hand(stamp) or self._infos.is_over(stamp)
+        """
+        Whether a topic's part of a tile is dropped.
+
+        The tile is that of a replica, is in hand, or the source says that it is over.
+        """
+        return not self._share.takes(stamp) or self.state.has_in_hand(stamp) or self._infos.is_over(stamp)
 
     def is_ready(self) -> str:
         """Return what the node waits for beside a tile's parts, empty if nothing."""
@@ -284,14 +266,11 @@ class StageNode(Node):
                 self._join.take(stamp)
             else:
                 self._look_at(stamp)
-        for stamp, one in list(self._in_hand.items()):
-            if one.result is None:
-                continue
+        for stamp, result in list(self._held_back.items()):
             if infos.is_over(stamp):
-                del self._in_hand[stamp]
-                self._end_tile(one, "")
-            elif not infos.can_grow(stamp, self._clipped(one.result)):
-                self._publish_tile(stamp, one)
+                self._end_tile(stamp)
+            elif not infos.can_grow(stamp, self._clipped(result)):
+                self._publish_tile(stamp, result)
 
     def _look_at(self, stamp: int) -> None:
         """Work on a tile if it is complete, else say what is missing."""
@@ -301,71 +280,71 @@ class StageNode(Node):
             is_promised = any(one.index is not None for one in clouds)
             if clouds and not self._infos.is_known(stamp, is_promised=is_promised):
                 missing.add(TILE_INFO)
-            if what := self.is_ready():
-                missing.add(what)
+            missing |= {self.is_ready()} - {""}
         if missing:
-            self.state.waits(stamp, missing)
+            self.state.set(stamp, WAITING, missing)
         else:
             self._begin_tile(stamp, self._join.take(stamp))
 
     def _begin_tile(self, stamp: int, parts: Parts) -> None:
-        if stamp in self._in_hand:  # held back, and sent again
-            self._end_tile(self._in_hand[stamp], "")
-        one = self._in_hand[stamp] = _InHand(TileReport(stamp), time.perf_counter())
-        one.report.warnings = self._warnings.pop(stamp, [])
-        self.state.takes(stamp)
-        self._diagnostics.begin_tile(stamp)
+        if stamp in self._held_back:  # and was sent again
+            self._end_tile(stamp)
+        report = self._in_hand[stamp] = TileReport(stamp, warnings=self._warnings.pop(stamp, []))
+        self.state.set(stamp, IN_HAND)
+        self.summary.taken(stamp)
         try:
             for topic, part in parts.items():
                 if isinstance(part, PointTile):
                     parts[topic] = self._infos.complete(part)
-                    one.report.n_points = one.report.n_points or len(part)
-            work = self._work_on(*(parts[topic] for topic in self._part_order))
+                    report.n_points = report.n_points or len(part)
+            work = self._work_on(*(parts[topic] for topic in self._join.topics))
         except Exception as error:
             work = Work()
             work.set_exception(error)
-        self.when_done(work, lambda done: self._finish_tile(stamp, one, done))
+        self.when_done(work, lambda done: self._finish_tile(report, done))
 
-    def _finish_tile(self, stamp: int, one: _InHand, work: Work[Any]) -> None:
+    def _finish_tile(self, report: TileReport, work: Work[Any]) -> None:
         """Publish a tile's results, or hold them back."""
-        if self._in_hand.get(stamp) is not one or work.cancelled():
+        stamp = report.stamp
+        if self._in_hand.get(stamp) is not report or work.cancelled():
             return
         if (error := work.exception()) is not None:
-            del self._in_hand[stamp]
-            self._fail_tile(one.report, error, time.perf_counter() - one.started)
+            self._fail_tile(report, error)
             return
-        one.result = work.result()
-        sides = self._clipped(one.result)
+        sides = self._clipped(work.result())
         if sides and self._infos.can_grow(stamp, sides):
-            self.state.asks_for(stamp, [name for name, is_it in sides._asdict().items() if is_it])
-            return
-        self._publish_tile(stamp, one)
+            self._held_back[stamp] = work.result()
+            self.state.set(stamp, WAITING, [name for name, is_it in sides._asdict().items() if is_it])
+        else:
+            self._publish_tile(stamp, work.result())
 
-    def _publish_tile(self, stamp: int, one: _InHand) -> None:
-        del self._in_hand[stamp]
+    def _publish_tile(self, stamp: int, result: Any) -> None:
+        report = self._in_hand[stamp]
         try:
-            one.report.counts.update(self._publish_result(stamp, one.result) or {})
+            report.counts.update(self._publish_result(stamp, result) or {})
         except Exception as error:
-            if not self.context.ok():
-                return
-            self._fail_tile(one.report, error, time.perf_counter() - one.started)
+            self._fail_tile(report, error)
             return
-        self._end_tile(one, "")
-        self.state.passes_on(stamp)
+        self._end_tile(stamp)
+        self.state.set(stamp, PASSED_ON)
 
-    def _end_tile(self, one: _InHand, failure: str) -> None:
-        if one.report.warnings:
-            self.get_logger().warning(f"tile {one.report.stamp}: {'; '.join(one.report.warnings)}")
-        self._diagnostics.end_tile(one.report, failure, time.perf_counter() - one.started)
+    def _end_tile(self, stamp: int) -> None:
+        report = self._in_hand.pop(stamp)
+        self._held_back.pop(stamp, None)
+        if report.warnings:
+            self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
+        self._diagnostics.end_tile(report)
 
-    def _fail_tile(self, report: TileReport, error: BaseException, seconds: float) -> None:
+    def _fail_tile(self, report: TileReport, error: BaseException) -> None:
         """Say that the node cannot handle a tile."""
+        self._in_hand.pop(report.stamp, None)
+        self._held_back.pop(report.stamp, None)
         if not self.context.ok():
             return
         failure = _reason(error)
         self.get_logger().error(f"tile {report.stamp}: {failure}: the tile is not passed on")
-        self._diagnostics.end_tile(report, failure, seconds)
-        self.state.fails(report.stamp, failure)
+        self._diagnostics.end_tile(report, failure)
+        self.state.set(report.stamp, FAILED, reason=failure)
 
     # life
 

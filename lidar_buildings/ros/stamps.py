@@ -15,21 +15,18 @@ from lidar_buildings.core.model.ids import tile_of as tile_of
 
 #: The local map frame of REP-105.
 FRAME_ID = "map"
-
-_NANOSECONDS = 1_000_000_000
-#: What a message can hold; one that says more nanoseconds than a second has may be beyond it [ns].
-_FIRST, _LAST = -(2**31) * _NANOSECONDS, 2**31 * _NANOSECONDS - 1
+_SECOND = 1_000_000_000
 
 
 def to_time(stamp: int) -> Time:
     """Turn a tile's stamp [ns] into a message: the nearest one that it can hold."""
-    seconds, nanoseconds = divmod(min(max(stamp, _FIRST), _LAST), _NANOSECONDS)
+    seconds, nanoseconds = divmod(min(max(stamp, -(2**31) * _SECOND), 2**31 * _SECOND - 1), _SECOND)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def to_stamp(time: Time) -> int:
     """Turn a message's time into a tile's stamp [ns]."""
-    return time.sec * _NANOSECONDS + time.nanosec
+    return time.sec * _SECOND + time.nanosec
 
 
 def header_of(stamp: int) -> Header:

@@ -14,12 +14,12 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.model.sides import Bounds, Sides
+from lidar_buildings.core.model.sides import NONE, Bounds, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
-from lidar_buildings.ros.json_text import read_json
 from lidar_buildings.ros.qos import LATCHED, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.stamps import tile_of
+from lidar_buildings.ros.text_messages import read_json
 
 TOPIC = "tile_info"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
@@ -30,31 +30,24 @@ _MAX_TILES = 4 * CLOUD_DEPTH
 _PATIENCE = 20.0
 
 
-def info_of_tile(tile: PointTile) -> dict[str, Any]:
-    """Return a tile's stamp, bounds, spacing and dark limit; null: not known, or none."""
-    said = {name: getattr(tile, name) for name in _MEMBERS}
-    if tile.bounds is not None:
-        said["bounds"] = [limit if math.isfinite(limit) else None for limit in tile.bounds]
-    return {"stamp": tile.stamp, **said}
-
-
 def info_message(*tiles: PointTile, adopted: Iterable[int] = (), life: str = "") -> String:
     """
-    Return the tiles in flight as a line of JSON.
+    Return the tiles in flight as JSON: stamp, bounds, spacing and dark limit; null: not known, or none.
 
     Of those that were adopted from an earlier life of the source only the stamp is told. A source without a
     life does not wait for its tiles: none of them is ever over.
     """
-    found = [info_of_tile(one) for one in tiles] + [{"stamp": stamp} for stamp in adopted]
+    found: list[dict[str, Any]] = [{"stamp": stamp} for stamp in adopted]
+    for tile in tiles:
+        said = {"stamp": tile.stamp, **{name: getattr(tile, name) for name in _MEMBERS}}
+        if tile.bounds is not None:
+            said["bounds"] = [limit if math.isfinite(limit) else None for limit in tile.bounds]
+        found.append(said)
     return String(data=json.dumps({"life": life, "tiles": found}))
 
 
 def infos_of(message: String) -> tuple[str, dict[int, dict[str, Any]]]:
-    """
-    Return the source's life, and what is said of each tile by stamp [ns].
-
-    MessageError if the text is not of the form that `info_message` gives.
-    """
+    """Return the source's life, and what it says of each tile by stamp; MessageError if it is not clear."""
     return read_json(
         TOPIC,
         message,
@@ -73,31 +66,26 @@ class TileInfos:
 
     def __init__(self, node: Node, on_change: Callable[[], None]) -> None:
         self._node, self._on_change = node, on_change
-        self._known: OrderedDict[int, dict[str, Any]] = OrderedDict()
-        self._life = ""
-        #: What the source has in flight, and what it had in this life.
-        self._listed: set[int] = set()
-        self._past: OrderedDict[int, None] = OrderedDict()
-        self._asked: OrderedDict[int, float] = OrderedDict()
+        #: Stamp → life of the source that listed it last, and what it said.
+        self._known: OrderedDict[int, tuple[str, dict[str, Any]]] = OrderedDict()
+        self._life, self._listed = "", set[int]()  # the source's life, and what it has in flight
+        self._seen = time.monotonic()  # when a publisher of the topic was there last
         node.create_subscription(String, TOPIC, self.on_info, LATCHED, event_callbacks=SILENT_SUBSCRIPTION)
 
     def on_info(self, message: String) -> None:
         """Take what the source says; MessageError if it is not understood."""
-        life, said = infos_of(message)
-        if life != self._life:
-            self._life, self._listed = life, set()
-            self._past.clear()
-        if life:
-            self._past.update(dict.fromkeys(self._listed))
+        self._life, said = infos_of(message)
         self._listed = {*said}
         for stamp, info in said.items():
-            if info.keys() > {"stamp"}:
-                self._known[stamp] = info
-                self._known.move_to_end(stamp)
-        for held in (self._known, self._past):
-            while len(held) > _MAX_TILES:
-                held.popitem(last=False)
+            before = self._info(stamp)
+            self._known[stamp] = (self._life, info if info.keys() > {"stamp"} else before)
+            self._known.move_to_end(stamp)
+        while len(self._known) > _MAX_TILES:
+            self._known.popitem(last=False)
         self._on_change()
+
+    def _info(self, stamp: int) -> dict[str, Any]:
+        return self._known.get(stamp, ("", {}))[1]
 
     def is_known(self, stamp: int, *, is_promised: bool) -> bool:
         """
@@ -105,15 +93,13 @@ class TileInfos:
 
         It is waited for if it is promised: the tile comes from a source that sends such messages.
         """
-        if stamp in self._known:
+        if self._info(stamp):
             return True
         if self._node.count_publishers(TOPIC) > 0:
-            self._asked.pop(stamp, None)
+            self._seen = time.monotonic()
             return False
-        since = self._asked.setdefault(stamp, time.monotonic())
-        if is_promised and time.monotonic() - since < _PATIENCE:
+        if is_promised and time.monotonic() - self._seen < _PATIENCE:
             return False
-        del self._asked[stamp]
         if is_promised:
             self._node.get_logger().warning(
                 f"tile {stamp}: {TOPIC} has no publisher: limits and spacing are measured from its points"
@@ -124,21 +110,22 @@ class TileInfos:
         """Whether a revision of a tile is no longer in flight: it is done, or there is a later one."""
         if any(one > stamp and tile_of(one) == tile_of(stamp) for one in self._listed):
             return True
-        return stamp in self._past and stamp not in self._listed
+        life, _ = self._known.get(stamp, ("", {}))
+        return life != "" and life == self._life and stamp not in self._listed
 
     def can_grow(self, stamp: int, sides: Sides) -> bool:
         """Whether the source may have points beyond some sides of a tile."""
         if stamp not in self._listed:
             return False
         try:
-            bounds = _bounds_of(self._known.get(stamp, {}).get("bounds"))
+            bounds = _bounds_of(self._info(stamp).get("bounds"))
         except ValueError:
             return True
         return sides.opened(bounds) != bounds
 
     def complete(self, tile: PointTile) -> PointTile:
         """Return a tile with what is known of it; MessageError if a value is none that a tile can have."""
-        info = self._known.get(tile.stamp, {})
+        info = self._info(tile.stamp)
         try:
             said = {name: info[name] for name in _MEMBERS if name in info}
             if "bounds" in said:
@@ -149,17 +136,14 @@ class TileInfos:
 
 
 def _bounds_of(said: Any) -> Bounds | None:
-    """
-    Return a tile's limits as they are said: null where there is none.
-
-    ValueError if they are not four numbers or null.
-    """
+    """Return a tile's limits as they are said, null where there is none; ValueError if they are not four."""
     if said is None:
         return None
     try:
-        west, south, east, north = (0.0 if limit is None else float(limit) for limit in said)
+        pairs = zip((-math.inf, -math.inf, math.inf, math.inf), said, strict=True)
+        west, south, east, north = (none if limit is None else float(limit) for none, limit in pairs)
     except (TypeError, ValueError):
         raise ValueError(
             f"bounds = {said!r}: must be four numbers, or null where there is no limit"
         ) from None
-    return Sides(*(limit is None for limit in said)).opened((west, south, east, north))
+    return NONE.opened((west, south, east, north))

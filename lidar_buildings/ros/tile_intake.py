@@ -27,7 +27,7 @@ class TileJoin:
     """
 
     def __init__(self, topics: Iterable[str], fits: Callable[[Parts], bool] = lambda parts: True) -> None:
-        self.topics = frozenset(topics)
+        self.topics = tuple(topics)
         self._fits = fits
         self._tiles: OrderedDict[int, Parts] = OrderedDict()
 
@@ -36,9 +36,8 @@ class TileJoin:
         same = [one for one in self._tiles if tile_of(one) == tile_of(stamp)]
         if any(one > stamp for one in same):
             return
-        for other in same:
-            if other < stamp:
-                del self._tiles[other]
+        for other in {*same} - {stamp}:
+            del self._tiles[other]
         self._tiles.setdefault(stamp, {})[topic] = part
         while len(self._tiles) > MAX_INCOMPLETE_TILES:
             self._tiles.popitem(last=False)
@@ -51,11 +50,11 @@ class TileJoin:
         """Return the parts of a tile that are there."""
         return self._tiles.get(stamp, {})
 
-    def missing(self, stamp: int) -> frozenset[str]:
+    def missing(self, stamp: int) -> set[str]:
         """Return which topics have still to carry their part of a tile; all, if the parts do not fit."""
         parts = self.parts(stamp)
-        missing = self.topics - parts.keys()
-        return missing if missing or self._fits(parts) else self.topics
+        missing = {*self.topics} - parts.keys()
+        return missing if missing or self._fits(parts) else {*self.topics}
 
     def take(self, stamp: int) -> Parts:
         """Remove a tile and return its parts."""
@@ -69,18 +68,8 @@ def agree_on_buildings(parts: Parts) -> bool:
     They are not where a node was restarted in the middle of a tile and missed its first rings. A building
     may have no point: a footprint that was given.
     """
-    clouds = [_building_ids(part) for part in parts.values() if isinstance(part, PointTile)]
-    rings = [_building_ids(part) for part in parts.values() if not isinstance(part, PointTile)]
-    outlined = [ids for ids in rings if ids is not None]
-    if any(ids != outlined[0] for ids in outlined):
-        return False
-    return all(ids is None or not outlined or ids <= outlined[0] for ids in clouds)
-
-
-def _building_ids(part: Any) -> set[int] | None:
-    """Return the buildings that a part names, None if it names none by its nature."""
-    if isinstance(part, PointTile):
-        return None if part.building_id is None else set(np.unique(part.building_id).tolist()) - {0}
-    if isinstance(part, dict):  # of qualities
-        return set(part)
-    return {one.building_id for one in part} if isinstance(part, tuple) else None
+    outlined = [set(part) for part in parts.values() if isinstance(part, dict)]  # of qualities
+    outlined += [{one.building_id for one in part} for part in parts.values() if isinstance(part, tuple)]
+    ids = [part.building_id for part in parts.values() if isinstance(part, PointTile)]
+    found = {int(number) for one in ids if one is not None for number in np.unique(one)} - {0}
+    return not outlined or (all(one == outlined[0] for one in outlined) and found <= outlined[0])

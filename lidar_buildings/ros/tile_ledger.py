@@ -93,8 +93,8 @@ class _Heard:
 
     state: NodeState
     since: float  #: when this life was first heard [s]
+    n_heard: int
     is_there: bool = True
-    n_heard: int = 1
 
 
 @dataclass
@@ -149,25 +149,16 @@ class TileLedger:
         }
 
     @property
-    def is_counting(self) -> bool:
-        """Whether tiles are waited for."""
-        return self.limit > 0
-
-    @property
     def has_room(self) -> bool:
         """Whether one more tile may be sent."""
-        if len(self._flights) < self.limit or not self.is_counting:
+        if len(self._flights) < self.limit or not self.limit:
             return True
         n_points = sum(len(flight.tile) for flight in self._flights.values())
         return self.limit > 1 and len(self._flights) < MOST_TILES and n_points < FEW_POINTS
 
-    def listed(self) -> list[PointTile]:
-        """Return the tiles in flight as they were sent last."""
-        return [flight.tile for flight in self._flights.values() if not flight.is_adopted]
-
-    def adopted(self) -> list[int]:
-        """Return the stamps of those that were under way before the source was started."""
-        return [flight.tile.stamp for flight in self._flights.values() if flight.is_adopted]
+    def listed(self, *, is_adopted: bool = False) -> list[PointTile]:
+        """Return the tiles in flight as they were sent last; those adopted from an earlier life apart."""
+        return [flight.tile for flight in self._flights.values() if flight.is_adopted == is_adopted]
 
     def tile(self, stamp: int) -> PointTile | None:
         """Return a tile in flight as it was sent last, None if it is not in flight."""
@@ -178,20 +169,21 @@ class TileLedger:
 
     def hear(self, state: NodeState) -> None:
         """Note a node's state; one of an earlier life, or older than the last one, says nothing."""
-        before = self._nodes.get(state.node)
         if state.life in self._past:
             return
-        if before is None:
-            self._nodes[state.node] = _Heard(state, self.now())
-        elif before.state.life != state.life:
-            self._past.add(before.state.life)
-            self._note_death(before.state)
-            self._nodes[state.node] = _Heard(state, self.now(), n_heard=before.n_heard + 1)
-        elif state.sequence > before.state.sequence or not before.is_there:
-            self._nodes[state.node] = _Heard(state, before.since, n_heard=before.n_heard + 1)
-        else:
+        one = self._nodes.setdefault(state.node, _Heard(state, self.now(), 0))
+        before = one.state if one.n_heard else state._replace(tiles={})
+        if before.life != state.life:
+            self._past.add(before.life)
+            one.since = self.now()
+            for stamp, at in before.tiles.items():
+                flight = self._flights.get(tile_of(stamp))
+                if flight is not None and flight.tile.stamp == stamp and at.status == IN_HAND:
+                    flight.n_deaths += 1
+        elif one.n_heard and one.is_there and state.sequence <= before.sequence:
             return
-        self._note_changes(before.state.tiles if before else {}, state.tiles)
+        one.state, one.is_there, one.n_heard = state, True, one.n_heard + 1
+        self._note_changes(before.tiles, state.tiles)
 
     def see(self, nodes: Collection[str]) -> None:
         """Note which nodes are in the graph; one that leaves and returns with the same life has its tiles."""
@@ -199,12 +191,6 @@ class TileLedger:
             if one.is_there != (name in nodes):
                 one.is_there = name in nodes
                 self._note_changes(one.state.tiles, {})
-
-    def _note_death(self, state: NodeState) -> None:
-        for stamp, one in state.tiles.items():
-            flight = self._flights.get(tile_of(stamp))
-            if flight is not None and flight.tile.stamp == stamp and one.status == IN_HAND:
-                flight.n_deaths += 1
 
     def _note_changes(self, before: Mapping[int, TileState], after: Mapping[int, TileState]) -> None:
         for stamp in before.keys() | after.keys():
@@ -254,7 +240,7 @@ class TileLedger:
 
     def sent(self, tile: PointTile, *, is_adopted: bool = False) -> None:
         """Note that a tile was sent, for the first time, again, or with other points or bounds."""
-        if not self.is_counting:
+        if not self.limit:
             return
         number = tile_of(tile.stamp)
         flight = self._flights.setdefault(number, Flight(tile, self.now()))

@@ -10,8 +10,8 @@ from lidar_buildings.ros.stamps import tile_of
 
 Key = TypeVar("Key", int, str)
 
-#: How many buildings and tiles are remembered, in some 50 MB; wide margin: those of 100 km² of a town. What
-#: belongs to the tiles that were published longest ago is forgotten, and stays where it was shown.
+#: How many buildings are remembered, in some 50 MB; wide margin: those of 100 km² of a town. What belongs to
+#: the tiles that were published longest ago is forgotten, and stays where it was shown.
 _MAX_BUILDINGS = 200_000
 
 
@@ -19,9 +19,9 @@ class Withdrawals(Generic[Key]):
     """Remembers which buildings each tile's last revision had."""
 
     def __init__(self) -> None:
-        self._tiles: OrderedDict[int, tuple[int, frozenset[Key]]] = OrderedDict()
+        self._last: dict[int, int] = {}  #: tile → its last revision
         #: Building → the tile that had it last: one that goes over to another tile is not withdrawn.
-        self._owner: dict[Key, int] = {}
+        self._owner: OrderedDict[Key, int] = OrderedDict()
 
     def of(self, stamp: int, buildings: Iterable[Key]) -> list[Key]:
         """
@@ -29,22 +29,14 @@ class Withdrawals(Generic[Key]):
 
         Of an earlier revision than the last one nothing is withdrawn or remembered.
         """
-        tile, now = tile_of(stamp), frozenset(buildings)
-        last, before = self._tiles.get(tile, (stamp, frozenset()))
-        if stamp < last:
+        tile, now = tile_of(stamp), set(buildings)
+        if stamp < self._last.get(tile, stamp):
             return []
-        gone = sorted(one for one in before - now if self._owner.get(one) == tile)
-        for one in gone:
-            del self._owner[one]
+        self._last[tile] = stamp
+        gone = sorted(one for one, owner in self._owner.items() if owner == tile and one not in now)
+        for one in (*gone, *now):
+            self._owner.pop(one, None)
         self._owner.update(dict.fromkeys(now, tile))
-        self._tiles[tile] = stamp, now
-        self._tiles.move_to_end(tile)
-        self._forget()
+        while len(self._owner) > _MAX_BUILDINGS:
+            self._owner.popitem(last=False)
         return gone
-
-    def _forget(self) -> None:
-        while len(self._owner) + len(self._tiles) > _MAX_BUILDINGS and len(self._tiles) > 1:
-            tile, (_, buildings) = self._tiles.popitem(last=False)
-            for one in buildings:
-                if self._owner.get(one) == tile:
-                    del self._owner[one]

@@ -1,6 +1,7 @@
 """What a user sets in a file or on the command line, by stage."""
 
 import pytest
+from lidar_buildings.nodes.reference import parameter_yaml
 from support.bags import write_drive
 from support.cli_runs import Command
 from support.cloud_files import random_cloud, saved
@@ -10,7 +11,6 @@ from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.commands.settings import PRESETS, read_settings
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
-from lidar_buildings.nodes.reference import parameter_yaml
 
 
 @pytest.fixture

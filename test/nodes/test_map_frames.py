@@ -122,12 +122,6 @@ def test_a_frame_that_was_told_in_time_is_kept():
     assert node.warnings == []
 
 
-def test_who_gives_no_time_waits_for_good():
-    node = Listener()
-    assert not FrameListener(node, lambda _: None).expect()
-    assert node.timers == []
-
-
 @pytest.mark.parametrize(
     ("topic", "message"),
     [

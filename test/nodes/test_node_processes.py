@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def command(node, *arguments):
     use_own_domain()
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    program = f"from lidar_buildings.nodes.graph import node_class; exit(node_class('{node}').main())"
+    program = f"from lidar_buildings.commands.node import node_process; exit(node_process('{node}'))"
     return [sys.executable, "-c", program, *arguments], os.environ | {"PYTHONPATH": path}
 
 
@@ -60,15 +60,6 @@ def test_a_parameter_file_that_cannot_be_read_is_one_line(tmp_path, content):
 
 def test_a_player_without_input_says_what_to_do():
     assert_one_line(run("tile_player"), "no input: give at least one LAS or LAZ file")
-
-
-def test_a_player_whose_only_file_is_missing_names_it(tmp_path):
-    missing = tmp_path / "missing.laz"
-    assert_one_line(run("tile_player", "--ros-args", "-p", f"input:=['{missing}']"), str(missing))
-
-
-def test_a_writer_without_an_output_folder_says_so():
-    assert_one_line(run("model_writer"), "model_writer.output is empty")
 
 
 def test_a_writer_refuses_a_folder_that_is_not_empty(tmp_path):

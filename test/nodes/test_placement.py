@@ -45,11 +45,6 @@ def test_what_is_no_map_is_refused(written, text):
         nodes_of("disks", written(text), NODES)
 
 
-def test_a_map_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
-        nodes_of("disks", tmp_path / "none.yaml", NODES)
-
-
 def test_nodes_and_numbers_are_read():
     assert replicas_of("") == {}
     assert replicas_of("roof_selector:2, model_builder:3") == {"roof_selector": 2, "model_builder": 3}

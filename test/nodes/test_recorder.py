@@ -17,7 +17,7 @@ from support.node_bench import made, running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.bags.bag_writer import Recording, bag_folder, offered
+from lidar_buildings.io.bags.bag_writer import Recording, offered
 from lidar_buildings.nodes.recorder import Recorder
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED
@@ -169,8 +169,3 @@ def test_what_is_there_is_not_touched(tmp_path):
 def test_a_recorder_without_a_name_for_its_bag_does_not_start(context):
     with pytest.raises(ParameterError, match=r"recorder\.output is empty"):
         Recorder(context=context)
-
-
-def test_a_bag_is_a_folder_even_if_it_is_called_as_a_file(tmp_path):
-    assert bag_folder(tmp_path / "flight.mcap") == tmp_path / "flight"
-    assert bag_folder(tmp_path / "flight.1") == tmp_path / "flight.1"

@@ -41,13 +41,12 @@ from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
-from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.node_state import state_of
-from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
+from lidar_buildings.ros.text_messages import quality_message, tile_closing_message
 from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
@@ -93,11 +92,6 @@ def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
     known = np.isfinite(grid["z"])
     assert known.mean() > 0.97
     np.testing.assert_allclose(grid["z"][known], 3.0 + 0.05 * grid["x"][known], atol=0.15)
-
-
-def test_the_ground_filter_publishes_no_terrain_unless_asked(context, bench):
-    other = bench(GroundFilter(context=context), "points", "")
-    assert other.count_publishers("dtm") == 0
 
 
 @pytest.fixture
@@ -264,17 +258,6 @@ def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_w
     assert [path.stat().st_mtime_ns for path in fragments(tmp_path)] == [first]
 
 
-def test_torn_outlines_keep_a_tile_waiting(bench, make_writer, tmp_path):
-    other = bench(make_writer(), TO_WRITER, "tile_done")
-    send_tile(other, HOUSE, SHED, without=("outlines",))
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(SHED))))
-    send_tile(other, BARN, stamp=LATER)
-    wait_until(lambda: other.heard["tile_done"])
-    assert done(other) == [LATER]
-    other.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE, SHED))))
-    wait_until(lambda: done(other) == [LATER, STAMP])
-
-
 def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     other = bench(make_writer(), TO_WRITER, "tile_done")
     empty = PointTile(np.zeros((0, 3)), building_id=np.zeros(0), stamp=STAMP)
@@ -285,22 +268,6 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     other.send("city_model", tile_closing_message(STAMP))
     wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])
     assert len(fragments(tmp_path)) == 1
-
-
-def test_clouds_of_two_revisions_of_a_tile_are_not_mixed(bench, make_writer, tmp_path):
-    other = bench(make_writer(), TO_WRITER, "tile_done")
-    send_tile(other, HOUSE, without=("classified_points",))
-    later = replace(roof(HOUSE), stamp=STAMP + 1)
-    other.send("classified_points", to_message(later))
-    send_tile(other, BARN, stamp=LATER)
-    wait_until(lambda: other.heard["tile_done"])
-    assert done(other) == [LATER]
-    send_tile(other, HOUSE, stamp=STAMP + 1)
-    wait_until(lambda: done(other) == [LATER, STAMP + 1])
-    (written,) = (one for one in fragments(tmp_path) if one.stem != str(LATER))
-    assert written.stem == str(STAMP), "the tile is known by its first revision"
-    assert load_products(written).stamp == STAMP + 1
-    assert len(load_products(written).core) == 37
 
 
 def test_a_tile_on_disk_holds_its_rasters(bench, make_writer, tmp_path):

@@ -13,10 +13,10 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.nodes.map_frames import origin_message
 from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.outline_regulariser import OutlineRegulariser
-from lidar_buildings.ros.outline_quality import quality_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.text_messages import quality_message
 from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph

@@ -15,7 +15,7 @@ from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from lidar_buildings.ros.middleware import prepare_middleware
-from lidar_buildings.ros.polygons import closing_message, ring_message
+from lidar_buildings.ros.polygons import ring_message, ring_messages
 from lidar_buildings.ros.qos import BUILDING
 from lidar_buildings.ros.stage_node import publish_all
 
@@ -55,7 +55,7 @@ def send_burst(node, is_known=lambda: None):
         time.sleep(0.01)
     is_known()
     publish_all(publisher, (ring_message(1, number, RING) for number in range(N_RINGS)))
-    publisher.publish(closing_message(1))
+    publish_all(publisher, ring_messages(1, {}))
     return publisher
 
 

@@ -15,7 +15,7 @@ from support.node_bench import wait_until
 from support.ros_domain import OF_PROFILES
 
 from lidar_buildings.ros import middleware
-from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer, use_profile
+from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer, prepare_middleware
 
 VARIABLES = (*OF_PROFILES, "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS")
 N_CLOUDS, N_BYTES = 20, 2_000_000
@@ -36,14 +36,14 @@ def allow(monkeypatch, tmp_path, text):
 
 
 def test_nodes_use_no_shared_memory(environment):
-    use_profile()
+    prepare_middleware()
     assert environment["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"
 
 
 @pytest.mark.parametrize(("peers", "discovery"), [("", "SYSTEM_DEFAULT"), ("192.0.2.1", "LOCALHOST")])
 def test_a_profile_stands_for_the_range_of_one_host(environment, peers, discovery):
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"], environment["ROS_STATIC_PEERS"] = "LOCALHOST", peers
-    use_profile()
+    prepare_middleware()
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == discovery
     profile = environment["FASTRTPS_DEFAULT_PROFILES_FILE"]
     assert profile.endswith("fastdds_profile.xml" if peers else "fastdds_localhost.xml")
@@ -51,21 +51,21 @@ def test_a_profile_stands_for_the_range_of_one_host(environment, peers, discover
 
 def test_scans_use_it_only_where_the_system_allows_no_large_buffers(environment, monkeypatch, tmp_path):
     allow(monkeypatch, tmp_path, "212992\n")
-    use_profile(carries_scans=True)
+    prepare_middleware(carries_scans=True)
     assert "FASTDDS_BUILTIN_TRANSPORTS" not in environment
     del environment["FASTRTPS_DEFAULT_PROFILES_FILE"], environment["FASTDDS_DEFAULT_PROFILES_FILE"]
     allow(monkeypatch, tmp_path, f"{SOCKET_BUFFER}\n")
-    use_profile(carries_scans=True)
+    prepare_middleware(carries_scans=True)
     assert environment["FASTDDS_BUILTIN_TRANSPORTS"] == "UDPv4"
 
 
 def test_what_the_user_has_set_is_kept(environment):
     environment["FASTDDS_BUILTIN_TRANSPORTS"] = "LARGE_DATA"
-    use_profile()
+    prepare_middleware()
     assert environment["FASTDDS_BUILTIN_TRANSPORTS"] == "LARGE_DATA"
     environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = "mine.xml"
     del environment["FASTDDS_BUILTIN_TRANSPORTS"]
-    use_profile()
+    prepare_middleware()
     assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == "mine.xml"
     assert "FASTDDS_BUILTIN_TRANSPORTS" not in environment
 

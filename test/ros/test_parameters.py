@@ -92,13 +92,6 @@ def test_start_values_of_advanced_parameters_have_two_spellings(make, name):
     assert parameters.as_dict()["walls"]["noise"] == 0.4
 
 
-def test_advanced_parameters_change_at_run_time(make):
-    node, parameters = make(TWO)
-    assert node.set_parameters([Parameter("walls.advanced.noise", value=0.6)])[0].successful
-    assert parameters[WallConfig].noise == 0.6
-    assert not node.set_parameters([Parameter("walls.advanced.noise", value=-0.6)])[0].successful
-
-
 @pytest.mark.parametrize("name", ["walls.noize", "walls.advanced.noize"])
 def test_a_wrong_name_suggests_the_full_one(make, name):
     with pytest.raises(ParameterError, match=r"\(did you mean walls\.advanced\.noise\?\)"):
@@ -141,10 +134,6 @@ def test_a_wrong_start_value_or_name_is_one_clear_line(make, overrides, line):
     with pytest.raises(ParameterError, match=line) as caught:
         make(ONE, **overrides)
     assert "\n" not in str(caught.value)
-
-
-def test_what_ros_itself_declares_is_not_unknown(make):
-    make(ONE, use_sim_time=True)
 
 
 def test_a_change_at_run_time_counts_from_then_on(make):

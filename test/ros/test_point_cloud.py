@@ -93,17 +93,6 @@ def test_stamps_before_1970_survive():
     assert from_message(to_message(tile)).tile.stamp == -1_500_000_001
 
 
-def test_filling_falls_back_to_the_public_setter(monkeypatch):
-    from lidar_buildings.ros import point_cloud
-
-    tile = full_tile()
-    quick = bytes(to_message(tile).data)
-    monkeypatch.setattr(point_cloud, "hasattr", lambda *_: False, raising=False)
-    slow = to_message(tile)
-    assert isinstance(slow.data, array.array)
-    assert bytes(slow.data) == quick
-
-
 @st.composite
 def layouts(draw):
     """
@@ -211,10 +200,6 @@ def test_data_of_the_wrong_length_are_refused(n_bytes):
 def test_a_row_shorter_than_its_points_is_refused():
     with pytest.raises(InputError, match="row_step is 3"):
         from_message(xyz_cloud([[1, 2, 3]], row_step=3))
-
-
-def test_a_missing_row_step_is_worked_out_for_a_single_row():
-    assert len(from_message(xyz_cloud([[1, 2, 3], [4, 5, 6]], row_step=0)).tile) == 2
 
 
 def test_the_largest_number_of_a_column_is_held_whatever_float_carries_it():

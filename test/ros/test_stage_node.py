@@ -106,16 +106,6 @@ def test_diagnostics_tell_tile_seconds_points_and_parameters(graph):
     assert json.loads(values["parameters"]).keys() == {"ground_filter"}
 
 
-def test_diagnostics_tell_what_else_a_node_counted(graph):
-    publisher, listener = graph
-    publisher.publish(to_message(tile(2, 7)))
-    publisher.publish(to_message(tile(5, 8)))
-    wait_until(lambda: len(listener.statuses) == 2)
-    few, many = ({pair.key: pair.value for pair in status.values} for status in listener.statuses)
-    assert "doubled" not in few
-    assert many["doubled"] == "5"
-
-
 def test_a_cloud_without_coordinates_is_an_error_and_no_tile(graph):
     publisher, listener = graph
     message = PointCloud2(height=1, width=1, point_step=4, row_step=4, data=[0, 0, 0, 0])

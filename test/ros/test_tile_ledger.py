@@ -6,7 +6,6 @@ import random
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.tile_ledger import (
@@ -369,7 +368,3 @@ def test_whatever_happens_every_tile_is_done_and_none_is_sent_that_was_not_lost(
     assert world.ledger.n_given_up == 0
     if not (seed % 3 or seed % 5):
         assert world.n_resent == 0
-
-
-def test_revisions_of_a_tile_are_one_tile():
-    assert tile_of(STAMP + 3) == STAMP

@@ -30,14 +30,6 @@ def test_a_building_that_has_gone_over_to_another_tile_stays():
     assert gone.of(OTHER + 1, []) == [1]
 
 
-def test_a_building_that_goes_back_is_its_tiles_again():
-    gone = Withdrawals()
-    gone.of(TILE, [1])
-    assert gone.of(TILE + 1, []) == [1]
-    assert gone.of(TILE + 2, [1]) == []
-    assert gone.of(TILE + 3, []) == [1]
-
-
 def test_an_earlier_revision_that_comes_late_changes_nothing():
     gone = Withdrawals()
     gone.of(TILE + 1, [1, 2])
@@ -45,13 +37,8 @@ def test_an_earlier_revision_that_comes_late_changes_nothing():
     assert gone.of(TILE + 2, [1]) == [2]
 
 
-def test_the_same_tile_again_withdraws_nothing():
-    gone = Withdrawals()
-    assert [gone.of(TILE, [1, 2]) for _ in range(2)] == [[], []]
-
-
 def test_the_tiles_that_were_published_longest_ago_are_forgotten(monkeypatch):
-    monkeypatch.setattr(withdrawals, "_MAX_BUILDINGS", 6)
+    monkeypatch.setattr(withdrawals, "_MAX_BUILDINGS", 3)
     gone = Withdrawals()
     gone.of(TILE, [1, 2])
     gone.of(OTHER, [3])

@@ -18,11 +18,11 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.nodes.topics import topics_called
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.composition import Composition
-from lidar_buildings.ros.features import tile_closing_message
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import to_stamp
+from lidar_buildings.ros.text_messages import tile_closing_message
 from lidar_buildings.ros.tile_info import info_message
 
 STAMP = 77_000_000_000

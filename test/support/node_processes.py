@@ -144,7 +144,8 @@ def _run_node(
     written = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     os.dup2(written, 1)
     os.dup2(written, 2)
-    node, graph = (importlib.import_module(f"lidar_buildings.nodes.{one}") for one in (module, "graph"))
+    names = (f"nodes.{module}", "nodes.graph", "ros.runner")
+    node, graph, runner = (importlib.import_module(f"lidar_buildings.{one}") for one in names)
     if slow is not None:
         name, seconds = slow
         original = getattr(node, name)
@@ -155,4 +156,4 @@ def _run_node(
 
         setattr(node, name, slowed)
     sys.argv[1:] = arguments
-    raise SystemExit(graph.node_class(module).main())
+    raise SystemExit(runner.run_node(graph.node_class(module)))

@@ -4,7 +4,7 @@ import fcntl
 import os
 import tempfile
 
-from lidar_buildings.ros.middleware import use_profile
+from lidar_buildings.ros.middleware import prepare_middleware
 
 #: Domains up to 101 have free ports on every system.
 _DOMAINS = range(101, 19, -1)
@@ -37,6 +37,6 @@ def use_own_domain() -> None:
             continue
         _locks.append(lock)
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        use_profile()
+        prepare_middleware()
         return
     raise RuntimeError("every ROS domain is taken by another test process")

@@ -59,7 +59,7 @@ class OnTwoHosts(NodeProcesses):
 
     def started(self, name, module, arguments, slow, log):
         host = self._hosts["left" if name in LIGHT else "right"]
-        program = f"from lidar_buildings.nodes.graph import node_class; exit(node_class('{module}').main())"
+        program = f"from lidar_buildings.commands.node import node_process; exit(node_process('{module}'))"
         command = [sys.executable, "-c", program, *arguments]
         with log.open("a") as written:
             return subprocess.Popen(inside(host, *command), stdout=written, stderr=written)

@@ -1,7 +1,7 @@
 """
 Writes what is generated from the configs and the table of nodes: the parameter file and the node pages.
 
-``python -m lidar_buildings.nodes.reference`` writes ``config/pipeline.param.yaml`` and ``doc/nodes.md``;
+``python -m bench.pages.node_reference`` writes ``config/pipeline.param.yaml`` and ``doc/nodes.md``;
 with ``--check`` it only says whether they are as they should be.
 """
 
@@ -16,13 +16,14 @@ from typing import Any
 
 import yaml
 
+from bench.pages.node_texts import MEANINGS, SERVICES, SUMMARIES
 from lidar_buildings.core.model.parameters import StageConfig, parameter_names, prefix_of, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
 from lidar_buildings.nodes.topics import OF_EVERY_NODE, Topic
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH
 
-_COMMAND = "python -m lidar_buildings.nodes.reference"
+_COMMAND = "python -m bench.pages.node_reference"
 _PARAMETER_FILE = "pipeline.param.yaml"
 _WIDTH = 110
 
@@ -58,7 +59,7 @@ def nodes_page() -> str:
     """Return ``doc/nodes.md``."""
     parts = [
         "# Nodes",
-        f"<!-- Written by `{_COMMAND}`; change the configs or `nodes/table.py` instead. -->",
+        f"<!-- Written by `{_COMMAND}`; change the configs, `nodes/table.py` or `node_texts.py` instead. -->",
         "All names are relative: put a graph under a namespace and remap as you like. Parameters marked "
         "*fixed* are set when the node starts, the others can be changed while it runs and count from the "
         "next tile on. `config/pipeline.param.yaml` has the few that users turn; the others are called "
@@ -156,12 +157,14 @@ def _profiles() -> str:
 def _node_section(card: NodeCard) -> str:
     parts = [
         f"## {card.name}",
-        card.summary,
+        SUMMARIES[card.name],
         _topic_table("Subscribed", [(one, subscribed_qos(card, one)) for one in card.subscribes]),
         _topic_table("Published", [(one, one.qos) for one in (*card.publishes, *OF_EVERY_NODE)]),
     ]
     if card.services:
-        rows = [f"| **{name}** | {kind} | {meaning} |" for name, kind, meaning in card.services]
+        rows = [
+            f"| **{one}** | std_srvs/Trigger | {SERVICES[f'{card.name} {one}']} |" for one in card.services
+        ]
         parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
     parts += _parameter_tables(NODE_CONFIGS[card.name])
     return "\n\n".join(parts)
@@ -173,9 +176,14 @@ def subscribed_qos(card: NodeCard, topic: Topic) -> str:
 
 
 def _topic_table(title: str, topics: list[tuple[Topic, str]]) -> str:
-    rows = [f"| **{topic.name}** | {topic.type} | {qos} | {topic.meaning} |" for topic, qos in topics]
+    rows = [f"| **{topic.name}** | {topic.type} | {qos} | {_meaning(topic)} |" for topic, qos in topics]
     head = [f"### {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
     return "\n".join([*head, *rows])
+
+
+def _meaning(topic: Topic) -> str:
+    is_header = (topic.name, topic.qos) == ("city_model", "LATCHED")
+    return MEANINGS[f"{topic.name} header" if is_header else topic.name]
 
 
 def _parameter_tables(configs: dict[str, type[StageConfig]]) -> list[str]:

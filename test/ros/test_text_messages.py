@@ -1,5 +1,6 @@
-"""The quality of outlines on its way between nodes."""
+"""The quality of outlines, and models, on their way between nodes."""
 
+import json
 import math
 
 import numpy as np
@@ -9,7 +10,14 @@ from std_msgs.msg import String
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.ros.outline_quality import qualities_of, quality_message
+from lidar_buildings.ros.text_messages import (
+    closed_tile,
+    is_withdrawal,
+    qualities_of,
+    quality_message,
+    tile_closing_message,
+    withdrawal_message,
+)
 
 SQUARE = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]))
 GOOD = OutlineQuality(0.1 + 0.2, 1 / 3, BuildingStatus.OK, "")
@@ -41,3 +49,28 @@ def test_outlines_of_which_nothing_is_known_have_no_quality():
 def test_a_message_of_another_form_is_refused(text):
     with pytest.raises(MessageError, match="outline_quality"):
         qualities_of(String(data=text))
+
+
+def test_a_withdrawal_is_a_feature_of_cityjson_without_objects():
+    (line,) = (withdrawal_message('a "name"').data,)
+    assert json.loads(line) == {
+        "type": "CityJSONFeature",
+        "id": 'a "name"',
+        "CityObjects": {},
+        "vertices": [],
+    }
+    assert is_withdrawal(line)
+    assert closed_tile(line) is None
+
+
+def test_the_end_of_a_tile_names_it():
+    line = tile_closing_message(77_000_000_001).data
+    assert closed_tile(line) == 77_000_000_001
+    assert is_withdrawal(line)
+    assert closed_tile(line.replace("77", "x")) is None
+
+
+@pytest.mark.parametrize("line", ["", "[]", '{"type":"CityJSONFeature","id":"tile-5"}', "\x00"])
+def test_what_is_no_such_feature_closes_nothing(line):
+    assert closed_tile(line) is None
+    assert not is_withdrawal(line)

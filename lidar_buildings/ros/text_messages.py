@@ -1,0 +1,89 @@
+"""
+Topics of text: JSON, the quality of outlines, and models as lines of CityJSONSeq, which carry no stamp.
+
+A feature without city objects withdraws what had its id before. One that is named after a tile closes the
+tile: all its features have been sent.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import numpy as np
+from std_msgs.msg import String
+
+from lidar_buildings.core.model.errors import MessageError
+from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
+from lidar_buildings.core.model.status import BuildingStatus
+
+#: Characters of a message; wide margin: the outlines of a tile take 200 each.
+MAX_LENGTH = 20_000_000
+#: Building id → quality of its outline, for all outlines of a tile.
+Qualities = dict[int, OutlineQuality]
+_LENGTHS = ("sigma", "max_offset")
+_BEGIN, _END = '{"type":"CityJSONFeature","id":', ',"CityObjects":{},"vertices":[]}'
+_CLOSING = f'{_BEGIN}"tile-'
+_Said = TypeVar("_Said")
+
+
+def read_json(topic: str, message: String, read: Callable[[Any], _Said]) -> _Said:
+    """
+    Return what `read` makes of a message's JSON.
+
+    MessageError if the text is no JSON, longer than `MAX_LENGTH`, or `read` does not find in it what it looks
+    for.
+    """
+    text = message.data
+    try:
+        if len(text) > MAX_LENGTH:
+            raise ValueError(f"{len(text)} characters: must be at most {MAX_LENGTH}")
+        return read(json.loads(text))
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise MessageError(f"{topic} is not understood: {error!r}: {text[:100]}") from error
+
+
+def quality_message(stamp: int, outlines: Iterable[BuildingOutline]) -> String:
+    """Return how well a tile's outlines fit; a length that is not known is null."""
+    found = {}
+    for one in outlines:
+        if (quality := one.quality) is not None:
+            lengths = {name: float(getattr(quality, name)) for name in _LENGTHS}
+            known = {name: value if np.isfinite(value) else None for name, value in lengths.items()}
+            found[one.building_id] = {**known, "status": quality.status.value, "reason": quality.reason}
+    return String(data=json.dumps({"stamp": stamp, "outlines": found}))
+
+
+def qualities_of(message: String) -> tuple[int, Qualities]:
+    """Return a tile's stamp [ns] and the quality of its outlines; MessageError if it is not understood."""
+
+    def read(said: Any) -> tuple[int, Qualities]:
+        found = {}
+        for number, one in said["outlines"].items():
+            lengths = (np.nan if one[name] is None else float(one[name]) for name in _LENGTHS)
+            found[int(number)] = OutlineQuality(*lengths, BuildingStatus(one["status"]), one["reason"])
+        return int(said["stamp"]), found
+
+    return read_json("outline_quality", message, read)
+
+
+def withdrawal_message(readable_id: str) -> String:
+    """Return the message that there is no building of this name any more."""
+    return String(data=f"{_BEGIN}{json.dumps(readable_id)}{_END}")
+
+
+def is_withdrawal(line: str) -> bool:
+    """Whether a feature is one without city objects, as `withdrawal_message` writes it."""
+    return line.endswith(_END)
+
+
+def tile_closing_message(stamp: int) -> String:
+    """Return the message that a tile has no more features."""
+    return withdrawal_message(f"tile-{stamp}")
+
+
+def closed_tile(line: str) -> int | None:
+    """Return the stamp of the tile that a feature closes, None if it closes none."""
+    number = line.removeprefix(_CLOSING).removesuffix(f'"{_END}')
+    return int(number) if line.startswith(_CLOSING) and number.isdecimal() and len(number) < 20 else None
