@@ -50,7 +50,7 @@ def simulated_roofs(scene: str, density: float) -> tuple[RoofArea, NDArray[np.fl
     tile, truth = simulate_tile(scene, density=density)
     points = np.round(tile.points[truth.plane > 0], 3)  # as a survey's files have them
     outlines = np.array([building.polygon for building in truth.scene.buildings], dtype=object)
-    blocks = shapely.union_all(shapely.boundary(merge_touching(outlines).polygons))
+    blocks = shapely.union_all(shapely.boundary(merge_touching(outlines)))
     shapely.prepare(blocks)
     distance = shapely.distance(blocks, shapely.points(points[:, :2]))
     return RoofArea(points, np.zeros(len(points), dtype=np.int64), measure_spacing(points), 0), distance

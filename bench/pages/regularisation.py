@@ -72,17 +72,13 @@ def draw(axes, scene, title) -> None:
     set_up(axes, scene, title)
     result = regularise_outline(trace_boundary(scene.points, point_spacing=scene.spacing).outline)
     for ring in result.outline.rings:
-        line(axes, ring, "black", linewidth=1.6)
-    for wall in result.walls:
-        if wall.kind == "line":
-            axes.plot(
-                *np.array([wall.start, wall.end]).T, color=colour_of(wall, result.directions), linewidth=2.2
-            )
+        for wall in np.stack([ring, np.roll(ring, -1, axis=0)], axis=1):
+            axes.plot(*wall.T, color=colour_of(wall, result.directions), linewidth=2.0)
 
 
 def colour_of(wall, directions) -> str:
     """Return the colour of the direction that a straight wall goes along or across."""
-    heading = np.arctan2(wall.end[1] - wall.start[1], wall.end[0] - wall.start[0])
+    heading = np.arctan2(*(wall[1] - wall[0])[::-1])
     for colour, direction in zip(DIRECTIONS, directions, strict=False):
         difference = np.rad2deg(heading - direction + np.pi / 4) % 90.0 - 45.0
         if abs(difference) < MAX_DIFFERENCE_DEG:

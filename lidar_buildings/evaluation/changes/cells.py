@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.cells import (
     CellSet,
     cell_centres,
     cells_of_polygons,
-    columns_and_rows,
     keys_of,
 )
 
@@ -26,20 +25,6 @@ from lidar_buildings.evaluation.scores.cells import (
 _GROUND = (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE)
 #: Classes that say nothing.
 _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
-
-
-class CellBlock(NamedTuple):
-    """A rectangle of a plan's cells with a margin, as a raster."""
-
-    cells: NDArray[np.int64]  #: which of the plan's cells lie in it
-    places: tuple[NDArray[np.int64], NDArray[np.int64]]  #: column and row of each in the raster
-    shape: tuple[int, int]  #: of the raster
-    is_own: NDArray[np.bool_]  #: which of the cells lie in the rectangle, not in the margin
-
-    @property
-    def own(self) -> NDArray[np.int64]:
-        """Which of the plan's cells lie in the rectangle."""
-        return self.cells[self.is_own]
 
 
 @dataclass(frozen=True)
@@ -54,20 +39,24 @@ class CellPlan:
         """Return the cells within some cells of polygons, of which there is at least one."""
         return cls(size, cells_of_polygons(shapely.buffer(polygons, margin * size), size))
 
-    def blocks(self, side: int, margin: int) -> Iterator[CellBlock]:
-        """Yield the cells block by block, so many along a side, those that hold any."""
-        column, row = columns_and_rows(self.cells)
-        for west in np.unique(column // side) * side:
-            begin, end = np.searchsorted(column, (west - margin, west + side + margin))
-            band = slice(begin, end)
-            is_core = (column[band] >= west) & (column[band] < west + side)
-            for south in np.unique(row[band][is_core] // side) * side:
-                near = (row[band] >= south - margin) & (row[band] < south + side + margin)
-                cells = begin + np.flatnonzero(near)
-                x, y = column[cells], row[cells]
-                own = (x >= west) & (x < west + side) & (y >= south) & (y < south + side)
-                shape = (int(np.ptp(x)) + 1, int(np.ptp(y)) + 1)
-                yield CellBlock(cells, (x - x.min(), y - y.min()), shape, own)
+    @cached_property
+    def neighbours(self) -> NDArray[np.int64]:
+        """Rows of the three by three cells about each cell, n_cells for none, shape (9, n_cells)."""
+        found = np.full((9, len(self.cells)), len(self.cells))
+        for place, (east, north) in enumerate(product((-1, 0, 1), repeat=2)):
+            keys = self.cells + (east << 32) + north
+            row = np.minimum(np.searchsorted(self.cells, keys), len(keys) - 1)
+            found[place] = np.where(self.cells[row] == keys, row, len(keys))
+        return found
+
+    def about(self, values: NDArray[Any], none: Any) -> NDArray[Any]:
+        """Return the values of each cell and those next to it, `none` where there is no cell."""
+        return np.append(values, none)[self.neighbours]
+
+    def parts(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Number the connected parts of some cells; each of the others is a part of its own."""
+        place, cell = np.nonzero(self.about(chosen, False) & chosen)
+        return sets_of_pairs(len(chosen), cell, self.neighbours[place, cell])
 
 
 class Surfaces:
@@ -136,11 +125,6 @@ SAME, UNSEEN, BUILT, REMOVED, HIGHER, LOWER = range(6)
 _MAX_BEND = 0.2
 #: What lies within this in a cell is one roof, though it ends there [m].
 _MAX_SPREAD = 0.3
-#: Cells along the side of the blocks that are judged at a time, and around them: parts that reach farther are
-#: hardly any.
-_BLOCK_SIDE, _MARGIN = 1000, 64
-#: Cells around that are next to one, and the least that a part has of them together.
-_AROUND, _BLOCK = np.ones((3, 3), dtype=bool), np.ones((2, 2), dtype=bool)
 
 
 class Limits(NamedTuple):
@@ -200,47 +184,35 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     around, nor anything else at its height: what is only classified otherwise is no change, and what one
     survey has not seen, behind a wall, is not told.
     """
+    before, after = _Seen.of(old, 0.0), _Seen.of(new, -offset)
     state, height = np.full(len(plan.cells), UNSEEN, dtype=np.int8), np.zeros(len(plan.cells))
-    margin = max(_MARGIN, math.ceil(0.5 * limits.area / plan.size**2))
-    for block in plan.blocks(_BLOCK_SIDE, margin):
-        seen = (_Raster.of(block, old, 0.0), _Raster.of(block, new, -offset))
-        found = _judge_block(*seen, plan.size, limits)
-        state[block.own], height[block.own] = (one[block.places][block.is_own] for one in found)
-    return CellChanges(plan, state, height, limits.area)
-
-
-def _judge_block(
-    before: _Raster, after: _Raster, size: float, limits: Limits
-) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
-    """Return the states and heights of a block's cells."""
-    state, height = np.full(before.roof.shape, UNSEEN, dtype=np.int8), np.zeros(before.roof.shape)
     for one, other, kind, sign in ((after, before, BUILT, 1.0), (before, after, REMOVED, -1.0)):
-        around = other.around()
         has_roof = np.isfinite(one.roof)
         rise = one.roof - other.roof
         state[np.isfinite(rise) & (state == UNSEEN)] = SAME
-        own, sloped = one.slope(size), other.slope(size)
+        own, sloped = one.slope(plan), other.slope(plan)
         is_plain = np.isfinite(own) | (one.roof_high - one.roof_low <= _MAX_SPREAD)
-        gap = _gap(one.roof_low, one.roof_high, around.roof_low, around.roof_high)
+        low, high = other.around(plan, "roof")
+        gap = _gap(one.roof_low, one.roof_high, low, high)
         away = np.abs(rise) - np.fmax(own, sloped) * limits.shift
         is_sure = np.where(np.isfinite(sloped) & is_plain, away, np.abs(gap)) > limits.height
-        is_more = ndimage.binary_propagation(is_sure, _AROUND, is_sure | (away > limits.height))
-        is_more &= np.isfinite(rise)
+        part = plan.parts(is_sure | (away > limits.height))
+        is_more = np.isin(part, part[is_sure]) & np.isfinite(rise)
         height[is_more] = sign * rise[is_more]
         state[is_more] = np.where(height[is_more] > 0.0, HIGHER, LOWER)
         storey = one.roof - other.ground
-        is_free = has_roof & (around.roof_low > around.roof_high) & np.isfinite(storey)
-        is_other = _gap(one.roof, one.roof, around.other_low, around.other_high) == 0.0
+        is_free = has_roof & (low > high) & np.isfinite(storey)
+        is_other = _gap(one.roof, one.roof, *other.around(plan, "other")) == 0.0
         is_built = is_free & (storey >= limits.storey) & ~is_other
         state[is_built], height[is_built] = kind, sign * storey[is_built]
         state[has_roof & (is_free | is_other) & (state == UNSEEN)] = SAME
     for kind in (BUILT, REMOVED, HIGHER, LOWER):
-        _drop_small(state, kind, limits.area / size**2)
-    return state, height
+        _drop_small(plan, state, kind, limits.area / plan.size**2)
+    return CellChanges(plan, state, height, limits.area)
 
 
-class _Raster(NamedTuple):
-    """What one survey saw in a block of cells, as rasters; NaN where nothing."""
+class _Seen(NamedTuple):
+    """What one survey saw in each cell; NaN or infinite where nothing."""
 
     roof: NDArray[np.float64]
     roof_low: NDArray[np.float64]
@@ -250,35 +222,22 @@ class _Raster(NamedTuple):
     ground: NDArray[np.float64]
 
     @classmethod
-    def of(cls, block: CellBlock, seen: Surfaces, shift: float) -> _Raster:
-        """Fill the rasters of a block, all moved upwards by a shift [m]."""
-        rasters = []
-        for name in cls._fields:
-            raster = np.full(block.shape, np.nan)
-            raster[block.places] = getattr(seen, name)[block.cells] + shift
-            rasters.append(raster)
-        return cls(*rasters)
+    def of(cls, seen: Surfaces, shift: float) -> _Seen:
+        """Take what a survey saw, moved upwards by a shift [m]."""
+        return cls(*(getattr(seen, name) + shift for name in cls._fields))
 
-    def around(self) -> _Raster:
-        """Return the least and greatest of a cell and those next to it; where none has any infinite ones."""
-        lows = [
-            ndimage.minimum_filter(np.where(np.isfinite(one), one, np.inf), 3)
-            for one in (self.roof_low, self.other_low)
-        ]
-        highs = [
-            ndimage.maximum_filter(np.where(np.isfinite(one), one, -np.inf), 3)
-            for one in (self.roof_high, self.other_high)
-        ]
-        return _Raster(self.roof, lows[0], highs[0], lows[1], highs[1], self.ground)
+    def around(self, plan: CellPlan, kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the least and greatest elevation of a kind in a cell and those next to it."""
+        low, high = getattr(self, f"{kind}_low"), getattr(self, f"{kind}_high")
+        return plan.about(low, np.inf).min(axis=0), plan.about(high, -np.inf).max(axis=0)
 
-    def slope(self, size: float) -> NDArray[np.float64]:
+    def slope(self, plan: CellPlan) -> NDArray[np.float64]:
         """Return the slope of roofs that go on straight to all sides; NaN elsewhere."""
-        steps = []
-        for axis in (0, 1):
-            before, after = np.roll(self.roof, 1, axis), np.roll(self.roof, -1, axis)
+        about, steps = plan.about(self.roof, np.nan), []
+        for before, after in ((about[1], about[7]), (about[3], about[5])):
             bend = np.abs(before + after - 2.0 * self.roof)
             steps.append(np.where(bend <= _MAX_BEND, 0.5 * (after - before), np.nan))
-        return np.hypot(*steps) / size
+        return np.hypot(*steps) / plan.size
 
 
 def _gap(
@@ -293,10 +252,12 @@ def _gap(
         return np.where((low <= high) & (other_low <= other_high), away, np.nan)
 
 
-def _drop_small(state: NDArray[np.int8], kind: int, least: float) -> None:
+def _drop_small(plan: CellPlan, state: NDArray[np.int8], kind: int, least: float) -> None:
     """Leave of a kind only parts of some cells, of blocks of two by two."""
     is_kind = state == kind
-    kept = ndimage.binary_opening(is_kind, _BLOCK)
-    label, n = ndimage.label(kept, _AROUND)
-    large = np.append(False, np.bincount(label.ravel(), minlength=n + 1)[1:] >= least)
-    state[is_kind & ~large[label]] = SAME
+    # Places 4, 5, 7 and 8 are those of a block from its south-western cell on, 0, 1, 3 and 4 the way back.
+    is_block = plan.about(is_kind, False)[[4, 5, 7, 8]].all(axis=0)
+    kept = plan.about(is_block, False)[[0, 1, 3, 4]].any(axis=0)
+    part = plan.parts(kept)
+    is_large = np.bincount(part, minlength=len(part))[part] >= least
+    state[is_kind & ~(kept & is_large)] = SAME

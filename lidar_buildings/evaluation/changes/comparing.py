@@ -128,7 +128,6 @@ def _of_building(
 
 
 def _joined(corners: NDArray[np.float64], size: float) -> Any:
-    """Return the area of cells, of their south-western corners."""
     x, y = corners.T
     return shapely.union_all(shapely.box(x, y, x + size, y + size))
 
@@ -257,7 +256,6 @@ def _cell_size(sides: tuple[MetricPolygons, MetricPolygons]) -> float:
 
 
 def _median(side: MetricPolygons, name: str) -> float:
-    """Return the median of a column of lengths [m], 0 without any."""
     values = np.asarray(side.attributes.get(name, ()), dtype=np.float64) * side.unit
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else 0.0

@@ -206,7 +206,7 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> Fig
     mine, theirs = (side.polygons for side in sides)
     covered = covered_share(mine, theirs, area=area)
     if options.merge_touching:
-        mine, theirs = merge_touching(mine).polygons, merge_touching(theirs).polygons
+        mine, theirs = merge_touching(mine), merge_touching(theirs)
     score = score_outlines(mine, theirs, area=area)
     found = np.flatnonzero(score["iou_per_reference"] >= MIN_IOU)
     pairs = valid_polygons(mine)[score["partner_per_reference"][found]], valid_polygons(theirs)[found]
@@ -277,7 +277,6 @@ def _near_origin(solid: Solid) -> Solid:
 
 
 def _is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
-    """Whether each point lies within the area of interest."""
     return within(points, None if area is None else shapely.union_all(area.polygons))
 
 

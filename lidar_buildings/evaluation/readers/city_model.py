@@ -118,7 +118,6 @@ def _crs_of(document: dict[str, Any]) -> str:
 
 
 def _unit_of(crs: str) -> NDArray[np.float64]:
-    """Return the metres in the units of x, y and z."""
     try:
         axes = pyproj.CRS.from_user_input(crs).axis_info if crs else []
     except CRSError:
@@ -128,7 +127,6 @@ def _unit_of(crs: str) -> NDArray[np.float64]:
 
 
 def _buildings(objects: dict[str, Any], vertices: NDArray[np.float64]) -> Iterator[CityBuilding]:
-    """Yield a document's buildings, each with its parts."""
     for name, thing in objects.items():
         if thing["type"] not in _TYPES or any(parent in objects for parent in thing.get("parents", ())):
             continue

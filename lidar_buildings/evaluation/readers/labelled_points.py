@@ -140,7 +140,6 @@ def check_same_points(
 
 
 def _bare_name(file: Path) -> str:
-    """Return a cloud's name without .las, .laz or .copc.laz."""
     return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
 
 
@@ -162,7 +161,6 @@ def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[
 
 
 def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
-    """Return a dimension's labels; no façades where the cloud knows of none."""
     if name == FACADE and name not in cloud.header.point_format.extra_dimension_names:
         return np.zeros(len(chunk), dtype=np.uint8)
     return np.asarray(chunk[name], dtype=np.uint8)
@@ -243,7 +241,6 @@ def _dimensions(cloud: Cloud, choices: tuple[tuple[str, ...], ...]) -> tuple[str
 
 
 def _read(cloud: Cloud, names: tuple[str, ...]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Read the points [m] and one number for each plane."""
     points, numbers = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
     for chunk in cloud.chunks():
         points.append(xyz_of(chunk) * cloud.units)

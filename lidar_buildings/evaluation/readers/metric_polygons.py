@@ -64,7 +64,6 @@ def _files_of(path: Path) -> list[Path]:
 
 
 def _system(text: str) -> tuple[str, float]:
-    """Return the name of the horizontal reference system and the metres in its unit."""
     try:
         crs = horizontal_part(text)
     except CRSError:

@@ -245,13 +245,8 @@ def _join(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> CellSet:
 
 def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
     """Return the centres of cells, shape (n, 2) [m]."""
-    return np.asarray((np.column_stack(columns_and_rows(cells)) + 0.5) * cell, dtype=np.float64)
-
-
-def columns_and_rows(cells: CellSet) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the columns and the rows of cells."""
     columns = (cells + 2**31) >> 32
-    return columns, cells - (columns << 32)
+    return (np.column_stack((columns, cells - (columns << 32))) + 0.5) * cell
 
 
 def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:

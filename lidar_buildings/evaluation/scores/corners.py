@@ -40,10 +40,8 @@ def score_corners(
     Match corners one to one, as `match_corners` does, and count what is left on either side.
 
     Polygons are one a building, invalid ones are repaired; only corners inside an area count, where one is
-    given. ValueError if the tolerance is not a positive number.
+    given.
     """
-    if not (math.isfinite(tolerance) and tolerance > 0):
-        raise ValueError(f"tolerance = {tolerance}: must be a length above 0")
     limits = limits_of(area)
     corners = (corners_of(valid_polygons(side)) for side in (result, reference))
     mine, theirs = (own[within(own, limits)] for own in corners)
@@ -69,7 +67,6 @@ def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return by how much an open ring turns at each vertex, to either side [rad]."""
     after = np.roll(ring, -1, axis=0) - ring
     before = np.roll(after, 1, axis=0)
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -144,7 +141,6 @@ def score_directions(
 
 
 def _walls(polygon: shapely.Geometry) -> NDArray[np.float64]:
-    """Return the ends of all walls of one outline that have a length, shape (n_walls, 2, 2) [m]."""
     ends = ring_walls(open_rings(np.array([polygon], dtype=object)))
     return ends[(ends[:, 0] != ends[:, 1]).any(axis=1)]
 

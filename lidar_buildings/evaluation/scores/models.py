@@ -71,8 +71,8 @@ def score_models(
 
     Roofs are compared spot by spot and wireframes line by line, however either side divides blocks into
     buildings; volumes building by building, matched by their footprints. Corners, edges and ridges may lie
-    `tolerance` [m] from those that they stand for; ValueError if that is not a positive number. Beside the
-    figures, arrays give each reference building's partner, −1 without, and its volume ratio, NaN without.
+    `tolerance` [m] from those that they stand for. Beside the figures, arrays give each reference building's
+    partner, −1 without, and its volume ratio, NaN without.
     """
     limits = limits_of(area)
     grounds = [valid_polygons(footprints(side)) for side in (result, reference)]
@@ -149,7 +149,6 @@ def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
 
 
 def _plain(word: str) -> str:
-    """Return a word in small letters with hyphens."""
     return word.strip().lower().replace("_", "-").replace(" ", "-")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -78,43 +77,25 @@ TOUCHING = 0.05
 MIN_WALL = 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Buildings merged where they share a wall."""
-
-    #: In the order of each block's first building; a building that touches none is unchanged;
-    #: shapely geometries, shape (n_blocks,).
-    polygons: NDArray[Any]
-    block: NDArray[np.int64]  #: row of the block that each building belongs to, shape (n_buildings,)
-
-
-def merge_touching(buildings: ArrayLike) -> Blocks:
+def merge_touching(buildings: ArrayLike) -> NDArray[Any]:
     """
-    Merge buildings that touch along a line, or overlap, into blocks.
+    Merge buildings that touch along a line, or overlap, into blocks, in the order of their first buildings.
 
     Two buildings, invalid ones repaired, belong together if the outline of one runs within `TOUCHING` of the
     other for at least half a metre. Those that meet at a corner only stay apart. Gaps in a block are closed.
     """
     given = valid_polygons(buildings)
-    # A set is named by its first row: blocks come in the order of these.
-    block = np.unique(sets_of_pairs(len(given), *_touching_pairs(given)), return_inverse=True)[1]
-    members = [given[rows] for rows in np.split(np.argsort(block, kind="stable"), _ends(block))]
-    merged = [one[0] if len(one) == 1 else _closed(one) for one in members if len(one)]
-    return Blocks(np.array(merged, dtype=object), block)
+    block = sets_of_pairs(len(given), *_touching_pairs(given))
+    members = [given[block == number] for number in np.unique(block)]
+    return np.array([one[0] if len(one) == 1 else _closed(one) for one in members], dtype=object)
 
 
 def _touching_pairs(polygons: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rows of polygons that share a wall, pair by pair."""
     one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=TOUCHING)
     one, other = one[one != other], other[one != other]
     near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], TOUCHING))
     shares_wall = shapely.length(near) >= MIN_WALL
     return one[shares_wall], other[shares_wall]
-
-
-def _ends(block: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return where each block but the last one ends among its sorted members."""
-    return np.asarray(np.cumsum(np.bincount(block))[:-1], dtype=np.int64)
 
 
 def _closed(members: NDArray[Any]) -> Any:
@@ -177,7 +158,6 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
 
 
 def _n_vertices(polygons: NDArray[Any]) -> int:
-    """Count vertices, without the repeated one that closes a ring."""
     return int(shapely.get_num_coordinates(polygons).sum()) - len(shapely.get_rings(polygons))
 
 
@@ -257,5 +237,4 @@ def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
 
 
 def _off_cut(samples: NDArray[Any], cut: shapely.Geometry | None) -> NDArray[Any]:
-    """Return the samples that do not lie on the edge of the area of interest."""
     return samples if cut is None else samples[~shapely.dwithin(samples, cut, ON_CUT)]

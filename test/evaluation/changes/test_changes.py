@@ -11,7 +11,7 @@ from support.score_files import ORIGIN, write_cloud
 from lidar_buildings.cli import main
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.evaluation.changes import ChangeConfig, cells, compare_runs
+from lidar_buildings.evaluation.changes import ChangeConfig, compare_runs
 from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 
 #: Point spacing and noise of both surveys [m].
@@ -127,16 +127,6 @@ def test_what_is_only_classified_otherwise_or_stands_beside_is_no_change(tmp_pat
 def test_what_one_survey_has_not_seen_is_not_told(tmp_path):
     found, told = changes(tmp_path, [(HOUSE, gable)], [], hidden=[HOUSE.buffer(3.0)])
     assert (told, found.words) == ([], (["not seen"], []))
-
-
-def test_blocks_of_cells_do_not_change_what_is_found(tmp_path, monkeypatch):
-    houses = [(HOUSE, gable), (shapely.box(30.0, 10.0, 40.0, 18.0), flat(4.0))]
-    others = [(HOUSE, lambda x, y: gable(x, y) + 2.0), (shapely.box(30.0, 20.0, 40.0, 30.0), flat(4.0))]
-    old, new = survey(tmp_path / "old", houses), survey(tmp_path / "new", others, seed=1)
-    whole = compare_runs(old, new)
-    monkeypatch.setattr(cells, "_BLOCK_SIDE", 7)
-    assert compare_runs(old, new).rows() == whole.rows()
-    assert {row["change"] for row in whole.rows()} == {"raised", "new", "gone"}
 
 
 def test_limits_decide_what_counts(tmp_path):

@@ -222,13 +222,6 @@ def test_the_command_prints_json_with_unrounded_numbers_and_null_for_shares_of_n
     assert "–" in capsys.readouterr().out
 
 
-def test_json_of_every_kind_can_be_parsed(tmp_path, capsys):
-    polygons = str(write_polygons(tmp_path / "a.gpkg", [shapely.box(0, 0, 10, 10)]))
-    for kind in ("buildings", "outlines"):
-        assert main(["score", kind, polygons, polygons, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["kind"] == kind
-
-
 def test_several_kinds_are_what_each_is_alone_and_take_its_own_options(tmp_path, capsys):
     polygons = str(write_polygons(tmp_path / "a.gpkg", [shapely.box(0, 0, 10, 10)]))
     options = {"buildings": ["--cell", "2"], "outlines": ["--merge-touching"]}

@@ -7,7 +7,6 @@ import pytest
 import shapely
 from support.score_files import write_cloud, write_polygons
 
-from lidar_buildings.cli import main
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.evaluation.command.score import run_score
 
@@ -136,18 +135,6 @@ def test_classes_of_the_reference_can_be_given(tmp_path, houses):
     assert run_score("edges", result, other, reference_classes=(26,)).figures["edge_f_score"] == 1.0
 
 
-def test_the_command_prints_table_and_json(tmp_path, houses, capsys):
-    points, classes, rim = houses
-    paths = [str(write_labels(tmp_path / f"{name}.laz", points, classes, rim)) for name in "ab"]
-    assert main(["score", "edges", *paths]) == 0
-    title, *lines = capsys.readouterr().out.splitlines()
-    assert title.startswith("edges: ")
-    assert dict(line.split() for line in lines)["edge_f_score"] == "1.0000"
-    assert main(["score", "edges", *paths, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert (found["kind"], found["n_roofs"]) == ("edges", 2)
-
-
 def test_a_result_without_points_has_figures_of_nothing(tmp_path):
     none = write_labels(tmp_path / "a.laz", np.zeros((0, 3)), [], [])
     polygons = write_polygons(tmp_path / "map.gpkg", [shapely.box(0, 0, 1, 1)])
@@ -157,24 +144,9 @@ def test_a_result_without_points_has_figures_of_nothing(tmp_path):
         assert figures["edge_f_score"] is None
 
 
-def test_what_cannot_be_compared_is_said_in_one_line(tmp_path, houses, capsys):
+def test_clouds_without_edge_labels_are_refused(tmp_path, houses):
     points, classes, rim = houses
     labelled = write_labels(tmp_path / "a.laz", points, classes, rim)
     bare = write_cloud(tmp_path / "b.laz", points, classes)
-    elsewhere = write_polygons(tmp_path / "map.gpkg", [shapely.box(0, 0, 1, 1)], crs="EPSG:25832")
-    area = write_polygons(tmp_path / "aoi.gpkg", [shapely.box(0, 0, 9, 9)])
-    cases = (
-        ((bare, labelled), "b.laz: has no dimension EdgeLabel: give the output of lidar-buildings run"),
-        ((elsewhere, labelled), "map.gpkg: is not a LAS or LAZ file"),
-        ((labelled, tmp_path / "nowhere.gpkg"), "nowhere.gpkg: no such file"),
-        ((labelled, elsewhere, "--aoi", area), "EPSG:25832, EPSG:28992"),
-        ((labelled, bare, "--cell", "1"), "--cell does not apply to edges"),
-    )
-    for arguments, words in cases:
-        assert main(["score", "edges", *map(str, arguments)]) == 2
-        output = capsys.readouterr()
-        assert output.out == ""
-        assert len(output.err.splitlines()) == 1
-        assert words in output.err
-    with pytest.raises(InputError, match="contains no polygon"):
-        run_score("edges", labelled, bare, aoi=write_polygons(tmp_path / "none.gpkg", []))
+    with pytest.raises(InputError, match=r"b.laz: has no dimension EdgeLabel: give the output of"):
+        run_score("edges", bare, labelled)

@@ -15,7 +15,6 @@ from lidar_buildings.evaluation.scores.wireframe import (
     ridge_errors,
     roof_elevations,
     roof_wireframe,
-    score_wireframes,
 )
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation.building import shell_of
@@ -167,12 +166,6 @@ def test_nothing_is_a_legal_side():
     assert score_model_points([], np.zeros((5, 3)))["uncovered"] == 1.0
     assert np.isnan(score_model_points(house, np.zeros((0, 3)))["median"])
     assert footprints([[]])[0].is_empty
-
-
-def test_a_tolerance_must_be_a_length():
-    frame = roof_wireframe([placed(shapes.flat())])
-    with pytest.raises(ValueError, match="tolerance = 0"):
-        score_wireframes(frame, frame, 0.0)
 
 
 def test_words_of_roofs_are_understood_across_vocabularies():

@@ -67,22 +67,12 @@ def close_walls(
     """
     Close the outlines of buildings behind the walls that were seen.
 
-    Parameters
-    ----------
-    walls : ndarray of shape (n_cells, 2)
-        Middles of cells of `WALL_CELL` on connected walls, at least one [m].
-    bare : ndarray of shape (n_cells, 2)
-        Those of them over which no roof was seen [m].
-    roofs : ndarray of shape (n_cells, 2)
-        Those of `GROUND_CELL` on what was seen of roofs [m].
-    ground : ndarray of shape (n_cells, 2)
-        Those of `GROUND_CELL` in which ground was seen, around the building and farther away [m].
+    Cells are given by their middles, shape (n_cells, 2) [m]: those of `WALL_CELL` on connected `walls`, at
+    least one, and the `bare` ones of them over which no roof was seen; those of `GROUND_CELL` on `roofs`, and
+    those in which `ground` was seen, around the building and farther away.
 
-    Returns
-    -------
-    list of Outline
-        More than one where something narrow joins them; none where walls enclose nothing, those of one side
-        alone and winding ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
+    There is more than one outline where something narrow joins them; none where walls enclose nothing, those
+    of one side alone and winding ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
     """
     turn = _turn(_direction(walls))
     walls, bare, roofs, ground = (cells @ turn for cells in (walls, bare, roofs, ground))

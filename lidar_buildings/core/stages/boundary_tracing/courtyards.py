@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,14 +11,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.outline import signed_area
-from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, cells_within, inside
+from lidar_buildings.core.stages.boundary_tracing.point_grid import PointGrid, inside
 
 #: A roof that is narrow along more of a courtyard's rim than this is the rim of a roof without returns.
 _MAX_NARROW_SHARE = 0.5
-#: A disc counts as fitting if its centre is found to this accuracy [sides of a cell].
-_ACCURACY = 0.01
+#: Places along either axis that are tried as a disc's centre, about a cell's middle, then about the best.
+_TRIED = (np.arange(8) - 3.5) / 8
 #: Cells looked at: at most this many or so many per point; a vast gap is looked at coarsely.
 _MAX_CELLS, _MAX_CELLS_PER_POINT = 1_000_000, 4
 
@@ -69,14 +67,7 @@ class EmptyDiscs:
     Every disc holds the whole of the cell that its centre is in, if a cell's side is radius / √2: only
     centres in empty cells are sought, and in most roofs there is no such cell.
 
-    Parameters
-    ----------
-    grid : PointGrid
-        The points.
-    ring : ndarray of int64
-        Rows of the outer ring's vertices.
-    radius : float
-        The discs' radius [m].
+    `ring` are the rows of the outer ring's vertices, `radius` is the discs' [m].
     """
 
     def __init__(self, grid: PointGrid, ring: NDArray[np.int64], radius: float) -> None:
@@ -84,7 +75,6 @@ class EmptyDiscs:
         size = np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy)
         # Axes of the grid's frame, in metres.
         self._axes = (grid.ux / size[0], grid.uy / size[0], grid.vx / size[1], grid.vy / size[1])
-        self._span = radius * max(size)
         self._side = radius / np.sqrt(2.0)
         width = grid.n_columns * grid.cell / size[0]
         height = grid.n_rows * grid.cell / size[1]
@@ -102,6 +92,9 @@ class EmptyDiscs:
         self._is_empty = self._is_open.copy()
         self._cells = np.flatnonzero(self._is_open)
         self._last = 0
+        if len(self._cells):
+            points = np.column_stack((grid.x, grid.y))
+            self._tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
 
     def next_centre(self) -> tuple[float, float] | None:
         """Return the centre of a disc that fits into a gap not seen so far, None if there is none."""
@@ -109,17 +102,23 @@ class EmptyDiscs:
             if not self._is_open[cell]:
                 continue
             row, column = divmod(cell, self._n_columns)
-            u, v = self._west + (column + 0.5) * self._side, self._south + (row + 0.5) * self._side
-            ux, uy, vx, vy = self._axes
-            x, y = u * ux + v * vx, u * uy + v * vy
-            fits, x, y = _disc_in_cell(
-                self._grid, x, y, ux * self._side, uy * self._side, self._radius, self._span
-            )
+            u, v, size = column + 0.5, row + 0.5, 1.0
+            for _ in range(2):
+                tried = np.stack(np.meshgrid(u + size * _TRIED, v + size * _TRIED), axis=-1).reshape(-1, 2)
+                clearance = self._tree.query(self._xy(tried))[0]
+                (u, v), size = tried[np.argmax(clearance)], size / len(_TRIED)
             self._is_open[cell] = False
-            if fits:
+            if clearance.max() >= self._radius:
                 self._cells, self._last = self._cells[k + 1 :], cell
+                x, y = self._xy(np.array([[u, v]]))[0].tolist()
                 return x, y
         return None
+
+    def _xy(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the positions of places given in units of cells, shapes (n, 2)."""
+        ux, uy, vx, vy = self._axes
+        u, v = (np.array([self._west, self._south]) + cells * self._side).T
+        return np.column_stack((u * ux + v * vx, u * uy + v * vy))
 
     def close(self, ring: NDArray[np.int64]) -> None:
         """Look no more inside a ring."""
@@ -133,7 +132,6 @@ class EmptyDiscs:
         self._is_empty &= ~is_connected
 
     def _inside(self, ring: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return the cells whose centres a ring holds."""
         polygon = shapely.Polygon(np.column_stack(self._placed(self._grid.x[ring], self._grid.y[ring])))
         v, u = np.divmod(np.arange(self._n_columns * self._n_rows), self._n_columns)
         return inside(np.column_stack((u, v)) + 0.5, polygon)
@@ -153,40 +151,3 @@ def nearest_free(
     away = np.where(follower < 0, np.hypot(grid.x - place[0], grid.y - place[1]), np.inf)
     nearest = np.argsort(away, kind="stable")[:n]
     return nearest[np.isfinite(away[nearest])]
-
-
-@kernel
-def _disc_in_cell(grid, x, y, dx, dy, radius, span):  # type: ignore[no-untyped-def]
-    """
-    Return whether a disc without points has its centre in a cell about (x, y) with the side (dx, dy), and it.
-
-    The centre is sought uphill, towards more distance from the nearest point, from the cell's middle.
-    """
-    side = math.hypot(dx, dy)
-    best = _clearance(grid, x, y, radius, span)
-    if best + 0.75 * side < radius:
-        return False, x, y
-    u, v, step = 0.0, 0.0, 1.0 / 6.0
-    while best < radius and step >= _ACCURACY:
-        is_better, best_u, best_v = False, u, v
-        for k in range(9):
-            p, q = u + (k % 3 - 1) * step, v + (k // 3 - 1) * step
-            if abs(p) <= 0.5 and abs(q) <= 0.5:
-                found = _clearance(grid, x + p * dx - q * dy, y + p * dy + q * dx, radius, span)
-                if found > best + 1e-3 * step * side:
-                    best, best_u, best_v, is_better = found, p, q, True
-        u, v, step = best_u, best_v, step if is_better else 0.5 * step
-    return best >= radius, x + u * dx - v * dy, y + u * dy + v * dx
-
-
-@kernel
-def _clearance(grid, x, y, radius, span):  # type: ignore[no-untyped-def]
-    """Return the distance from a place to the nearest point, but no more than `radius` [m]."""
-    low_row, high_row, low_column, high_column = cells_within(grid, x, y, span)
-    nearest = radius * radius
-    for row in range(low_row, high_row + 1):
-        cell = row * grid.n_columns
-        for i in range(grid.first[cell + low_column], grid.first[cell + high_column + 1]):
-            dx, dy = grid.x[i] - x, grid.y[i] - y
-            nearest = min(nearest, dx * dx + dy * dy)
-    return math.sqrt(nearest)

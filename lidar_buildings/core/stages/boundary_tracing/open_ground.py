@@ -62,16 +62,9 @@ def enclosed_ground(
     Where the building is connected across ground alone, a ring has to cross it: that is not open. Fences
     are the minimum spanning trees of places that are near to each other with open ground between.
 
-    Parameters
-    ----------
-    ground, points : ndarray of shape (n, 2), (m, 2)
-        Ground, one a cell of `GROUND_CELL` at most, and the building's distinct positions [m].
-    ring : shapely.Polygon
-        Traced without regard to the ground.
-    spacing, reach : float
-        The building's; and how far from its points ground is looked at [m].
-    min_area : float
-        Of a courtyard [m²].
+    Ground, one a cell of `GROUND_CELL` at most and looked at up to `reach` from the building [m], and the
+    building's distinct positions have shape (n, 2) [m]. The ring was traced without regard to the ground;
+    `min_area` is that of a courtyard [m²].
     """
     pitch = ground_spacing(spacing)
     if not _is_enough(inside(ground, ring), pitch, min_area):

@@ -67,23 +67,12 @@ class RingTracer:
     """
     Traces a building's outer ring, then its courtyards, so that no two rings meet.
 
-    Parameters
-    ----------
-    grid : PointGrid
-        Distinct positions, not all on a line.
-    max_reach : float
-        How many times the neighbourhood may be enlarged where a walk fails.
-    ground : OpenGround, optional
-        Its places are among the positions; no ring goes round them but a courtyard's.
-
-    Attributes
-    ----------
-    reasons : list of str
-        What was out of the ordinary.
+    The grid has distinct positions that are not all on a line. Where a walk fails the neighbourhood may be
+    enlarged `max_reach` times. Places of open ground are among the positions; no ring goes round them but a
+    courtyard's. `reasons` tell what was out of the ordinary.
     """
 
     def __init__(self, grid: PointGrid, max_reach: float, ground: OpenGround | None = None) -> None:
-        """Begin without rings."""
         self._grid = grid
         self._max_reach = max(1.0, max_reach)
         self._follower = np.full(len(grid.x), -1, dtype=np.int64)
@@ -182,7 +171,6 @@ class RingTracer:
         self._enter(rows[self._follower[rows] != rows])
 
     def _enter(self, rows: NDArray[np.int64]) -> None:
-        """Enter the edges that begin at some points."""
         for row in rows.tolist():
             while not add_edge(self._grid, self._edges, row, self._follower[row]):
                 self._edges = with_more_room(self._edges)
@@ -210,14 +198,8 @@ class RingTracer:
         """
         Walk until a ring gives no trouble; widen the reach where the last walk did.
 
-        Parameters
-        ----------
-        start, heading : int, tuple of two float
-            The row to start from, and the direction into the empty side.
-        max_walks, max_steps : int
-            Walks before the ring is given up, and steps before a walk is.
-        points_on_wrong_side : callable
-            Returns the rows on the wrong side of a closed ring, or None if it is no ring at all.
+        The walk starts from a row, its heading is the direction into the empty side. The callable returns the
+        rows on the wrong side of a closed ring, or None if it is no ring at all.
         """
         grid, before = self._grid, int(self._edges.size[0])
         reach = np.ones(len(self._follower))
@@ -258,10 +240,7 @@ class RingTracer:
         grid = self._grid
         xy = np.column_stack([grid.x, grid.y])
         unit = 1.0 / min(np.hypot(grid.ux, grid.uy), np.hypot(grid.vx, grid.vy))
-        for max_edge in (np.sqrt(self._max_reach) * unit, self._max_reach * unit, np.inf):
-            ring = characteristic_ring(xy, max_edge)
-            if not len(misplaced(grid, ring, False)):
-                break
+        ring = characteristic_ring(xy, np.sqrt(self._max_reach) * unit)
         self._follower[ring] = np.roll(ring, -1)
         self._enter(ring)
         return ring
@@ -272,16 +251,13 @@ class RingTracer:
         remove_edges(self._edges, size)
 
     def _note(self, reason: str) -> None:
-        """Remember a reason once."""
         if reason and reason not in self.reasons:
             self.reasons.append(reason)
 
     def _positions(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the positions of rows, shape (n, 2) [m]."""
         return np.column_stack([self._grid.x[rows], self._grid.y[rows]])
 
     def _from_west(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return a ring from its westernmost vertex on."""
         ring = self._positions(rows)
         west = np.flatnonzero(ring[:, 0] == ring[:, 0].min())
         return np.roll(ring, -int(west[np.argmin(ring[west, 1])]), axis=0)

@@ -210,7 +210,6 @@ def _rings(tracer: RingTracer, rules: CourtyardRules | None) -> tuple[Outline, l
 
 
 def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spacing: float | None) -> float:
-    """Return the spacing as given, or the pattern's, or measured [m]."""
     if point_spacing is not None:
         return given_or_measured(cloud, point_spacing)
     return measure_spacing(cloud, FEW_PROBES) if pattern is None else pattern.spacing
@@ -230,7 +229,6 @@ def _across_gaps(pattern: ScanPattern, grid: PointGrid, outline: Outline) -> Sca
 
 
 def _degeneracy(grid: PointGrid, spacing: float) -> str:
-    """Say why positions have no ring worth a walk; empty if they have."""
     if len(grid.x) < _MIN_POSITIONS:
         return f"only {len(grid.x)} distinct positions"
     if _width(grid.x, grid.y) < _MIN_WIDTH * spacing:
@@ -245,7 +243,6 @@ def _main_direction(dx: NDArray[np.float64], dy: NDArray[np.float64]) -> float:
 
 
 def _width(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the extent across the main direction of positions [m]."""
     dx, dy = x - x.mean(), y - y.mean()
     angle = _main_direction(dx, dy)
     return float(np.ptp(np.cos(angle) * dy - np.sin(angle) * dx))

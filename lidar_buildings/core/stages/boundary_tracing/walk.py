@@ -156,22 +156,14 @@ def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
     return 1 if cross > 0 else -1
 
 
-def walk_round(
-    grid: PointGrid,
-    edges: EdgeCells,
-    follower: NDArray[np.int64],
-    reach: NDArray[np.float64],
-    max_reach: float,
-    start: int,
-    heading: tuple[float, float],
-    max_steps: int,
-) -> tuple[NDArray[np.int64], int]:
+@kernel
+def walk_round(grid, edges, follower, reach, max_reach, start, heading, max_steps):  # type: ignore[no-untyped-def]
     """
     Walk along the rim of a cloud, the empty side always to the same hand, until back at the start.
 
     Each step takes the point in the neighbourhood with the smallest clockwise turn from the direction back
     to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
-    is possible the neighbourhood grows, up to `max_reach`.
+    is possible the neighbourhood grows. A walk ends for certain, since no point is entered twice.
 
     Parameters
     ----------
@@ -183,27 +175,17 @@ def walk_round(
         Next row in its ring for the points of rings, −1 for all others; updated likewise.
     reach, max_reach : ndarray of shape (n_positions,), float
         How many times the neighbourhood of each point is enlarged, and may be at most.
-    start : int
-        Row of a point on the rim.
-    heading : tuple of two float
-        Direction from the start into the empty side.
-    max_steps : int
-        A walk of more steps is given up.
+    start, heading, max_steps : int, tuple of two float, int
+        Row of a point on the rim, direction from it into the empty side, and when to give up.
 
     Returns
     -------
-    ring : ndarray of int64
-        Rows in walking order, the start first, not repeated at the end.
-    end : int
-        `CLOSED`, `STUCK` in the last row, `NO_ROOM`, or `ASTRAY`.
+    ring, end : ndarray of int64, int
+        Rows in walking order, the start first, not repeated at the end; and `CLOSED`, `STUCK` in the last
+        row, `NO_ROOM`, or `ASTRAY`.
     """
-    return _walk(grid, edges, follower, reach, max_reach, start, heading[0], heading[1], max_steps)
-
-
-@kernel
-def _walk(grid, edges, follower, reach, max_reach, start, dx, dy, max_steps):  # type: ignore[no-untyped-def]
-    """Walk until back at the start or without a way on; ends for certain, since no point is entered twice."""
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
+    dx, dy = heading
     ring[0], n, size, end = start, np.int64(1), edges.size[0], STUCK  # plain 1 is a type of its own
     while True:
         current = ring[n - 1]

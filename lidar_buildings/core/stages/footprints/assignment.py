@@ -118,13 +118,11 @@ class _Surroundings:
 
 
 def _box(points: NDArray[np.float64], margin: float) -> tuple[float, float, float, float]:
-    """Return the limits of points with a margin around."""
     (west, south), (east, north) = extent_of(points)[:, :2].tolist()
     return west - margin, south - margin, east + margin, north + margin
 
 
 def _rows_of(owner: NDArray[np.int32], n_owners: int) -> list[NDArray[np.intp]]:
-    """Return the rows that each owner has, rising."""
     order = np.argsort(owner, kind="stable")
     return np.split(order, np.searchsorted(owner[order], np.arange(n_owners)))[1:]
 

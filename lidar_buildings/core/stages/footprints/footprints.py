@@ -70,7 +70,6 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
 
 
 def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon], bool]:
-    """Return the polygons that one geometry becomes, and whether it had to be repaired."""
     if geometry is None or shapely.is_empty(geometry):
         dropped["empty"] += 1
         return [], False
@@ -122,7 +121,6 @@ def _is_sound(polygons: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
-    """Tell which polygons are not the same as an earlier one."""
     is_first = np.ones(len(polygons), dtype=bool)
     if len(polygons) < 2:
         return is_first

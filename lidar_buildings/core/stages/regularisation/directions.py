@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.surfaces.ring_division import (
@@ -36,13 +35,12 @@ _LONG_WALL = 8.0
 
 
 class WallScatter(NamedTuple):
-    """What a straight wall says of its direction."""
+    """Weighted sums of squares and products of a straight wall about its middle [m²], and its length [m]."""
 
-    #: Weighted sums of squares and products about the wall's middle [m²].
     xx: float
     xy: float
     yy: float
-    length: float  #: from its first to its last sample [m]
+    length: float
 
     @property
     def angle(self) -> float:
@@ -80,23 +78,9 @@ def shared_directions(
     group and get one direction by a joint least squares adjustment in which they are exactly so. Beyond the
     paper, walls that do not fit their group's direction form groups of their own.
 
-    Parameters
-    ----------
-    walls : list of WallScatter
-        The long walls.
-    tolerance : float
-        Largest angle between a wall and its group [rad].
-    noise : float
-        Standard deviation of a sample across its wall [m].
-    max_misfit : float
-        How much the squared offsets of a wall may rise when it takes the group's direction [noise²].
-    max_directions : int
-        Largest number of groups.
-
-    Returns
-    -------
-    tuple of float
-        Angles of normals within 0 to π/2, each standing for itself and its perpendicular [rad].
+    A wall is within `tolerance` [rad] of its group, and its squared offsets, of standard deviation `noise`
+    [m], rise by `max_misfit` [noise²] at most when it takes the group's direction. Angles are those of
+    normals within 0 to π/2, each standing for itself and its perpendicular [rad].
     """
     remaining = sorted(walls, key=lambda wall: -wall.length)
     groups: list[tuple[float, float]] = []
@@ -174,46 +158,24 @@ def along_nearest(ring: RingSamples, division: Division, angles: NDArray[np.floa
     """
     Let each segment go along the nearest to its own of some directions, given by normals; its own without.
     """
+    if not len(angles):
+        return replace(division, kind=np.full(len(division.first), FREE))
     sums = running_sums(ring.points, ring.weights)
-    return replace(division, kind=_nearest(sums, division.first, division.last, angles))
+    scatters = [scatter_of(sums, *ends) for ends in zip(division.first, division.last, strict=True)]
+    own = np.array([normal_angle(xx, xy, yy) for *_, xx, xy, yy in scatters])
+    away = np.abs((own[:, None] - angles + _RIGHT_ANGLE) % np.pi - _RIGHT_ANGLE)
+    return replace(division, kind=np.argmin(away, axis=1))
 
 
-@kernel
-def _turns(points, max_turn):  # type: ignore[no-untyped-def]
+def _turns(points: NDArray[np.float64], max_turn: float) -> NDArray[np.int64]:
     """Return the first point of each segment, from the sharpest turn of the ring on."""
-    n = len(points)
-    sharpest, start = -1.0, 0
-    for i in range(n):
-        turn = _between(points, (i - 1) % n, i, i, (i + 1) % n)
-        if turn > sharpest:
-            sharpest, start = turn, i
-    first = [start]
-    for i in range(start + 1, start + n):
-        if _between(points, (i - 1) % n, i % n, i % n, (i + 1) % n) > max_turn:
-            first.append(i)
-    return np.array(first)
-
-
-@kernel
-def _between(points, a, b, c, d):  # type: ignore[no-untyped-def]
-    """Return the angle between the ways from a to b and from c to d, 0 to π [rad]."""
-    ux, uy = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1]
-    vx, vy = points[d, 0] - points[c, 0], points[d, 1] - points[c, 1]
-    return abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
-
-
-@kernel
-def _nearest(sums, first, last, angles):  # type: ignore[no-untyped-def]
-    """Return the direction that is nearest to each segment's own, `FREE` if there are none."""
-    kind = np.full(len(first), FREE)
-    for i in range(len(first)):
-        _, _, _, xx, xy, yy = scatter_of(sums, first[i], last[i])
-        own, smallest = normal_angle(xx, xy, yy), np.inf
-        for k in range(len(angles)):
-            difference = abs((own - angles[k] + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
-            if difference < smallest:
-                kind[i], smallest = k, difference
-    return kind
+    n, after = len(points), np.roll(points, -1, axis=0) - points
+    before = np.roll(after, 1, axis=0)
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn = np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
+    start = int(np.argmax(turn))
+    later = np.arange(start + 1, start + n)
+    return np.append(start, later[turn[later % n] > max_turn])
 
 
 def divide_building(
@@ -299,7 +261,6 @@ def _a_corner(division: Division) -> int:
 
 
 def _total(divisions: list[Division]) -> float:
-    """Return the cost of all rings."""
     return sum(division.cost for division in divisions)
 
 

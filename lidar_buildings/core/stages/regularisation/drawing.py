@@ -151,7 +151,6 @@ def _mean_offsets(ring, is_on_wall, rows, n_samples, first, last, shape):  # typ
 
 @kernel
 def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-def]
-    """Return the shapes of walls that were moved out, each by its distance."""
     n, shape = len(points), shape.copy()
     for i in range(len(first)):
         a, b = (first[i] - 1) % n, last[i] % n
@@ -161,7 +160,6 @@ def _moved(points, first, last, shape, distances):  # type: ignore[no-untyped-de
 
 @kernel
 def _joints(points, first, last, shape, min_step, shortest):  # type: ignore[no-untyped-def]
-    """Return the joints of walls that have moved."""
     m = len(first)
     joints = np.zeros((m, 2, 2))
     for i in range(m if m > 1 else 0):
@@ -174,8 +172,6 @@ class DrawnRing(NamedTuple):
 
     #: Open; without rows where no simple ring was found [m], shape (n_vertices, 2).
     vertices: NDArray[np.float64]
-    #: The wall that the edge from each vertex to the next belongs to, `STEP` if none, shape (n_vertices,).
-    wall: NDArray[np.int64]
     n_traced: int  #: number of walls that are drawn through their samples because fitted ones cross
 
 
@@ -188,7 +184,7 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> Draw
     while m:
         vertices, wall = _drawn(points, walled, fit, detail)
         if len(vertices) >= 3 and shapely.polygons(vertices).is_valid:
-            return DrawnRing(vertices, wall, int(np.count_nonzero(detail)))
+            return DrawnRing(vertices, int(np.count_nonzero(detail)))
         crossing = _crossing_edges(vertices)
         involved = np.unique(np.concatenate([wall[crossing], wall[crossing - 1]]))
         finer = detail.copy()
@@ -197,7 +193,7 @@ def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> Draw
         if np.array_equal(finer, detail):
             break
         detail = finer
-    return DrawnRing(np.zeros((0, 2)), np.zeros(0, dtype=np.int64), 0)
+    return DrawnRing(np.zeros((0, 2)), 0)
 
 
 def arc_chords(

@@ -33,9 +33,6 @@ from lidar_buildings.core.stages.regularisation.samples import (
     working_spacing,
 )
 from lidar_buildings.core.stages.regularisation.walls import (
-    CENTRE_X,
-    CENTRE_Y,
-    RADIUS,
     Fit,
     WalledRing,
     assemble,
@@ -46,20 +43,6 @@ from lidar_buildings.core.surfaces.ring_division import ARC, FREE, Division
 _MIN_RING_POINTS = 5
 #: Shortest wall and chord [finest spacings].
 _SHORTEST_WALL = 4.0
-
-
-@dataclass(frozen=True)
-class OutlineWall:
-    """One wall of an outline."""
-
-    ring: int  #: 0 for the outer ring, then the courtyards
-    kind: str  #: ``"line"``, ``"arc"``, or ``"step"`` between two parallel walls
-    #: Its ends, in the ring's order [m].
-    start: tuple[float, float]
-    end: tuple[float, float]
-    centre: tuple[float, float] | None  #: of an arc [m]
-    #: Of an arc, positive where the ring goes round its centre counter-clockwise; 0 for the others [m].
-    radius: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +57,6 @@ class RegularisedOutline:
     directions: tuple[float, ...]
     status: BuildingStatus  #: OK or TRACED_OUTLINE
     reason: str  #: why it is the traced outline, or what else was out of the ordinary; else empty
-    walls: tuple[OutlineWall, ...] = ()  #: ring by ring, in order, without those of courtyards left as traced
 
 
 def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:
@@ -95,27 +77,6 @@ def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
     kinds = np.concatenate([ring.kind for ring in rings])
     own = int(np.select([kinds == FREE, kinds == ARC], [2, 3], 0).sum())
     return n_directions + own + sum(len(np.unique(ring.shape[ring.kind >= 0], axis=0)) for ring in rings)
-
-
-def outline_walls(ring: int, walled: WalledRing, centre: NDArray[np.float64]) -> list[OutlineWall]:
-    """Return a ring's walls and the steps between them, in order, in the map frame."""
-    walls: list[OutlineWall] = []
-    m = len(walled.first)
-    joints = (walled.joints + centre).tolist()
-    for i, shape in enumerate(walled.shape):
-        start, end = joints[i - 1][1], joints[i][0]
-        radius = float(shape[RADIUS])
-        middle = (float(shape[CENTRE_X] + centre[0]), float(shape[CENTRE_Y] + centre[1])) if radius else None
-        kind = "arc" if radius else "line"
-        walls.append(OutlineWall(ring, kind, _pair(start), _pair(end), middle, radius))
-        if m > 1 and joints[i][0] != joints[i][1]:
-            walls.append(OutlineWall(ring, "step", _pair(end), _pair(joints[i][1]), None, 0.0))
-    return walls
-
-
-def _pair(place: list[float]) -> tuple[float, float]:
-    """Return x and y as a tuple."""
-    return place[0], place[1]
 
 
 class _Fitted(NamedTuple):
@@ -245,14 +206,12 @@ def _checked(outline: Outline) -> Outline:
 
 
 def _fitted(samples: RingSamples, division: Division, fit: Fit) -> _Fitted:
-    """Fit one ring's walls and draw them."""
     bearing = assemble(samples, division, fit)
     walled = through_all_points(samples, bearing, fit)
     return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, fit))
 
 
 def _corrected(ring: _Fitted, distance: float, fit: Fit) -> _Fitted:
-    """Move one ring's walls out from the bearing points and draw them anew."""
     walled = offset_outwards(ring.samples, ring.bearing, fit, distance)
     return ring._replace(walled=walled, drawn=draw_ring(ring.samples.points, walled, fit))
 
@@ -271,19 +230,11 @@ def _result(
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
-    drawn = [number for number in range(len(rings)) if number not in filled]
-    walls = tuple(
-        wall
-        for place, number in enumerate(drawn)
-        if number not in kept
-        for wall in outline_walls(place, rings[number].walled, centre)
-    )
     status, notes = BuildingStatus.OK, _notes(rings, kept, filled)
-    return RegularisedOutline(outline, sigma, max_offset, directions, status, notes, walls)
+    return RegularisedOutline(outline, sigma, max_offset, directions, status, notes)
 
 
 def _notes(rings: list[_Fitted], kept: list[int], filled: list[int]) -> str:
-    """Say what is out of the ordinary about an outline that could be regularised."""
     notes = {
         "walls drawn through traced points because straight ones would cross": sum(
             ring.drawn.n_traced for ring in rings
@@ -315,7 +266,6 @@ def _fitting_holes(
 
 
 def _problem(outline: Outline, traced: Outline) -> str:
-    """Say why an outline cannot stand for the traced one; empty if it can."""
     if len(outline.exterior) < 3:
         return "fewer than three walls were found"
     # walls that pass each other are turned round
@@ -327,5 +277,4 @@ def _problem(outline: Outline, traced: Outline) -> str:
 
 
 def _as_traced(traced: Outline, directions: tuple[float, ...], reason: str) -> RegularisedOutline:
-    """Return the traced outline as the result."""
     return RegularisedOutline(traced, 0.0, 0.0, directions, BuildingStatus.TRACED_OUTLINE, reason)

@@ -7,17 +7,27 @@ subdivision, and belongs to one building or to none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.planar_subdivision import divide_plane, face_owners
-from lidar_buildings.core.stages.regularisation.facing_walls import on_common_lines
 
+#: Walls facing each other under a larger angle are no common wall.
+MAX_ANGLE_DEG = 15.0
+#: Walls share a line if they lie side by side over this many gaps.
+MIN_OVERLAP_GAPS = 1.0
+#: Walls so near each other are one already [m].
+SAME = 2e-3
+#: Lines that meet under a smaller angle give no corner: the one that was there is kept.
+MIN_CORNER_DEG = 20.0
 #: Vertices of the arrangement lie on a grid of this side [m], which makes it exact; far below any noise.
 GRID = 1e-3
 #: Two buildings border on a place if they do so over this many gaps.
@@ -27,6 +37,144 @@ MAX_BEND = 1.5
 #: A building keeps its outline if it would lose more than this share of its area, or gain more than that and
 #: more than half the gap along all its walls.
 MAX_CHANGE = 0.2
+
+
+class Walls(NamedTuple):
+    """The edges of all rings of all buildings."""
+
+    #: With the building on the left [m], shape (n_walls, 2).
+    start: NDArray[np.float64]
+    end: NDArray[np.float64]
+    building: NDArray[np.int64]  #: whose they are, shape (n_walls,)
+    before: NDArray[np.int64]  #: the wall that ends where each starts, shape (n_walls,)
+
+    @property
+    def length(self) -> NDArray[np.float64]:
+        """[m]."""
+        return np.hypot(*(self.end - self.start).T)
+
+
+class Lines(NamedTuple):
+    """Lines through a point along a unit vector, one for each wall."""
+
+    #: [m], shape (n_walls, 2).
+    point: NDArray[np.float64]
+    along: NDArray[np.float64]
+    #: Walls of one group have the same line; −1 where a wall keeps its own, shape (n_walls,).
+    group: NDArray[np.int64]
+
+    def foot(self, wall: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the place on a wall's line that is nearest."""
+        along = self.along[wall]
+        return np.asarray(self.point[wall] + along * ((place - self.point[wall]) @ along))
+
+
+def on_common_lines(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.object_]:
+    """
+    Lay walls that face another building's wall on a common line; the others keep theirs.
+
+    Polygons are as normalised, exteriors clockwise, or all the other way round; `gaps` is how far walls of
+    each may be from those of others [m]. Not valid where walls of a building came to cross each other.
+    """
+    rings, ring_of = shapely.get_rings(polygons, return_index=True)
+    walls = _walls_of(rings, ring_of)
+    pairs, apart = _facing(walls, gaps)
+    if apart.max(initial=0.0) <= SAME:
+        return polygons
+    lines = _common(walls, pairs, apart, gaps)
+    parts: list[list[shapely.LinearRing]] = [[] for _ in polygons]
+    first = 0
+    for ring, building in zip(rings, ring_of, strict=True):
+        n = shapely.get_num_coordinates(ring) - 1
+        corners = [corner for wall in range(first, first + n) for corner in _corners(walls, lines, wall)]
+        parts[building].append(shapely.LinearRing(corners) if len(corners) >= 3 else shapely.LinearRing())
+        first += n
+    return np.array([shapely.Polygon(own[0], own[1:]) for own in parts], dtype=object)
+
+
+def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
+    sizes = shapely.get_num_coordinates(rings) - 1
+    ends = ring_walls([shapely.get_coordinates(ring)[:-1] for ring in rings])
+    first = np.cumsum(sizes) - sizes
+    before = np.arange(len(ends)) - 1
+    before[first] = first + sizes - 1
+    return Walls(ends[:, 0], ends[:, 1], np.repeat(ring_of, sizes), before)
+
+
+def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Return pairs of walls of different buildings that run side by side, and how far apart, up to the gap.
+    """
+    segments = shapely.linestrings(np.stack([walls.start, walls.end], axis=1))
+    found = shapely.STRtree(segments).query(segments, predicate="dwithin", distance=gaps.max())
+    a, b = found[:, found[0] < found[1]]
+    length = walls.length
+    swapped = length[a] < length[b]
+    a, b = np.where(swapped, b, a), np.where(swapped, a, b)
+    gap = (gaps[walls.building[a]] + gaps[walls.building[b]]) / 2.0
+    along = (walls.end[a] - walls.start[a]) / np.maximum(length[a], 1e-12)[:, None]
+    other = walls.end[b] - walls.start[b]
+    cosine = (along * other).sum(axis=1) / np.maximum(length[b], 1e-12)
+    chosen = (walls.building[a] != walls.building[b]) & (cosine <= -math.cos(math.radians(MAX_ANGLE_DEG)))
+    a, b, gap, along = a[chosen], b[chosen], gap[chosen], along[chosen]
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    ends = np.stack([walls.end[b], walls.start[b]], axis=1) - walls.start[a][:, None]
+    place, offset = (ends * along[:, None]).sum(axis=2), (ends * across[:, None]).sum(axis=2)
+    low, high = np.maximum(place[:, 0], 0.0), np.minimum(place[:, 1], length[a])
+    slope = (offset[:, 1] - offset[:, 0]) / np.maximum(place[:, 1] - place[:, 0], 1e-12)
+    apart = np.abs(offset[:, :1] + slope[:, None] * (np.stack([low, high], axis=1) - place[:, :1])).max(
+        axis=1
+    )
+    beside = (high - low >= np.maximum(MIN_OVERLAP_GAPS * gap, 1e-9)) & (apart <= gap)
+    return np.column_stack([a, b])[beside], apart[beside]
+
+
+def _common(
+    walls: Walls, pairs: NDArray[np.int64], apart: NDArray[np.float64], gaps: NDArray[np.float64]
+) -> Lines:
+    """Return the line of each wall: of its group if it faces others, else its own."""
+    n = len(walls.building)
+    label = sets_of_pairs(n, pairs[:, 0], pairs[:, 1])
+    along = (walls.end - walls.start) / np.maximum(walls.length, 1e-12)[:, None]
+    lines = Lines(walls.start.copy(), along, np.full(n, -1))
+    for group in np.unique(label[pairs[apart > SAME, 0]]):
+        members = np.flatnonzero(label == group)
+        while len(members) > 1:
+            point, direction = _fitted(walls, members)
+            across = np.array([-direction[1], direction[0]])
+            away = np.abs((np.stack([walls.start, walls.end])[:, members] - point) @ across).max(axis=0)
+            excess = away - gaps[walls.building[members]]
+            if excess.max() <= 0.0:
+                lines.point[members], lines.along[members], lines.group[members] = point, direction, group
+                break
+            members = np.delete(members, np.argmax(excess))
+    return lines
+
+
+def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fit a line to all points of walls by orthogonal least squares."""
+    start, end, weight = walls.start[members], walls.end[members], walls.length[members]
+    middle, half = (start + end) / 2.0, (end - start) / 2.0
+    point = weight @ middle / weight.sum()
+    spread = (middle - point).T @ ((middle - point) * weight[:, None]) + half.T @ (
+        half * weight[:, None]
+    ) / 3.0
+    return point, np.linalg.eigh(spread)[1][:, 1]
+
+
+def _corners(walls: Walls, lines: Lines, wall: int) -> list[NDArray[np.float64]]:
+    """Return the vertices between a wall and the one before it."""
+    before, corner = walls.before[wall], walls.start[wall]
+    groups = lines.group[before], lines.group[wall]
+    if groups == (-1, -1):
+        return [corner]
+    if groups[0] == groups[1]:
+        return [lines.foot(wall, corner)]
+    ahead, across = lines.along[before], np.array([-lines.along[wall][1], lines.along[wall][0]])
+    sine = float(ahead @ across)
+    if abs(sine) >= math.sin(math.radians(MIN_CORNER_DEG)):
+        return [lines.point[before] + ahead * ((lines.point[wall] - lines.point[before]) @ across / sine)]
+    return [lines.foot(k, corner) for k, group in zip((before, wall), groups, strict=True) if group >= 0]
 
 
 def partitioned(
@@ -49,7 +197,7 @@ def partitioned(
     owner = _owners(faces, polygons, traced)
     _drop_loose_parts(faces, owner, len(polygons))
     _fill(faces, owner, gaps)
-    return merged_rings(faces, owner, polygons, kept, GRID)
+    return _merged(faces, owner, polygons, kept)
 
 
 def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.object_]:
@@ -75,7 +223,6 @@ def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[
 
 
 def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which places are nowhere wider than this, but for the grid."""
     return np.asarray(shapely.is_empty(shapely.buffer(places, -(width / 2.0 + GRID), join_style="mitre")))
 
 
@@ -128,12 +275,11 @@ def _fill(faces: NDArray[np.object_], owner: NDArray[np.int64], gaps: NDArray[np
             return
 
 
-def merged_rings(
+def _merged(
     faces: NDArray[np.object_],
     owner: NDArray[np.int64],
     polygons: NDArray[np.object_],
     kept: NDArray[np.float64],
-    grid: float,
 ) -> NDArray[np.object_]:
     """
     Merge the faces of each building; None for one that has none, or is of several parts.
@@ -148,30 +294,30 @@ def merged_rings(
     is_one = shapely.get_type_id(merged) == shapely.GeometryType.POLYGON
     is_one &= ~shapely.is_empty(merged)
     rings, ring_of = shapely.get_rings(merged[is_one], return_index=True)
-    known = _known_places(polygons, grid)
-    cells = [_cells(shapely.get_coordinates(ring)[:-1], grid) for ring in rings]
-    dropped = _straight(cells, set(_cells(kept, grid)))
+    known = _known_places(polygons)
+    cells = [_cells(shapely.get_coordinates(ring)[:-1]) for ring in rings]
+    dropped = _straight(cells, set(_cells(kept)))
     result = np.full(len(polygons), None, dtype=object)
     parts: list[list[list[tuple[float, float]]]] = [[] for _ in range(is_one.sum())]
     for ring, building in zip(cells, ring_of, strict=True):
         ring = [cell for cell in ring if cell not in dropped]
         if len(ring) >= 3:
-            parts[building].append([known.get(cell, (cell[0] * grid, cell[1] * grid)) for cell in ring])
+            parts[building].append([known.get(cell, (cell[0] * GRID, cell[1] * GRID)) for cell in ring])
     for building, own in zip(np.flatnonzero(is_one), parts, strict=True):
         result[building] = shapely.Polygon(own[0], own[1:]) if own else None
     return result
 
 
-def _cells(places: NDArray[np.float64], grid: float) -> list[tuple[int, int]]:
+def _cells(places: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return the grid cells that places are the middle of, or nearest to."""
-    return [(x, y) for x, y in np.rint(places / grid).astype(np.int64).tolist()]
+    return [(x, y) for x, y in np.rint(places / GRID).astype(np.int64).tolist()]
 
 
-def _known_places(polygons: NDArray[np.object_], grid: float) -> dict[tuple[int, int], tuple[float, float]]:
+def _known_places(polygons: NDArray[np.object_]) -> dict[tuple[int, int], tuple[float, float]]:
     """Return the coordinates of the outlines' vertices by cell; of several in a cell the least."""
     places = shapely.get_coordinates(polygons)
     places = places[np.lexsort(places.T[::-1])][::-1]
-    return {cell: (x, y) for cell, (x, y) in zip(_cells(places, grid), places.tolist(), strict=True)}
+    return {cell: (x, y) for cell, (x, y) in zip(_cells(places), places.tolist(), strict=True)}
 
 
 def _straight(rings: list[list[tuple[int, int]]], kept: set[tuple[int, int]]) -> set[tuple[int, int]]:
@@ -214,37 +360,22 @@ def share_walls(
     is a face of the arrangement of all outlines, and goes to one of its neighbours as a whole; corners that
     end on a neighbour's wall become vertices of it.
 
-    Parameters
-    ----------
-    outlines : sequence of Outline
-        Of the buildings of a block.
-    traced : sequence of Outline
-        The rings through their points, which decide whose a place is that several outlines cover.
-    max_gap : float or sequence of float
-        How far walls may be apart, or overlap, to be one, for all buildings or for each; the mean of the two
-        counts [m].
-
-    Returns
-    -------
-    SharedWalls
-        Outlines that touch no other are the same objects as given. So is a building that sharing would make
-        invalid, part, or change by much more than its half of the gaps: then the others share without it.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many traced outlines or gaps as outlines, or a gap is negative or not finite.
-
-    Notes
-    -----
-    Neither the order of the buildings nor the first vertex of a ring matters. Vertices closer than 1 mm
+    The rings through the points, `traced`, decide whose a place is that several outlines cover. `max_gap` is
+    how far walls may be apart, or overlap, to be one, for all buildings or for each; the mean of the two
+    counts [m]. Outlines that touch no other are the same objects as given. So is a building that sharing
+    would make invalid, part, or change by much more than its half of the gaps: then the others share without
+    it. Neither the order of the buildings nor the first vertex of a ring matters. Vertices closer than 1 mm
     become one. Shared vertices are equal numbers, so that they stay equal when rounded to float32.
     """
-    gaps = _checked_gaps(outlines, traced, max_gap)
-    order = np.array(sorted(range(len(outlines)), key=lambda k: _key(outlines[k])), dtype=np.int64)
-    polygons = np.array([_polygon(outlines[k]) for k in order], dtype=object)
-    hints = np.array([_polygon(traced[k]) for k in order], dtype=object)
-    gaps = gaps[order]
+    given, hints = (
+        shapely.normalize(np.array([one.polygon for one in side], dtype=object))
+        for side in (outlines, traced)
+    )
+    # Whatever the order in which buildings come.
+    forms = shapely.to_wkb(given).tolist()
+    order = np.array(sorted(range(len(given)), key=forms.__getitem__), dtype=np.int64)
+    polygons, hints = given[order], hints[order]
+    gaps = np.broadcast_to(np.asarray(max_gap, dtype=np.float64), len(outlines))[order]
     reasons = np.full(len(order), "", dtype=object)
     reasons[~(shapely.is_valid(polygons) & ~shapely.is_empty(polygons))] = "the outline is not valid"
     while True:
@@ -275,7 +406,6 @@ def _shared(
 
 
 def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which buildings have another one within the gap."""
     touches = np.zeros(len(polygons), dtype=bool)
     if len(polygons) > 1:
         near = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=gaps.max())
@@ -293,7 +423,6 @@ def _most_gained(
 
 
 def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -> str:
-    """Say what is wrong with a building's shared outline, nothing if it is sound."""
     if after is None:
         return "sharing walls would leave nothing of it or several parts"
     if not after.is_valid:
@@ -327,32 +456,3 @@ def _places(vertices: NDArray[np.float64], among: NDArray[np.float64]) -> NDArra
     """Return where among others equal vertices stand, the number of these for one that has no equal."""
     equal = (vertices[:, None] == among[None]).all(axis=2)
     return np.where(equal.any(axis=1), equal.argmax(axis=1), len(among))
-
-
-def _polygon(outline: Outline) -> shapely.Polygon:
-    """
-    Return an outline as a polygon whose rings begin with their westernmost vertices, empty without a ring.
-    """
-    return outline.polygon.normalize()
-
-
-def _key(outline: Outline) -> tuple[float, ...]:
-    """Return by what buildings are put in order, whatever the order they come in."""
-    ring = outline.exterior
-    if len(ring) == 0:
-        return ()
-    return (*ring[np.lexsort(ring.T[::-1])[0]].tolist(), outline.area, len(ring))
-
-
-def _checked_gaps(
-    outlines: Sequence[Outline], traced: Sequence[Outline], max_gap: ArrayLike
-) -> NDArray[np.float64]:
-    """Return the gap of each building."""
-    if len(traced) != len(outlines):
-        raise ValueError(f"traced has {len(traced)} outlines: must be as many as outlines, {len(outlines)}")
-    gaps = np.asarray(max_gap, dtype=np.float64)
-    if gaps.ndim > 1 or (gaps.ndim == 1 and len(gaps) != len(outlines)):
-        raise ValueError(f"max_gap has shape {gaps.shape}: must be one length or one for each outline")
-    if not (np.isfinite(gaps) & (gaps >= 0)).all():
-        raise ValueError(f"max_gap = {max_gap!r}: must be lengths of 0 or more [m]")
-    return np.broadcast_to(gaps, len(outlines)).copy()

@@ -41,24 +41,11 @@ def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, s
 
     A wall along a direction is the line of the second step of Sampath & Shan (2007): one equation
     x cos θ + y sin θ − ρ = 0 per sample and one θ = direction with `direction_weight` times the weight that
-    all samples together have for it.
+    all samples together have for it. Zero fits the samples alone.
 
-    Parameters
-    ----------
-    points : ndarray
-        Samples of the ring about the building's centre [m].
-    bears : ndarray of bool, shape (n_samples,)
-        Whether a sample is a point of the ring: only these lie on an arc, bridges cut it short.
-    sums : ndarray
-        Their running sums.
-    first, last, kind : int
-        The wall.
-    angles : ndarray of shape (n_directions,)
-        Directions of normals [rad].
-    direction_weight : float
-        Zero fits the samples alone, a large value keeps the direction.
-    shape : ndarray of shape (5,)
-        What comes out: see `ANGLE` to `RADIUS`.
+    `points` are the samples about the building's centre [m], `sums` their running sums, `first` and `last`
+    the wall's samples; `bears` tells which are points of the ring, since bridges cut arcs short. Directions
+    are those of normals [rad]. The shape, see `ANGLE` to `RADIUS`, is written to `shape`.
     """
     shape[:] = 0.0
     if kind == ARC:

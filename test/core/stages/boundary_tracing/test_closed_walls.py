@@ -111,16 +111,6 @@ def test_ground_on_both_sides_of_walls_leaves_no_building():
     assert closed(on_walls((0, 9), (0, 0), (12, 0)), ground=inside(shapely.box(-10, -10, 22, 20))) is None
 
 
-def test_the_order_of_cells_does_not_matter():
-    random = np.random.default_rng(1)
-    walls, ground = cells(turned(on_walls((0, 9), (0, 0), (12, 0))), WALL_CELL), cells(street(HOUSE), 0.5)
-    [first], [second] = (
-        close_walls(w, w, np.zeros((0, 2)), g)
-        for w, g in ((walls, ground), (random.permutation(walls), random.permutation(ground)))
-    )
-    assert first.same_as(second)
-
-
 @pytest.mark.parametrize(("noise", "pitch"), [(0.08, 0.05), (0.02, 0.4)])
 @pytest.mark.parametrize("angle", [0.0, 0.5])
 def test_noise_and_a_scanner_that_drives_fast_make_no_wall_winding(noise, pitch, angle):

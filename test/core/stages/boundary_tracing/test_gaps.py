@@ -60,13 +60,6 @@ def test_a_courtyard_is_no_gap():
     assert gap_spacing(rim, ROOF - yard, SPACING) == pytest.approx(SPACING, rel=0.05)
 
 
-def test_gaps_turn_and_mirror_with_the_points():
-    points, turn = crossing(12.0), np.array([[0.6, 0.8], [0.8, -0.6]])
-    turned = shapely.transform(ROOF, lambda xy: xy @ turn + 100.0)
-    expected = gap_spacing(points, ROOF, SPACING)
-    assert gap_spacing(points @ turn + 100.0, turned, SPACING) == pytest.approx(expected, rel=1e-3)
-
-
 def test_an_outline_without_area_leaves_the_spacing_as_it_is():
     assert gap_spacing(np.zeros((3, 2)), shapely.Polygon(), 0.3) == 0.3
 

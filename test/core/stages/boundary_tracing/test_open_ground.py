@@ -8,7 +8,6 @@ from support.traced_rings import assert_sound, polygon
 
 from lidar_buildings.core.stages.boundary_tracing.closed_walls import GROUND_CELL
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
-from lidar_buildings.core.stages.boundary_tracing.open_ground import enclosed_ground
 from lidar_buildings.core.stages.boundary_tracing.tracing import trace_boundary
 
 SPACING = 1.5
@@ -130,16 +129,3 @@ def _scattered(shape, spacing, seed):
     xy = rng.uniform((west, south), (east, north), (int((east - west) * (north - south) / spacing**2), 2))
     is_roof = shapely.contains_xy(shape, *xy.T)
     return np.column_stack([xy[is_roof], np.full(is_roof.sum(), 8.0)]), xy[~is_roof]
-
-
-def test_ground_beyond_the_reach_has_no_say():
-    points, ground, truth = seen(shapely.box(0.0, 0.0, 30.0, 34.0) - shapely.box(8.0, 8.0, 22.0, 26.0))
-    away = np.hypot(*(points[:, np.newaxis, :2] - ground[:, :2]).transpose(2, 0, 1)).min(axis=0)
-    near, every = (
-        enclosed_ground(some[:, :2], points[:, :2], truth.convex_hull, SPACING, 4.0, 9.0)
-        for some in (ground[away <= 4.0], ground)
-    )
-    assert np.array_equal(near.places, every.places)
-    assert np.array_equal(near.other_end, every.other_end)
-    farther = enclosed_ground(ground[:, :2], points[:, :2], truth.convex_hull, SPACING, 9.0, 9.0)
-    assert len(farther.places) > len(near.places)

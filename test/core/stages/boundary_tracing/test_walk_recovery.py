@@ -84,35 +84,10 @@ def test_whatever_walks_stumble_over_the_ring_is_sound(points):
     assert polygon(traced.outline).area <= hull.area * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(
-    "xy",
-    [
-        [(1.0, 2.0)],
-        [(1.0, 2.0)] * 9,
-        [(0, 0), (3, 1)],
-        [(0, 0), (3, 1), (1, 2)],
-        [(k, 2 * k) for k in range(9)],
-    ],
-)
-def test_degenerate_clouds_have_a_ring_with_a_pattern(xy):
-    points = cloud(np.array(xy, dtype=float))
-    traced = trace_boundary(points, pattern=ScanPattern(0.3, 0.5, 1.0))
-    assert traced.status is BuildingStatus.DEGENERATE
-    assert_sound(traced, points)
-
-
 def test_two_blocks_joined_by_one_point_keep_the_gap_between_them():
     points = cloud(scattered(8, 8), [[9.0, 4.0]], scattered(8, 8, at=(10.0, 0.0), seed=1))
     shape = polygon(trace_boundary(points, point_spacing=0.3536).outline)
     assert shape.area < 8 * 8 * 2 + 5.0
-
-
-def test_a_donut_whose_hole_is_narrower_than_the_window_has_none():
-    points = cloud(without(scattered(10, 10, 16.0), (4.5, 4.5, 5.3, 5.3)))
-    traced = trace_boundary(points, point_spacing=0.25)
-    assert traced.outline.holes == ()
-    assert traced.reason == ""
-    assert_sound(traced, points)
 
 
 def test_a_courtyard_with_a_band_of_roof_of_five_metres_is_one_at_two_to_thirty_points_a_metre():

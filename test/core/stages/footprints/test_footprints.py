@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.model.ids import CELL, anchor_near
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.footprints.assignment import assign_footprints
@@ -128,15 +127,6 @@ def test_ids_do_not_depend_on_the_order_nor_on_the_direction_of_rings():
     assert footprints(*(shapely.reverse(one) for one in polygons)).building_id.tolist() == ids.tolist()
 
 
-def test_the_place_an_id_was_made_from_is_found_again():
-    found = footprints(HOUSE)
-    number = int(found.building_id[0])
-    inside = np.array(shapely.point_on_surface(HOUSE).coords)[0]
-    assert anchor_near(number, inside) == pytest.approx(inside)
-    far = anchor_near(number, inside - 500.0)
-    assert np.abs(np.array(far) - inside).max() <= 0.5 * CELL
-
-
 def test_points_are_told_inside_from_outside_as_shapely_does():
     rng = np.random.default_rng(0)
     star = shapely.Polygon(
@@ -152,17 +142,6 @@ def test_points_are_told_inside_from_outside_as_shapely_does():
     for number, shape in enumerate(shapes):
         expected[shapely.contains_xy(shape, xy)] = number
     assert np.array_equal(last_polygon_around(xy, shapes), expected)
-
-
-def test_each_point_on_a_shared_wall_lies_in_one_at_least_and_those_beside_it_in_their_own():
-    slanted = np.array([(20.0, 10.0), (21.0, 18.0)])
-    one = shapely.Polygon([(10, 10), *slanted, (10, 18)])
-    other = shapely.Polygon([slanted[1], slanted[0], (30, 10), (30, 18)])
-    share = np.linspace(0.01, 0.99, 999)[:, None]
-    xy = (1 - share) * slanted[0] + share * slanted[1]
-    assert (last_polygon_around(xy, [one, other]) >= 0).all()
-    for number, aside in enumerate((-1e-6, 1e-6)):
-        assert (last_polygon_around(xy + np.array([aside, 0.0]), [one, other]) == number).all()
 
 
 def test_a_footprints_points_are_the_roof_points_within():

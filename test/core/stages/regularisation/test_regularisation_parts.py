@@ -34,10 +34,7 @@ from lidar_buildings.core.stages.regularisation.walls import (
     assemble,
     find_joint,
     fit_wall,
-    foot_on,
-    move_out,
     nearest_meeting,
-    offset_of,
 )
 from lidar_buildings.core.surfaces.ring_division import (
     ARC,
@@ -165,19 +162,6 @@ def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
         shape = fitted(points, 0, [np.pi / 2], weight)
         # Half of the way is exact for small angles only.
         assert shape[ANGLE] - np.pi / 2 == pytest.approx(0.1 * share, abs=1e-3)
-
-
-def test_walls_move_away_from_the_building_on_their_left():
-    for angle in (np.pi / 2, -np.pi / 2):
-        shape = line(angle, 3.0 * np.sin(angle))
-        assert offset_of(shape, 10.0, 0.0, 5.0, 1.0) == pytest.approx(2.0)
-        move_out(shape, 10.0, 0.0, 0.5)
-        assert foot_on(shape, 5.0, 3.0) == pytest.approx((5.0, 2.5))
-    for sense in (1.0, -1.0):
-        shape = circle(0.0, 0.0, sense * 5.0)
-        assert offset_of(shape, 0.0, 0.0, 6.0, 0.0) == pytest.approx(sense)
-        move_out(shape, 0.0, 0.0, 0.5)
-        assert shape[RADIUS] == pytest.approx(sense * 5.0 + 0.5)
 
 
 def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
@@ -371,17 +355,3 @@ def test_the_division_is_the_best_of_all(step, n_walls):
     ring = np.roll(ring, -int(walls.first[0]), axis=0)
     assert walls.cost == pytest.approx(cheapest(0, None))
     assert len(walls.first) == n_walls
-
-
-@pytest.mark.parametrize(("shortest", "n_walls"), [(1.0, 4), (0.6, 5)])
-def test_walls_that_are_too_short_are_dropped(shortest, n_walls):
-    # a corner is cut off by 0.7 m
-    corners = np.array([(0, 0), (10, 0), (10, 8.5), (9.5, 9), (0, 9)])
-    ring = shapely.get_coordinates(shapely.segmentize(shapely.Polygon(corners), 0.1))[:-1]
-    samples = sample_ring(ring, 0.1, LIMITS)
-    away = np.hypot(*(samples.points[:, np.newaxis] - corners).transpose(2, 0, 1))
-    first = np.sort(away.argmin(axis=0))
-    last = np.append(first[1:], first[0] + len(samples.points))
-    kind = np.full(len(first), FREE)
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 0.1, shortest, 0.1, 0.0)
-    assert len(assemble(samples, Division(first, last, kind, 0.0), fit).first) == n_walls

@@ -226,21 +226,6 @@ def test_no_buildings_and_one_are_legal():
     assert share_walls([one], [one], [0.3]).outlines == (one,)
 
 
-@pytest.mark.parametrize(
-    ("traced", "gap", "message"),
-    [
-        (0, 0.5, "traced has 0"),
-        (1, -1.0, "max_gap"),
-        (1, np.nan, "max_gap"),
-        (1, [0.5, 0.5], "max_gap has shape"),
-    ],
-)
-def test_wrong_arguments_are_named(traced, gap, message):
-    one = outline(shapely.box(0, 0, 5, 8))
-    with pytest.raises(ValueError, match=message):
-        share_walls([one], [one] * traced, gap)
-
-
 def test_corners_that_cross_where_gaps_are_closed_are_no_error():
     one = shapely.Polygon([(1.2, 6.7), (2.5, -0.5), (5.3, -5.1), (6.4, -1.7)])
     other = shapely.Polygon([(14.1, 8.3), (-1, 7.8), (15, 2.2), (16.4, 4.4), (12.6, 7)])
