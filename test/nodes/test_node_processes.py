@@ -121,3 +121,11 @@ def test_a_node_that_is_interrupted_while_it_starts_ends_quietly():
     with started("outline_regulariser") as process:
         wait_until(lambda: is_caught(process.pid, signal.SIGTERM))
         assert_ends_quietly(process, signal.SIGTERM)
+
+
+@pytest.mark.parametrize("missing", ["rclpy", "numba"])
+def test_a_library_that_is_missing_is_one_line(missing):
+    (python, option, program, *_), environment = command("ground_filter")
+    line = [python, option, f"import sys; sys.modules[{missing!r}] = None; {program}"]
+    result = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert_one_line(result, "node ground_filter", missing)
