@@ -323,21 +323,3 @@ def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-unt
     west, east = max(column - reach, 0), min(column + reach, n_columns - 1)
     begin = first_from(numbers, row * n_columns + west)
     return begin, first_from(numbers, row * n_columns + east + 1)
-
-
-@kernel
-def neighbours_of(grid, runs, x, y, z, radius, upright, near):  # type: ignore[no-untyped-def]
-    """
-    Write the points within a radius of a position to `near`, in the grid's order; return how many.
-
-    `runs` are those of the position's cell, (n_rows, 2); `upright` is 1.0, or 0.0 for distances in plan;
-    `near` has room for all points, and holds rubbish beyond the count.
-    """
-    points, found = grid.points, 0
-    for row in range(len(runs)):
-        for j in range(grid.first[runs[row, 0]], grid.first[runs[row, 1]]):
-            dx, dy, dz = points[j, 0] - x, points[j, 1] - y, upright * (points[j, 2] - z)
-            if dx * dx + dy * dy + dz * dz <= radius * radius:
-                near[found] = j
-                found += 1
-    return found

@@ -42,7 +42,10 @@ def test_a_thread_that_works_alone_does_all_blocks_itself():
     assert threading.current_thread() not in work_on(100, 8)[1]
 
 
-def test_cores_that_others_need_are_left_to_them(monkeypatch):
+def test_cores_that_others_need_or_that_there_are_not_are_left_alone(monkeypatch):
+    monkeypatch.setattr(parallel, "_pool", None)
+    monkeypatch.setattr(parallel, "n_cores", lambda: 1)
+    assert work_on(100, 8)[1] == {threading.current_thread()}
     monkeypatch.setattr(parallel, "n_cores", lambda: 2)
     free = [True, False]
     monkeypatch.setattr(parallel, "_are_cores_free", free.pop)
@@ -62,14 +65,6 @@ def test_threads_are_made_once_and_anew_after_a_fork(monkeypatch):
     parallel._forget()
     _, third = work_on(100, 8)
     assert not third & (first | second)
-
-
-def test_a_single_core_needs_no_threads(monkeypatch):
-    monkeypatch.setattr(parallel, "_pool", None)
-    monkeypatch.setattr(parallel, "n_cores", lambda: 1)
-    times, threads = work_on(100, 8)
-    assert (times == 1).all()
-    assert threads == {threading.current_thread()}
 
 
 def test_blocks_within_a_block_do_not_wait_for_each_other():

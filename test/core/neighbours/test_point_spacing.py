@@ -88,12 +88,6 @@ def test_quantised_spacings_lie_on_a_geometric_series_within_nine_percent():
         assert 4 * np.log2(quantised) == pytest.approx(round(4 * np.log2(quantised)), abs=1e-9)
 
 
-def test_halves_of_one_survey_get_the_same_quantised_spacing():
-    cloud = poisson_cloud(4.0, 100)
-    west = cloud[:, 0] < 50
-    assert quantised_spacing(cloud[west]) == quantised_spacing(cloud[~west])
-
-
 @pytest.mark.parametrize("bad", [np.zeros((3, 2)), np.zeros(3), np.array([[0, np.nan, 0]])])
 def test_unusable_points_are_refused_by_name(bad):
     with pytest.raises(ValueError, match="points"):

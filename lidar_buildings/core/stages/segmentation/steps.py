@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
-from lidar_buildings.core.neighbours.cell_grid import neighbours_of, rows_by_cell, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import rows_by_cell, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.segmentation.windows import occupied_areas
@@ -280,6 +280,18 @@ def _follow_nearest(
 
 
 @kernel
+def _near(grid, runs, x, y, radius, near):  # type: ignore[no-untyped-def]
+    """Write the points of runs within a radius of a position in plan to `near`; return how many."""
+    found = 0
+    for row in range(len(runs)):
+        for j in range(grid.first[runs[row, 0]], grid.first[runs[row, 1]]):
+            if (grid.points[j, 0] - x) ** 2 + (grid.points[j, 1] - y) ** 2 <= radius * radius:
+                near[found] = j
+                found += 1
+    return found
+
+
+@kernel
 def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untyped-def]
     """
     Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
@@ -288,7 +300,7 @@ def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untype
     moments, fitted = np.empty(N_MOMENTS), np.empty(4)
     for i in range(begin, end):
         x, y, z = grid.points[i]
-        n = neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)
+        n = _near(grid, runs[i], x, y, reach, near)
         moments[:] = 0.0
         for j in near[:n]:
             add_point(moments, grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z)
@@ -308,7 +320,7 @@ def _choose_planes(grid, runs, reach, plane, max_offset, best, is_flat, begin, e
         x, y, z = grid.points[i]
         best[i, 0] = best[i, 1] = 0.0
         least = np.inf
-        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)]:
+        for j in near[: _near(grid, runs[i], x, y, reach, near)]:
             there = (
                 plane[j, 2] + plane[j, 0] * (x - grid.points[j, 0]) + plane[j, 1] * (y - grid.points[j, 1])
             )
@@ -326,7 +338,7 @@ def _link_levels(grid, runs, block, reach, best, is_flat, min_step, parent):  # 
         if not is_flat[i]:
             continue
         x, y, z = grid.points[i]
-        for j in near[: neighbours_of(grid, runs[i], x, y, z, reach, 0.0, near)]:
+        for j in near[: _near(grid, runs[i], x, y, reach, near)]:
             if j <= i or not is_flat[j] or block[i] != block[j]:
                 continue
             dx, dy, dz = grid.points[j, 0] - x, grid.points[j, 1] - y, grid.points[j, 2] - z
