@@ -8,7 +8,6 @@ import numpy as np
 import pyogrio
 import pytest
 from support.bags import MOUNTING, ORIGIN_TYPE, SCAN_TYPE, SECOND, T0, BagWriter, write_drive
-from support.ros_domain import use_own_domain
 
 from lidar_buildings.io.bags.bag_inputs import bags_beside_clouds, bags_of, is_bag, split_files
 
@@ -69,16 +68,6 @@ def test_what_was_left_out_is_said_and_a_placed_bag_is_not_placed_again(command,
     monkeypatch.setattr("lidar_buildings.io.bags.placed_cloud.write_placed", lambda *_: 1 / 0)
     assert command(*run, "--until", "ground_filter").status == 0
     assert len(laspy.read(tmp_path / "out" / "classified" / "drive.laz").points) == 5000
-
-
-@pytest.mark.graph
-def test_the_graph_tells_of_bags_too(command, tmp_path):
-    use_own_domain()
-    drive = write_drive(tmp_path / "drive")
-    run = ("run", drive.path, "--output", tmp_path / "out", *MOUNTED, "--until", "ground_filter")
-    assert command(*run).status == 0
-    (record,) = json.loads((tmp_path / "out" / "run.json").read_text())["parameters"]["bags"]
-    assert (record["n_scans"], record["n_points"]) == (10, 5000)
 
 
 def test_bags_of_one_name_are_all_read_and_one_named_twice_once(command, tmp_path):

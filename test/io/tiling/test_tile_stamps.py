@@ -7,7 +7,7 @@ import pytest
 
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tile_size import reading_order
-from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
+from lidar_buildings.io.tiling.tile_stamps import stamp_of_time
 
 
 def unix(*when):
@@ -44,10 +44,6 @@ def test_standard_time_that_was_not_adjusted_is_recognised():
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, -5.0, 1e12])
 def test_times_that_cannot_be_are_none(value):
     assert stamp_of_time(value, is_standard=False) is None
-
-
-def test_numbers_are_seconds():
-    assert stamp_of_number(3) == 3_000_000_000
 
 
 def test_neighbouring_files_are_read_one_after_the_other():
