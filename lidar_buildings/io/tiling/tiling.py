@@ -385,9 +385,7 @@ class FileQueue:
     `read` puts a tile together, in another process for instance. `error` is what ended the reading.
     """
 
-    def __init__(
-        self, source: TileSource, read: Callable[[SpooledTile], PointTile] = SpooledTile.read
-    ) -> None:
+    def __init__(self, source: TileSource, read: Callable[[SpooledTile], PointTile]) -> None:
         self.error: Exception | None = None
         self._source, self._read_tile = source, read
         self._tiles = source.ready()
@@ -396,11 +394,6 @@ class FileQueue:
         self._is_exhausted = False
         self._n_taken = 0
         self._wake: Callable[[], None] = lambda: None
-
-    @property
-    def frame(self) -> MapFrame:
-        """Where the map lies."""
-        return self._source.frame
 
     @property
     def tile_count(self) -> int:
@@ -437,9 +430,6 @@ class FileQueue:
     def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return a tile with a larger buffer on some sides, None if there is none."""
         return self._source.grown(tile_of(tile.stamp), sides)
-
-    def finish(self, stamp: int, *, is_done: bool = True) -> None:
-        """Note that a tile is done: files have nothing to keep for it."""
 
     def stop(self) -> None:
         """Stop reading, wait for the thread, and delete the temporary files."""
