@@ -128,9 +128,9 @@ def _levels(
     n = int(part.max(initial=-1)) + 1
     area = plan_areas(part, n, plan.first, plan.size)
     too_narrow = narrow_levels(plan, part, area, config, is_bare=is_bare)
-    rejection[rows[too_narrow]] = Rejection.NARROW_BUILDING
+    rejection[rows] = too_narrow
     label = np.full(len(roof), -1)
-    label[rows] = np.where(too_narrow, -1, part)
+    label[rows] = np.where(too_narrow == Rejection.NONE, part, -1)
     return label, n
 
 
@@ -170,12 +170,16 @@ def wide_enough(columns: CellGrid, min_width: float) -> NDArray[np.bool_]:
             south, west = y.min() - 2, x.min() - 2
             plan = np.zeros((y.max() + 3 - south, x.max() + 3 - west), dtype=np.uint8)
             plan[y - south, x - west] = 1
-            core = square_distances(closed(plan), 0, math.ceil(half)) >= half**2
-            reached = square_distances(core.view(np.uint8), 1, math.ceil(half + 1.0)) <= (half + 1.0) ** 2
-            found = reached[y - south, x - west]
+            found = opened(square_distances(closed(plan), 0, math.ceil(half)), half)[y - south, x - west]
             own = (y >= north) & (y < north + BLOCK) & (x >= east) & (x < east + BLOCK)
             is_wide[holds[begin:end][near][own]] = found[own]
     return is_wide
+
+
+def opened(depth: NDArray[np.int32], half: float) -> NDArray[np.bool_]:
+    """Tell which cells a disc within the plan covers: its radius in cells, squared depths given."""
+    core = (depth >= half**2).astype(np.uint8)
+    return np.asarray(square_distances(core, 1, math.ceil(half + 1.0)) <= (half + 1.0) ** 2)
 
 
 @kernel
@@ -215,22 +219,27 @@ def narrow_levels(
     config: RoofSelectionConfig,
     *,
     is_bare: bool = False,
-) -> NDArray[np.bool_]:
+) -> NDArray[np.uint8]:
     """
-    Tell which roof points are in parts too narrow for a building, with what they stand on.
+    Return the `Rejection` of roof points in parts too narrow by themselves and with what they stand on.
 
-    A part is what steps of less than a level connect. Those that stand alone or only touch other roofs go if
-    they are nowhere as wide as `min_building_width`. Of bare roofs, which have not taken in yet what stands
-    on them, only parts that touch others are judged: all may be wider than they seem.
+    A part is what steps of less than a level connect. Of those below `max_part_area` what is narrower than
+    `min_roof_width` goes; those that stand alone or only touch other roofs go if they are nowhere as wide as
+    `min_building_width`. Of bare roofs, which have not taken in yet what stands on them, only parts that
+    touch others are judged, by their width as buildings: all may be wider than they seem.
     """
-    found = np.zeros(len(part), dtype=bool)
-    size, min_width = columns.size, config.min_building_width
-    chosen = np.flatnonzero((area < MAX_NARROW_AREA)[part])
+    found = np.zeros(len(part), dtype=np.uint8)
+    size = columns.size
+    # Of what is too coarse to be measured nothing is too narrow.
+    max_opened = config.max_part_area if not is_bare and config.min_roof_width >= MIN_CELLS * size else 0.0
+    min_width = config.min_building_width if config.min_building_width >= MIN_BUILDING_CELLS * size else 0.0
+    chosen = np.flatnonzero((area < max(MAX_NARROW_AREA, max_opened))[part])
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
-    if len(chosen) == 0 or min_width < MIN_BUILDING_CELLS * size:
+    if len(chosen) == 0:
         return found
     begins = np.flatnonzero(np.diff(part[chosen], prepend=-1))
-    reach = math.ceil(0.5 * min_width / size + 0.5)
+    half = 0.5 * config.min_roof_width / size
+    reach = math.ceil(max(half, 0.5 * min_width / size + 0.5))
     places = columns.places[columns.cell[chosen]]
     lows = np.minimum.reduceat(places, begins) - (2 * reach + 4)
     shapes = np.maximum.reduceat(places, begins) - lows + (2 * reach + 5)
@@ -244,11 +253,13 @@ def narrow_levels(
         if is_bare and not others.any():
             continue
         depth = square_distances(closed(below), 0, reach)
+        if area[part[rows[0]]] < max_opened:
+            found[rows[~opened(depth, half)[y, x]]] = Rejection.NARROW_PART
         width = 2.0 * (math.sqrt(depth[y, x].max()) - 0.5) * size
-        if width < min_width:
+        if width < min_width and not found[rows].all():
             contact = _contact(own, others, size)
             if contact <= MAX_CONTACT and not (is_bare and contact == 0.0):
-                found[rows] = True
+                found[rows] = Rejection.NARROW_BUILDING
     return found
 
 
