@@ -32,7 +32,7 @@ DECIMALS = {
 def hamlet(seed: int) -> VirtualScene:
     """Return a row of houses, a courtyard, a tower and a church among trees, 90 m square."""
     site = Site((90.0, 90.0), Terrain(50.0, (0.02, 0.01), (Wave(0.5, 60.0, 30.0),)), seed)
-    site.add_road(Road((0.0, 45.0), (90.0, 45.0), 6.0))
+    site.roads.append(Road((0.0, 45.0), (90.0, 45.0), 6.0))
     site.add_row([shapes.gable(length=9), shapes.flat(length=9), shapes.dormer(length=10)], 22, 22, 10)
     site.add_building(shapes.courtyard(24, 22, 8), 66, 22, 20)
     site.add_building(shapes.church(), 20, 68, 30)

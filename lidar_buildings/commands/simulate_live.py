@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
+from itertools import chain
+from pathlib import Path
 from typing import Any
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan, VehicleConfig, drive, fly
-from lidar_buildings.simulation.live.messages import SurveyBag, SurveyFiles
-from lidar_buildings.simulation.survey import NOWHERE, check_folder
+from lidar_buildings.simulation.live.messages import SurveyBag
+from lidar_buildings.simulation.survey import NOWHERE, SurveyFiles, check_folder
 
 Event = Scan | BodyPose
 
@@ -29,12 +32,16 @@ def simulate_live_command(options: argparse.Namespace) -> int:
     if options.output is not None:
         check_folder(options.output, options.overwrite)
     with ExitStack() as stack:
-        recorders: list[SurveyBag | SurveyFiles] = []
+        files: list[list[Path]] = []
+        recorders: list[Callable[[Event], None]] = []
         if options.bag is not None:
             bag = SurveyBag(options.bag, survey, with_tf=options.tf, with_fix=options.fix)
-            recorders.append(stack.enter_context(bag))
+            recorders.append(stack.enter_context(bag).add)
+            files.append(bag.files)
         if options.output is not None:
-            recorders.append(stack.enter_context(SurveyFiles(options.output, survey)))
+            written = stack.enter_context(SurveyFiles(options.output, survey.scene))
+            recorders.append(partial(_add_returns, written))
+            files.append(written.files)
         _announce(options, survey)
         events = _recorded(survey, recorders)
         if options.live:
@@ -42,9 +49,8 @@ def simulate_live_command(options: argparse.Namespace) -> int:
         else:
             n_points = sum(len(event.truth.points) for event in events if isinstance(event, Scan))
             print(f"{n_points:,} points")
-    for recorder in recorders:
-        for path in recorder.files:
-            print(f"  {path}")
+    for path in chain.from_iterable(files):
+        print(f"  {path}")
     return 0
 
 
@@ -71,11 +77,16 @@ def _announce(options: argparse.Namespace, survey: MovingSurvey) -> None:
     print(f"  parameters for the reader: {needed}")
 
 
-def _recorded(survey: MovingSurvey, recorders: Iterable[SurveyBag | SurveyFiles]) -> Iterator[Event]:
+def _recorded(survey: MovingSurvey, recorders: Iterable[Callable[[Event], None]]) -> Iterator[Event]:
     for event in survey.events():
-        for recorder in recorders:
-            recorder.add(event)
+        for record in recorders:
+            record(event)
         yield event
+
+
+def _add_returns(files: SurveyFiles, event: Event) -> None:
+    if isinstance(event, Scan) and len(event.truth.points):
+        files.add(int(event.truth.point_source_id[0]), event.truth)
 
 
 def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator[Event]) -> None:

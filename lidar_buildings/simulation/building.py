@@ -19,8 +19,7 @@ GRID = 1e-4
 class RoofFace:
     """One plane piece of roof: z = a·x + b·y + c over a polygon."""
 
-    #: Outer ring counter-clockwise, then holes clockwise; open [m]. Shape (n_vertices, 2).
-    rings: tuple[NDArray[np.float64], ...]
+    rings: tuple[NDArray[np.float64], ...]  #: as those of an `Outline`
     plane: tuple[float, float, float]  #: a, b [m/m] and c [m]
 
     @cached_property
@@ -98,7 +97,10 @@ class Building:
         return replace(
             self,
             faces=tuple(_placed(face, shift, angle, elevation) for face in self.faces),
-            outline=_outline([_turned(ring, angle) + shift for ring in self.outline.rings]),
+            outline=Outline(
+                _turned(self.outline.exterior, angle) + shift,
+                tuple(_turned(ring, angle) + shift for ring in self.outline.holes),
+            ),
             ground_elevation=self.ground_elevation + elevation,
         )
 
@@ -106,7 +108,8 @@ class Building:
 def building_of(roof_type: str, faces: tuple[RoofFace, ...]) -> Building:
     """Return the building with these faces; their union is its outline."""
     union = shapely.union_all([face.polygon for face in faces], grid_size=GRID)
-    return Building(roof_type, faces, _outline([_corners(ring) for ring in Outline.of(union).rings]))
+    exterior, *holes = (_corners(ring) for ring in Outline.of(union).rings)
+    return Building(roof_type, faces, Outline(exterior, tuple(holes)))
 
 
 def face_over(polygon: shapely.Polygon, plane: tuple[float, float, float]) -> RoofFace:
@@ -120,10 +123,6 @@ def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     chord, arm = after - before, ring - before
     offset = np.abs(chord[:, 0] * arm[:, 1] - chord[:, 1] * arm[:, 0]) / np.hypot(*chord.T)
     return ring[offset > 5 * GRID]
-
-
-def _outline(rings: list[NDArray[np.float64]]) -> Outline:
-    return Outline(rings[0], tuple(rings[1:]))
 
 
 def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
@@ -150,11 +149,9 @@ SAME_ELEVATION = 1e-6
 class Wall:
     """A vertical piece of wall over the edge from `start` to `end`; outside is to the right of it."""
 
-    #: Feet of the two verticals [m].
-    start: tuple[float, float]
+    start: tuple[float, float]  #: feet of the two verticals [m]
     end: tuple[float, float]
-    #: Elevations at the start and at the end [m].
-    bottom: tuple[float, float]
+    bottom: tuple[float, float]  #: elevations at the start and at the end [m]
     top: tuple[float, float]
     outer: bool  #: whether it stands on the ground; else on a lower roof
 
@@ -232,12 +229,9 @@ def _levels(walls: list[Wall]) -> dict[tuple[float, float], list[float]]:
     """All elevations at which a wall begins or ends, per vertical."""
     levels: dict[tuple[float, float], list[float]] = {}
     for wall in walls:
-        for foot, *elevations in (
-            (wall.start, wall.bottom[0], wall.top[0]),
-            (wall.end, wall.bottom[1], wall.top[1]),
-        ):
-            for z in elevations:
-                known = levels.setdefault(foot, [])
+        for end, foot in enumerate((wall.start, wall.end)):
+            known = levels.setdefault(foot, [])
+            for z in (wall.bottom[end], wall.top[end]):
                 if all(abs(z - other) > SAME_ELEVATION for other in known):
                     known.append(z)
     return levels
@@ -245,23 +239,20 @@ def _levels(walls: list[Wall]) -> dict[tuple[float, float], list[float]]:
 
 def _wall_ring(wall: Wall, levels: dict[tuple[float, float], list[float]]) -> NDArray[np.float64]:
     """Up the vertical at the end, down the one at the start, with every level between."""
-    rising = _between(levels[wall.end], wall.bottom[1], wall.top[1])
-    falling = _between(levels[wall.start], wall.bottom[0], wall.top[0])[::-1]
-    return np.array([(*wall.end, z) for z in rising] + [(*wall.start, z) for z in falling])
 
+    def upright(end: int, foot: tuple[float, float]) -> list[tuple[float, float, float]]:
+        low, high = wall.bottom[end] - SAME_ELEVATION, wall.top[end] + SAME_ELEVATION
+        return [(*foot, z) for z in sorted(levels[foot]) if low < z < high]
 
-def _between(levels: list[float], bottom: float, top: float) -> list[float]:
-    return sorted(z for z in levels if bottom - SAME_ELEVATION < z < top + SAME_ELEVATION)
+    return np.array(upright(1, wall.end) + upright(0, wall.start)[::-1])
 
 
 def _floor(building: Building, noded: list[list[NDArray[np.float64]]]) -> tuple[NDArray[np.float64], ...]:
     """The outline with the vertices of all faces, at the foot of the walls, seen from below."""
     vertices = np.unique(np.concatenate([ring for rings in noded for ring in rings]), axis=0)
-    rings = [_noded(_snapped(ring, vertices), vertices)[::-1] for ring in building.outline.rings]
+    rings = []
+    for ring in building.outline.rings:
+        # each vertex is one of the faces', but for rounding
+        distance = np.linalg.norm(ring[:, None] - vertices[None], axis=2)
+        rings.append(_noded(vertices[np.argmin(distance, axis=1)], vertices)[::-1])
     return tuple(np.column_stack([ring, np.full(len(ring), building.ground_elevation)]) for ring in rings)
-
-
-def _snapped(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace each vertex by the nearest of the faces', the same but for rounding."""
-    distance = np.linalg.norm(ring[:, None] - vertices[None], axis=2)
-    return vertices[np.argmin(distance, axis=1)]

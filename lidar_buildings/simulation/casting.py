@@ -75,10 +75,11 @@ def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float) -> Surfaces:
     )
     roads = np.array([(*road.start, *road.end, road.width / 2) for road in scene.roads], dtype=ROAD)
     columns, rows = (int(np.ceil(extent / CELL)) for extent in scene.size)
+    x, y, radius = crowns["x"], crowns["y"], crowns["radius"]
     bounds = [
         np.column_stack([faces["x_from"], faces["x_to"], faces["y_from"], faces["y_to"]]),
         _axis_bounds(walls),
-        _crown_bounds(crowns),
+        np.column_stack([x - radius, x + radius, y - radius, y + radius]),
         _axis_bounds(roads),
     ]
     reach = [
@@ -100,9 +101,7 @@ def _faces(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[Any], ND
         for plane_id, face in enumerate(solid.faces, start=1):
             first = len(edges)
             for ring in face.rings:
-                edges.extend(
-                    (*start, *end) for start, end in zip(ring, np.roll(ring, -1, axis=0), strict=True)
-                )
+                edges.extend(map(tuple, np.column_stack([ring, np.roll(ring, -1, axis=0)])))
             x_from, y_from, x_to, y_to = face.polygon.bounds
             number = (solid.number, plane_id) if solid.number else (0, 0)
             faces.append((*face.plane, x_from, x_to, y_from, y_to, first, len(edges), *number))
@@ -115,8 +114,7 @@ def _walls(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[np.float
     walls, height = [], []
     for solid in solids:
         for wall in walls_of(solid):
-            below = FOUNDATION if wall.outer else 0.0
-            bottom = wall.bottom[0] - below, wall.bottom[1] - below
+            bottom = np.subtract(wall.bottom, FOUNDATION if wall.outer else 0.0)
             walls.append((*wall.start, *wall.end, *bottom, *wall.top, solid.number))
             height.append(solid.height)
     return np.array(walls, dtype=WALL), np.array(height, dtype=np.float64)
@@ -127,42 +125,28 @@ def _axis_bounds(table: NDArray[Any]) -> NDArray[np.float64]:
     return np.column_stack([x.min(axis=0), x.max(axis=0), y.min(axis=0), y.max(axis=0)])
 
 
-def _crown_bounds(crowns: NDArray[Any]) -> NDArray[np.float64]:
-    x, y, radius = crowns["x"], crowns["y"], crowns["radius"]
-    return np.column_stack([x - radius, x + radius, y - radius, y + radius])
-
-
 def _cells(
     columns: int, rows: int, bounds: list[NDArray[np.float64]], reach: list[NDArray[np.float64]]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """List in every cell the rows of each table whose bounds, grown by their reach, meet it."""
-    n_cells = columns * rows
-    start = np.zeros((len(bounds), n_cells + 1), dtype=np.int64)
+    start = np.zeros((len(bounds), columns * rows + 1), dtype=np.int64)
     items: list[int] = []
-    for table in range(len(bounds)):
-        cells = _rows_per_cell(columns, rows, bounds[table], reach[table])
+    for table, (own, grown) in enumerate(zip(bounds, reach, strict=True)):
+        cells: list[list[int]] = [[] for _ in range(columns * rows)]
+        margin = grown[:, None] + SLACK
+        low = np.maximum(np.floor((own[:, [0, 2]] - margin) / CELL).astype(int), 0)
+        high = np.minimum(np.floor((own[:, [1, 3]] + margin) / CELL).astype(int), (columns - 1, rows - 1))
+        for item in range(len(own)):
+            for row in range(low[item, 1], high[item, 1] + 1):
+                for column in range(low[item, 0], high[item, 0] + 1):
+                    cells[row * columns + column].append(item)
         start[table] = len(items) + np.concatenate([[0], np.cumsum([len(cell) for cell in cells])])
         items.extend(row for cell in cells for row in cell)
     return start, np.array(items, dtype=np.int64)
 
 
-def _rows_per_cell(
-    columns: int, rows: int, bounds: NDArray[np.float64], reach: NDArray[np.float64]
-) -> list[list[int]]:
-    """The rows of one table that meet each cell."""
-    cells: list[list[int]] = [[] for _ in range(columns * rows)]
-    grown = reach[:, None] + SLACK
-    low = np.maximum(np.floor((bounds[:, [0, 2]] - grown) / CELL).astype(int), 0)
-    high = np.minimum(np.floor((bounds[:, [1, 3]] + grown) / CELL).astype(int), (columns - 1, rows - 1))
-    for item in range(len(bounds)):
-        for row in range(low[item, 1], high[item, 1] + 1):
-            for column in range(low[item, 0], high[item, 0] + 1):
-                cells[row * columns + column].append(item)
-    return cells
-
-
 #: Kinds of surface.
-ON_TERRAIN, ON_ROOF, ON_WALL = 0, 1, 2
+ON_TERRAIN, ON_ROOF, ON_WALL = np.arange(3)
 #: The terrain is found to this [m] by fixed-point iteration; slope · lean < 0.1 gains a digit in each round.
 TERRAIN_TOLERANCE, TERRAIN_ROUNDS = 1e-4, 10
 #: A face is missed by beams along it: cosine-like measure of how much it faces the beam.

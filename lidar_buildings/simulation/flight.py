@@ -51,11 +51,6 @@ class SimulationConfig(StageConfig):
         "Share of a strip's width that its neighbour covers too; raising it gives more strips.",
         within=(0.0, 0.9),
     )
-    pattern: str = parameter(
-        "zigzag",
-        "Scan lines to and fro (oscillating mirror) or all one way (rotating polygon).",
-        choices=("zigzag", "parallel"),
-    )
     range_noise: float = parameter(
         0.03,
         "Standard deviation along the beam; raising it roughens all surfaces.",
@@ -98,8 +93,7 @@ class Strip:
     speed: float  #: [m/s]
     start_time: float  #: adjusted standard GPS time [s]
     pulse_rate: float  #: [1/s]
-    #: Scan lines and pulses in each.
-    n_lines: int
+    n_lines: int  #: scan lines
     pulses_per_line: int
 
     @property
@@ -114,7 +108,7 @@ class Strip:
 
 
 def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, ...]:
-    """Lay strips over the scene so that every place is covered and the mean density is the one asked for."""
+    """Lay strips over the scene that cover every place, with the mean density that is asked for."""
     angle = np.deg2rad(config.flight_direction_deg)
     heading = np.array([np.cos(angle), np.sin(angle)])
     left = np.array([-heading[1], heading[0]])
@@ -127,13 +121,32 @@ def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, .
         (middle + o * left - half_length * heading, middle + o * left + half_length * heading)
         for o in offsets
     ]
-    density = _density_in_a_strip(scene, axes, swath, config.density)
+    area = shapely.box(0, 0, *scene.size)
+    covered = [
+        shapely.LineString(axis).buffer(swath / 2, cap_style="flat").intersection(area).area for axis in axes
+    ]
+    density = config.density * area.area / sum(covered)  # of one strip: where strips overlap there is more
     altitude = float(scene.terrain.at(middle[None])[0]) + config.altitude
+    # scan lines are as far apart as the pulses within them
+    pulses_per_line = max(2, round(swath * np.sqrt(density)))
     strips: list[Strip] = []
     for start, end in axes:
         if len(strips) % 2:
             start, end = end, start
-        strips.append(_strip(strips, start, end, altitude, swath, density, config.ground_speed))
+        length = float(np.hypot(*(end - start)))
+        last = strips[-1] if strips else None
+        strips.append(
+            Strip(
+                number=len(strips) + 1,
+                start=(float(start[0]), float(start[1]), altitude),
+                heading=tuple((end - start) / length),
+                speed=config.ground_speed,
+                start_time=last.start_time + last.duration + TURN if last else TAKE_OFF,
+                pulse_rate=config.ground_speed * density * swath,
+                n_lines=max(1, round(length * density * swath / pulses_per_line)),
+                pulses_per_line=pulses_per_line,
+            )
+        )
     return tuple(strips)
 
 
@@ -141,37 +154,3 @@ def _strip_offsets(extent: float, swath: float, overlap: float) -> list[float]:
     spacing = swath * (1 - overlap)
     n_strips = 1 + max(0, int(np.ceil((extent - swath) / spacing)))
     return [spacing * (row - (n_strips - 1) / 2) for row in range(n_strips)]
-
-
-def _density_in_a_strip(scene: VirtualScene, axes: list, swath: float, density: float) -> float:
-    """Pulses per square metre of one strip that give the mean density where strips overlap too [1/m²]."""
-    area = shapely.box(0, 0, *scene.size)
-    covered = [
-        shapely.LineString(axis).buffer(swath / 2, cap_style="flat").intersection(area).area for axis in axes
-    ]
-    return density * area.area / sum(covered)
-
-
-def _strip(
-    before: list[Strip],
-    start: np.ndarray,
-    end: np.ndarray,
-    altitude: float,
-    swath: float,
-    density: float,
-    speed: float,
-) -> Strip:
-    """Divide a strip into scan lines as far apart as the pulses within them."""
-    length = float(np.hypot(*(end - start)))
-    pulses_per_line = max(2, round(swath * np.sqrt(density)))
-    n_lines = max(1, round(length * density * swath / pulses_per_line))
-    return Strip(
-        number=len(before) + 1,
-        start=(float(start[0]), float(start[1]), altitude),
-        heading=tuple((end - start) / length),
-        speed=speed,
-        start_time=before[-1].start_time + before[-1].duration + TURN if before else TAKE_OFF,
-        pulse_rate=speed * density * swath,
-        n_lines=n_lines,
-        pulses_per_line=pulses_per_line,
-    )

@@ -14,9 +14,9 @@ from lidar_buildings.simulation.scene import Road, Site, Terrain, VirtualScene, 
 
 #: The lots lie 5 by 5, this far apart, the first this far from the edges [m].
 PITCH, FIRST = 52.0, 36.0
-SIZE = (280.0, 280.0)
-#: Villages along a side of the city.
-CITY_SIDE = 8
+SIZE = 280.0
+#: Of the ground of a village [m].
+WAVES = (Wave(1.2, 130.0, 35.0, 0.4), Wave(0.3, 41.0, 110.0, 1.7))
 #: A row of houses stands where its lot holds several.
 Lot = Building | list[Building]
 
@@ -28,14 +28,7 @@ def village(seed: int) -> VirtualScene:
     The ground rises by 4 % with waves of 0.3 and 1.2 m. Which building stands on which lot, its size, place
     and orientation depend on the seed.
     """
-    waves = (Wave(1.2, 130.0, 35.0, 0.4), Wave(0.3, 41.0, 110.0, 1.7))
-    site = Site(SIZE, Terrain(120.0, (0.035, 0.02), waves), seed)
-    site.add_road(Road((0.0, FIRST + 1.5 * PITCH), (SIZE[0], FIRST + 1.5 * PITCH), 6.0))
-    site.add_road(Road((FIRST + 2.5 * PITCH, 0.0), (FIRST + 2.5 * PITCH, SIZE[1]), 7.0))
-    _settle(site, 0.0, 0.0)
-    site.add_cars(14)
-    site.add_trees(60, clearance=1.0)
-    return site.scene("village")
+    return _villages("village", 1, Terrain(120.0, (0.035, 0.02), WAVES), seed)
 
 
 def city(seed: int) -> VirtualScene:
@@ -44,42 +37,41 @@ def city(seed: int) -> VirtualScene:
 
     The ground rises by 1 % with waves of 0.3 to 3 m.
     """
-    extent = CITY_SIDE * SIZE[0]
-    waves = (Wave(3.0, 700.0, 60.0, 1.1), Wave(1.2, 130.0, 35.0, 0.4), Wave(0.3, 41.0, 110.0, 1.7))
-    site = Site((extent, extent), Terrain(120.0, (0.008, 0.005), waves), seed)
-    corners = [number * SIZE[0] for number in range(CITY_SIDE)]
+    return _villages("city", 8, Terrain(120.0, (0.008, 0.005), (Wave(3.0, 700.0, 60.0, 1.1), *WAVES)), seed)
+
+
+def _villages(name: str, side: int, terrain: Terrain, seed: int) -> VirtualScene:
+    """So many villages along either side of a square, with roads through all of them."""
+    extent = side * SIZE
+    site = Site((extent, extent), terrain, seed)
+    corners = [number * SIZE for number in range(side)]
     for corner in corners:
         y, x = corner + FIRST + 1.5 * PITCH, corner + FIRST + 2.5 * PITCH
-        site.add_road(Road((0.0, y), (extent, y), 6.0))
-        site.add_road(Road((x, 0.0), (x, extent), 7.0))
+        site.roads += [Road((0.0, y), (extent, y), 6.0), Road((x, 0.0), (x, extent), 7.0)]
     for x, y in product(corners, corners):
         _settle(site, x, y)
-    site.add_cars(14 * CITY_SIDE**2)
-    site.add_trees(60 * CITY_SIDE**2, clearance=1.0)
-    return site.scene("city")
+    site.add_cars(14 * side**2)
+    site.add_trees(60 * side**2, clearance=1.0)
+    return site.scene(name)
 
 
 def _settle(site: Site, left: float, bottom: float) -> None:
     """Build on the 25 lots of a village, plant trees over three eaves and stand walls in the gardens."""
     lots = _lots(site.random)
-    first = site.n_buildings
+    first = len(site.buildings)
     for lot, place in zip(lots, site.random.permutation(25), strict=True):
         x, y = left + FIRST + PITCH * (place % 5), bottom + FIRST + PITCH * (place // 5)
-        _build(site, lot, x, y)
+        turn = site.random.uniform(0, 360)
+        if isinstance(lot, list):
+            site.add_row(lot, x, y, turn)
+        else:
+            dx, dy = site.random.uniform(-1.5, 1.5, 2)
+            site.add_building(lot, x + dx, y + dy, turn)
     for number in (1, 3, 7):
         site.add_tree_over_eave(first + number)
     for place in (3, 11, 17, 22):
         x, y = left + FIRST + PITCH * (place % 5), bottom + FIRST + PITCH * (place // 5) + 22.0
         site.add_wall(x, y, site.random.uniform(-8, 8))
-
-
-def _build(site: Site, lot: Lot, x: float, y: float) -> None:
-    turn = site.random.uniform(0, 360)
-    if isinstance(lot, list):
-        site.add_row(lot, x, y, turn)
-    else:
-        dx, dy = site.random.uniform(-1.5, 1.5, 2)
-        site.add_building(lot, x + dx, y + dy, turn)
 
 
 def _lots(random: np.random.Generator) -> list[Lot]:
@@ -125,11 +117,7 @@ def roof_types(seed: int) -> VirtualScene:
         *(shapes.courtyard(), shapes.courtyard(pitch_deg=30)),
         *(shapes.round_tower(), shapes.round_tower(diameter=14, eave=7, pitch_deg=35)),
     ]
-    site = Site((200.0, 160.0), Terrain(50.0), seed)
-    for row, kind in enumerate(kinds):
-        x, y = 25 + 50 * (row % 4), 20 + 40 * (row // 4)
-        site.add_building(kind, x, y, site.random.uniform(0, 360))
-    return site.scene("roof_types")
+    return _in_rows("roof_types", (200.0, 160.0), kinds, 20, seed)
 
 
 def special_roofs(seed: int) -> VirtualScene:
@@ -139,10 +127,16 @@ def special_roofs(seed: int) -> VirtualScene:
         *(shapes.cross_gable(), shapes.hipped_l(), shapes.double_gable(), shapes.gable_dormer()),
         *(shapes.sawtooth(), shapes.barrel(), shapes.church(), shapes.parapet()),
     ]
-    site = Site((200.0, 130.0), Terrain(50.0), seed)
+    return _in_rows("special_roofs", (200.0, 130.0), kinds, 25, seed)
+
+
+def _in_rows(
+    name: str, size: tuple[float, float], kinds: list[Building], first: int, seed: int
+) -> VirtualScene:
+    site = Site(size, Terrain(50.0), seed)
     for row, kind in enumerate(kinds):
-        site.add_building(kind, 25 + 50 * (row % 4), 25 + 40 * (row // 4), site.random.uniform(0, 360))
-    return site.scene("special_roofs")
+        site.add_building(kind, 25 + 50 * (row % 4), first + 40 * (row // 4), site.random.uniform(0, 360))
+    return site.scene(name)
 
 
 def courtyards(seed: int) -> VirtualScene:
@@ -163,7 +157,7 @@ def flat_terrain_empty(seed: int) -> VirtualScene:
 def dense_block(seed: int) -> VirtualScene:
     """Return two closed rows of touching town houses of different heights along a street, 120 × 90 m."""
     site = Site((120.0, 90.0), Terrain(30.0, (0.01, 0.0)), seed)
-    site.add_road(Road((0.0, 45.0), (120.0, 45.0), 9.0))
+    site.roads.append(Road((0.0, 45.0), (120.0, 45.0), 9.0))
     for y, turn in ((28.0, 0.0), (62.0, 180.0)):
         for row in range(8):
             site.add_building(_town_house(site.random), 60 + 10 * (row - 3.5), y, turn)
@@ -181,14 +175,11 @@ def _town_house(random: np.random.Generator) -> Building:
 
 #: Name → function of the seed.
 SCENES: dict[str, Callable[[int], VirtualScene]] = {
-    "village": village,
-    "single_house": single_house,
-    "roof_types": roof_types,
-    "special_roofs": special_roofs,
-    "courtyards": courtyards,
-    "flat_terrain_empty": flat_terrain_empty,
-    "dense_block": dense_block,
-    "city": city,
+    make.__name__: make
+    for make in (
+        *(village, single_house, roof_types, special_roofs),
+        *(courtyards, flat_terrain_empty, dense_block, city),
+    )
 }
 
 

@@ -99,7 +99,7 @@ MARKS = (
     "true_plane",
 )
 #: Kinds of return beside the kinds of surface in `casting`.
-IN_CROWN, TOO_LOW, TOO_HIGH = 3, 4, 5
+IN_CROWN, TOO_LOW, TOO_HIGH = np.array([3, 4, 5])
 #: Returns that the scanner tells apart in one pulse, and how many of them may come from crowns.
 MAX_RETURNS, MAX_CROWN_RETURNS = 5, 3
 #: Nearer echoes melt into one [m].
@@ -111,7 +111,7 @@ TRANSMISSION = 0.6
 #: Gross errors lie 2–10 m under the ground or 40–100 m above it [m].
 LOW_FROM, LOW_TO, HIGH_FROM, HIGH_TO = 2.0, 10.0, 40.0, 100.0
 #: First draw of a pulse's random sequence for each use; crowns take one more per echo.
-DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = 0, 4, 6, 8, 64
+DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = np.array([0, 4, 6, 8, 64])
 
 
 @kernel
@@ -185,7 +185,7 @@ def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
 
 
 @kernel
-def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces, numbers, marks):
+def measure(window, seed, strip_number, flight, scanner, size, surfaces, numbers, marks):
     """Send pulses `window[0]` to `window[1]` and write their points; the number of points."""
     max_angle, range_noise, planimetric_noise, divergence, error_share = scanner
     noise = range_noise, planimetric_noise
@@ -195,7 +195,7 @@ def measure(window, zigzag, seed, strip_number, flight, scanner, size, surfaces,
     row, terrain_z = 0, terrain[0, 0]
     for pulse in range(first, last):
         line, place = pulse // per_line, pulse % per_line
-        forward = not zigzag or line % 2 == 0
+        forward = line % 2 == 0
         share = (2.0 * place + 1.0) / per_line - 1.0
         angle = max_angle * (share if forward else -share)
         beam, elapsed = _beam(pulse, angle, flight)
@@ -300,15 +300,12 @@ class StripPoints:
     points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
     gps_time: NDArray[np.float64]  #: adjusted standard GPS time [s]
     scan_angle: NDArray[np.float32]  #: positive to the right of the flight [deg]
-    #: Brightness by material; number of the strip.
-    intensity: NDArray[np.uint16]
-    point_source_id: NDArray[np.uint16]
-    #: From 1.
-    return_number: NDArray[np.uint8]
+    intensity: NDArray[np.uint16]  #: brightness of the material
+    point_source_id: NDArray[np.uint16]  #: number of the strip
+    return_number: NDArray[np.uint8]  #: from 1
     number_of_returns: NDArray[np.uint8]
-    #: 1 = from left to right; 1 = last pulse of its scan line.
-    scan_direction: NDArray[np.uint8]
-    edge_of_flight_line: NDArray[np.uint8]
+    scan_direction: NDArray[np.uint8]  #: 1 = from left to right
+    edge_of_flight_line: NDArray[np.uint8]  #: 1 = last pulse of its scan line
     #: ASPRS class. Façades are building, roads ground, cars and free walls unclassified.
     true_class: NDArray[np.uint8]
     true_building: NDArray[np.uint32]  #: number of the building, 0 = none
@@ -319,8 +316,9 @@ def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS
     """
     Measure a scene, strip by strip, empty where a strip misses it; the same seed gives the same points.
 
-    Beams are intersected exactly with the planes of roofs and walls and the ellipsoids of crowns, and by
-    fixed-point iteration with the terrain. Every pulse has its own random sequence.
+    Beams, to and fro in scan lines, are intersected exactly with the planes of roofs and walls and the
+    ellipsoids of crowns, and by fixed-point iteration with the terrain. Every pulse has its own random
+    sequence.
     """
     surfaces = surfaces_of(scene, config.max_scan_angle_deg)
     for strip in plan_flight(scene, config):
@@ -356,19 +354,8 @@ def measured(
             config.gross_error_share,
         ]
     )
-    zigzag = config.pattern == "zigzag"
-    n_points = measure(
-        (*window, strip.pulses_per_line),
-        zigzag,
-        seed,
-        strip.number,
-        flight,
-        scanner,
-        size,
-        tuple(surfaces),
-        numbers,
-        marks,
-    )
+    where = size, tuple(surfaces), numbers, marks
+    n_points = measure((*window, strip.pulses_per_line), seed, strip.number, flight, scanner, *where)
     x, y, z, elapsed, angle = numbers[:n_points].T
     mark = dict(zip(MARKS, marks[:n_points].T, strict=True))
     return StripPoints(

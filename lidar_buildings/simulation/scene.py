@@ -18,9 +18,8 @@ from lidar_buildings.simulation.building import Building
 class Wave:
     """One sine wave of the terrain."""
 
-    #: [m].
-    amplitude: float
-    wavelength: float
+    amplitude: float  #: [m]
+    wavelength: float  #: [m]
     direction_deg: float = 0.0  #: direction in which it runs, counter-clockwise from x
     phase: float = 0.0  #: [rad]
 
@@ -73,12 +72,10 @@ FRAME = MapFrame("EPSG:25832", (565_000.0, 5_930_000.0, 0.0))
 class Tree:
     """A tree whose crown is an ellipsoid; its trunk is never hit."""
 
-    #: Position [m].
-    x: float
-    y: float
+    x: float  #: [m]
+    y: float  #: [m]
     crown_elevation: float  #: elevation of the crown's middle [m]
-    #: Semi-axes of the crown [m].
-    crown_radius: float
+    crown_radius: float  #: semi-axes of the crown [m]
     crown_half_height: float
 
 
@@ -86,9 +83,8 @@ class Tree:
 class Road:
     """A straight road on the terrain."""
 
-    #: Ends of its axis [m].
-    start: tuple[float, float]
-    end: tuple[float, float]
+    start: tuple[float, float]  #: of its axis [m]
+    end: tuple[float, float]  #: of its axis [m]
     width: float = 6.0  #: [m]
 
 
@@ -111,9 +107,7 @@ class VirtualScene:
         union = shapely.union_all([b.polygon.buffer(0.05, join_style="mitre") for b in self.buildings])
         blocks = shapely.get_parts(union)
         inside = [shapely.point_on_surface(b.polygon) for b in self.buildings]
-        raw = np.array(
-            [np.flatnonzero(shapely.contains(blocks, point))[0] for point in inside], dtype=np.int64
-        )
+        raw = [np.flatnonzero(shapely.contains(blocks, point))[0] for point in inside]
         _, first, position = np.unique(raw, return_index=True, return_inverse=True)
         return np.argsort(np.argsort(first))[position] + 1
 
@@ -129,25 +123,15 @@ class Site:
         self.size = size
         self.terrain = terrain
         self.random = np.random.default_rng(seed)
-        self._buildings: list[Building] = []
+        self.buildings: list[Building] = []
+        self.roads: list[Road] = []
         self._obstacles: list[Building] = []
         self._trees: list[Tree] = []
-        self._roads: list[Road] = []
-
-    @property
-    def n_buildings(self) -> int:
-        """How many stand there."""
-        return len(self._buildings)
-
-    def add_road(self, road: Road) -> None:
-        """Lay a road."""
-        self._roads.append(road)
 
     def add_building(self, shape: Building, x: float, y: float, rotation_deg: float = 0.0) -> None:
         """Stand a building on the mean elevation of the terrain along its outline."""
-        self._buildings.append(
-            replace(self._standing(shape, x, y, rotation_deg), number=len(self._buildings) + 1)
-        )
+        standing = self._standing(shape, x, y, rotation_deg)
+        self.buildings.append(replace(standing, number=len(self.buildings) + 1))
 
     def add_row(self, houses: list[Building], x: float, y: float, rotation_deg: float) -> None:
         """Stand houses wall to wall in a row along their x axes, its middle at (x, y)."""
@@ -167,7 +151,7 @@ class Site:
     def add_cars(self, n_cars: int) -> None:
         """Park cars along the roads."""
         for _ in range(n_cars):
-            road = self._roads[self.random.integers(0, len(self._roads))]
+            road = self.roads[self.random.integers(0, len(self.roads))]
             start, end = np.array(road.start), np.array(road.end)
             along = (end - start) / np.hypot(*(end - start))
             aside = np.array([-along[1], along[0]]) * (road.width / 2 - 1.2) * self.random.choice([-1, 1])
@@ -180,8 +164,8 @@ class Site:
 
     def add_trees(self, n_trees: int, clearance: float) -> None:
         """Plant trees off the roads whose crowns keep this distance from all buildings [m]."""
-        built = [building.polygon for building in self._buildings]
-        paved = [shapely.LineString([road.start, road.end]).buffer(road.width / 2) for road in self._roads]
+        built = [building.polygon for building in self.buildings]
+        paved = [shapely.LineString([road.start, road.end]).buffer(road.width / 2) for road in self.roads]
         taken = shapely.union_all([*built, *paved])
         shapely.prepare(taken)
         for _ in range(n_trees):
@@ -194,7 +178,7 @@ class Site:
 
     def add_tree_over_eave(self, number: int) -> None:
         """Plant a tree beside a building's longest wall, its crown over the roof by 1.2 m."""
-        ring = self._buildings[number - 1].exterior
+        ring = self.buildings[number - 1].exterior
         edges = np.roll(ring, -1, axis=0) - ring
         longest = int(np.argmax(np.hypot(*edges.T)))
         outward = np.array([edges[longest, 1], -edges[longest, 0]]) / np.hypot(*edges[longest])
@@ -204,15 +188,8 @@ class Site:
 
     def scene(self, name: str) -> VirtualScene:
         """Return what was collected."""
-        return VirtualScene(
-            name=name,
-            size=self.size,
-            terrain=self.terrain,
-            buildings=tuple(self._buildings),
-            obstacles=tuple(self._obstacles),
-            trees=tuple(self._trees),
-            roads=tuple(self._roads),
-        )
+        standing = (self.buildings, self._obstacles, self._trees, self.roads)
+        return VirtualScene(name, self.size, self.terrain, *map(tuple, standing))
 
     def _standing(self, shape: Building, x: float, y: float, rotation_deg: float) -> Building:
         on_plan = shape.placed(x, y, rotation_deg)

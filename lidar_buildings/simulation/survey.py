@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -41,34 +40,62 @@ TRUTH_DIMENSIONS = {
 }
 
 
-@contextmanager
-def strip_file(path: Path, frame: MapFrame) -> Iterator[Callable[[StripPoints], None]]:
+class SurveyFiles:
     """
-    Give a function that writes points of a strip to a file; `classification` is 1 throughout.
+    The files of a survey: a LAZ file for each strip, `classification` 1 throughout, and the truth.
 
-    It appears when the block ends well; OutputError if it cannot be written.
+    `files` are the clouds that are begun, and at the end the truth. A file appears when it is complete; what
+    an earlier survey left in the folder goes at the end. OutputError if the folder or a file cannot be
+    written.
     """
-    with atomic_file(path, _FAILURES) as part, open(part, "wb") as stream:
-        writer = laspy.LasWriter(stream, _header(frame), do_compress=True, closefd=False)
 
-        def add(strip: StripPoints) -> None:
-            record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=writer.header)
-            record.x, record.y, record.z = frame.to_source(strip.points).T
-            record.intensity = strip.intensity
-            record.return_number = strip.return_number
-            record.number_of_returns = strip.number_of_returns
-            record.scan_direction_flag = strip.scan_direction
-            record.edge_of_flight_line = strip.edge_of_flight_line
-            record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
-            record.scan_angle = np.round(strip.scan_angle / SCAN_ANGLE_STEP).astype(np.int16)
-            record.point_source_id = strip.point_source_id
-            record.gps_time = strip.gps_time
-            for name, (_, member, _) in TRUTH_DIMENSIONS.items():
-                record[name] = getattr(strip, member)
-            writer.write_points(record)
+    def __init__(self, output: Path, scene: VirtualScene) -> None:
+        self.files: list[Path] = []
+        self._output, self._scene = output, scene
+        self._strip = 0
+        self._file = ExitStack()
+        with writing(output):
+            output.mkdir(parents=True, exist_ok=True)
 
-        yield add
-        writer.close()
+    def __enter__(self) -> SurveyFiles:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self._file.close()  # of an interrupted survey with what there is
+            for path in self._output.iterdir():
+                if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in self.files:
+                    path.unlink()
+            self.files += write_truth(self._output, self._scene)
+        else:
+            self._file.__exit__(kind, *error)
+
+    def add(self, number: int, strip: StripPoints) -> None:
+        """Write points of a strip; strips come one after the other."""
+        if number != self._strip:
+            self._file.close()
+            self._strip = number
+            path = self._output / f"strip_{number:02d}.laz"
+            stream = open(self._file.enter_context(atomic_file(path, _FAILURES)), "wb")  # noqa: SIM115
+            self._file.enter_context(stream)
+            self._writer = laspy.LasWriter(
+                stream, _header(self._scene.frame), do_compress=True, closefd=False
+            )
+            self._file.callback(self._writer.close)
+            self.files.append(path)
+        frame = self._scene.frame
+        record = laspy.ScaleAwarePointRecord.zeros(len(strip.points), header=self._writer.header)
+        record.x, record.y, record.z = frame.to_source(strip.points).T
+        for name in ("intensity", "return_number", "number_of_returns", "edge_of_flight_line"):
+            record[name] = getattr(strip, name)
+        record.scan_direction_flag = strip.scan_direction
+        record.classification = np.full(len(strip.points), int(PointClass.UNCLASSIFIED), dtype=np.uint8)
+        record.scan_angle = np.round(strip.scan_angle / SCAN_ANGLE_STEP).astype(np.int16)
+        record.point_source_id = strip.point_source_id
+        record.gps_time = strip.gps_time
+        for name, (_, member, _) in TRUTH_DIMENSIONS.items():
+            record[name] = getattr(strip, member)
+        self._writer.write_points(record)
 
 
 def _header(frame: MapFrame) -> laspy.LasHeader:
@@ -85,10 +112,6 @@ def _header(frame: MapFrame) -> laspy.LasHeader:
     header.system_identifier = "virtual scanner"
     header.generating_software = "lidar_buildings simulate"
     return header
-
-
-#: Names of the files of a survey.
-STRIP_NAME, LAYERS_NAME, CITY_MODEL_NAME = "strip_{:02d}.laz", "truth.gpkg", "truth.city.jsonl"
 
 
 @dataclass(frozen=True)
@@ -133,23 +156,20 @@ def simulate_survey(
     folder or a file cannot be written.
     """
     begin = time.perf_counter()
-    virtual, config, output = make_scene(scene, seed), _replaced(config, parameters), Path(output)
-    make_folder(output)
-    files, n_points = [], 0
-    for strip in scan(virtual, seed, config):
-        files.append(output / STRIP_NAME.format(len(files) + 1))
-        with strip_file(files[-1], virtual.frame) as add:
-            add(strip)
-        n_points += len(strip.points)
-    truth_files = write_truth(output, virtual)
-    remove_surplus(output, files)
+    virtual, config = make_scene(scene, seed), _replaced(config, parameters)
+    n_points = 0
+    with SurveyFiles(Path(output), virtual) as survey:
+        for number, strip in enumerate(scan(virtual, seed, config), start=1):
+            survey.add(number, strip)
+            n_points += len(strip.points)
     seconds = time.perf_counter() - begin
-    return SurveySummary(tuple(files), truth_files, n_points, len(virtual.buildings), seconds)
+    *files, layers, model = survey.files
+    return SurveySummary(tuple(files), (layers, model), n_points, len(virtual.buildings), seconds)
 
 
 def write_truth(output: Path, scene: VirtualScene) -> tuple[Path, Path]:
     """Write what is true of a scene into a folder; return the GeoPackage and the CityJSONSeq."""
-    layers, model = output / LAYERS_NAME, output / CITY_MODEL_NAME
+    layers, model = output / "truth.gpkg", output / "truth.city.jsonl"
     write_truth_layers(layers, scene)
     with atomic_file(model) as part:
         write_truth_city_model(part, scene)
@@ -162,9 +182,7 @@ def simulate_tile(
     config: SimulationConfig = DEFAULTS,
     **parameters: Any,
 ) -> tuple[PointTile, TileTruth]:
-    """
-    Fly over a scene, by name or one's own, and return all points as one tile, with what is true of them.
-    """
+    """Fly over a scene, by name or one's own; return all points as one tile, and what is true of them."""
     virtual = scene if isinstance(scene, VirtualScene) else make_scene(scene, seed)
     measured = joined(list(scan(virtual, seed, _replaced(config, parameters))))
     n_points = len(measured.points)
@@ -192,19 +210,6 @@ def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> Simulatio
         if name not in known:
             raise ParameterError(f"simulation.{name}: unknown parameter, must be one of {', '.join(known)}")
     return replace(config, **parameters)
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of a survey unless it is there."""
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-
-
-def remove_surplus(output: Path, files: list[Path]) -> None:
-    """Remove the strips that an earlier survey with more strips left."""
-    for path in output.iterdir():
-        if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in files:
-            path.unlink()
 
 
 #: What is wrong where nothing would be made.

@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -13,18 +12,13 @@ from support.scan_messages import SECOND, T0, cloud_of, odometry
 
 from bench.chain import report
 from bench.chain import run as chain
-from bench.chain.child import PERIOD, Watch, run_child
+from bench.chain.child import PERIOD, run_child
 from bench.chain.copies import GAP, PAUSE, input_files
 from bench.chain.decoding import decode
-from bench.chain.latency import middle_tile
-from bench.chain.live import Sending, latencies, memory_thirds
-from bench.chain.parts import n_compiled
+from bench.chain.live import Sending, latencies
 from bench.chain.repeated import repeat_bags
-from bench.chain.stages import Clock
-from bench.common.process_tree import cpu_of, tree_memory, tree_of
 from bench.pages import landings
 from lidar_buildings.commands import live
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
 
 
@@ -61,44 +55,10 @@ def test_copies_are_the_same_points_elsewhere_and_later(clouds, tmp_path):
     assert shift[1] >= 6 + PAUSE
     for name in ("Z", "note", "intensity"):
         np.testing.assert_array_equal(moved[name], first[name])
-
-
-def test_one_copy_is_the_files_and_copies_are_made_once(clouds, tmp_path):
+    times = [path.stat().st_mtime_ns for path in copies]
+    assert [path.stat().st_mtime_ns for path in input_files(clouds, 3, tmp_path)] == times, "made once"
     assert input_files(clouds, 1, tmp_path) == clouds
-    made = input_files(clouds, 2, tmp_path)
-    times = [path.stat().st_mtime_ns for path in made]
-    assert [path.stat().st_mtime_ns for path in input_files(clouds, 2, tmp_path)] == times
-    assert decode([str(path) for path in made]) == 200
-
-
-#: A process that hands most of its work to another, which says when its memory is taken and waits for a word.
-_PARENT = """
-import subprocess, sys
-child = [sys.executable, "-c", '''
-held = bytearray(b"x") * 80_000_000
-sum(range(3_000_000))
-print("ready", flush=True)
-input()
-''']
-raise SystemExit(subprocess.run(child).returncode)
-"""
-
-
-def test_what_a_descendant_takes_is_seen(tmp_path):
-    with subprocess.Popen(
-        [sys.executable, "-c", _PARENT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout.readline() == "ready\n"
-        watch = Watch(tmp_path)
-        watch.look(process.pid)
-        assert len(tree_of(process.pid)) == 2
-        assert tree_memory(process.pid) > 80_000_000
-        assert watch.memory > 80_000_000
-        # a loop of three million takes longer than a tick of the kernel's clock
-        assert cpu_of(tree_of(process.pid)[1:]) > 0
-        process.communicate("end\n")
-    assert process.returncode == 0
-    assert tree_memory(process.pid) == 0
+    assert decode([str(path) for path in copies[:2]]) == 100
 
 
 def test_a_child_s_memory_time_and_temporary_files_are_counted(tmp_path):
@@ -127,31 +87,6 @@ print(len(os.sched_getaffinity(0)))
     assert os.sched_getaffinity(0) == allowed
 
 
-def test_a_stage_s_least_time_counts():
-    clock = Clock()
-    longest = 0.0
-    for n in (3_000_000, 10, 2_000_000):
-        assert clock("sum", sum, range(n)) == n * (n - 1) // 2
-        longest = max(longest, clock.wall["sum"])
-    assert 0 < clock.wall["sum"] < longest
-    assert set(clock.cpu) == {"sum"}
-
-
-def test_the_middle_of_a_tile_is_a_square_of_so_many_points():
-    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0))
-    tile = middle_tile(PointTile(np.column_stack([x.ravel(), y.ravel(), x.ravel()])), 25)
-    assert tile.points[:, :2].min(axis=0).tolist() == [8.0, 8.0]
-    assert tile.points[:, :2].max(axis=0).tolist() == [12.0, 12.0]
-
-
-def test_compiled_loops_are_counted(tmp_path):
-    assert n_compiled(tmp_path / "none") == 0
-    (tmp_path / "sub").mkdir()
-    for name in ("a.nbi", "a.1.nbc", "sub/b.1.nbc"):
-        (tmp_path / name).touch()
-    assert n_compiled(tmp_path) == 2
-
-
 def _run(*, is_ros: bool, wall: float) -> dict:
     key = f"Delft × 1 2 {is_ros}"
     sizes = {"points": 800_000, "tiles": 4, "buildings": 45, "memory": 9e8, "disk": 5e7}
@@ -166,18 +101,6 @@ def test_runs_are_set_beside_decoding_and_ros_beside_none():
     assert (plain["wall, ROS / ROS-free"], ros["wall, ROS / ROS-free"]) == ("", "1.25")
     assert ros["others' CPU s"] == "0.3"
     assert (ros["memory MB"], ros["temporary MB"]) == ("900", "50")
-
-
-def test_a_later_record_takes_the_place_of_the_earlier_and_what_is_missing_is_said():
-    records = {}
-    chain.keep(records, "runs", _run(is_ros=False, wall=4.0))
-    chain.keep(records, "runs", _run(is_ros=True, wall=5.0))
-    chain.keep(records, "runs", _run(is_ros=False, wall=3.0))
-    chain.keep(records, "peers", {"name": "roofer", "missing": "not there"})
-    assert [one["wall"] for one in records["runs"]] == [3.0, 5.0]
-    runs, models = report.tables_of(records)
-    assert len(runs.rows) == 2
-    assert models.missing == ["Not measured: roofer: not there."]
 
 
 def test_a_landing_takes_the_place_of_the_last_and_has_a_line_of_its_own(tmp_path, monkeypatch, capsys):
@@ -204,12 +127,6 @@ def test_a_landing_takes_the_place_of_the_last_and_has_a_line_of_its_own(tmp_pat
     ]
 
 
-def test_no_line_is_made_of_a_landing_without_a_run_of_delft_nor_a_landing_of_another_document():
-    assert report.landing_line("A landing", {"runs": [_run(is_ros=False, wall=4.0)]}) == []
-    with pytest.raises(ValueError, match="no heading"):
-        report.landed("# Benchmarks\n", "A landing", {})
-
-
 def test_latencies_of_a_feed_count_from_a_tiles_last_point():
     sendings = [
         Sending(1, 0, 100, False, 0.0, 1.0, 3.0),
@@ -234,12 +151,6 @@ def test_latencies_of_a_feed_count_from_a_tiles_last_point():
         1,
         100,
     ]
-
-
-def test_memory_is_told_by_thirds_of_all_and_of_each_process_that_lasts():
-    looks = [{1: 2_000_000, 2: 4_000_000}, {1: 3_000_000, 2: 4_000_000}, {1: 5_000_000, 3: 9_000_000}]
-    told = memory_thirds(looks)
-    assert told == {"most": 14, "thirds": [6, 7, 14], "thirds_of_each": [[2, 3, 5], [4, 4, 0]]}
 
 
 def test_a_bag_that_is_repeated_goes_on_later_and_further_east(monkeypatch):

@@ -66,14 +66,6 @@ def test_on_two_plain_houses_most_rims_are_found_and_the_scores_are_drawn(data, 
     assert float(mean[4]) > 90
 
 
-def test_a_step_parts_roofs_that_touch():
-    points, roof = houses_on_a_lawn()
-    points[:, 0] -= np.where(roof & (points[:, 0] > 20), 4.0, 0.0)
-    area = roof_areas.RoofArea(points[roof], np.zeros(roof.sum(), dtype=np.int64), DENSITY**-0.5, 0)
-    assert set(roof_areas.split(area).roof.tolist()) == {0, 1}
-    assert edges.edges_of(roof_areas.split(area)).sum() > edges.edges_of(area).sum() + 30
-
-
 def test_parameters_are_used_and_what_the_methods_choose_is_refused():
     configs = edges.configs_of("default", ["k_means_linearity"], {"rim_radius": 2.0})
     assert configs["k_means_linearity"] == EdgeLabellingConfig(features="linearity", rim_radius=2.0)
@@ -82,11 +74,6 @@ def test_parameters_are_used_and_what_the_methods_choose_is_refused():
         edges.main(["--set", "features=linearity"])
     with pytest.raises(SystemExit, match="there is no parameter"):
         edges.main(["--set", "colour=red"])
-
-
-def test_a_folder_without_clouds_is_refused_in_one_line(tmp_path):
-    with pytest.raises(SystemExit, match="holds none of delft, montpellier, fusa, toronto"):
-        edges.main(["--data", str(tmp_path)])
 
 
 def test_labels_are_compared_with_exact_outlines_too(capsys):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from support.lawn import write_las
 
-from bench.common.tables import table
 from bench.edges import feature_agreement, feature_peers, features
 from bench.edges.feature_peers import CHOSEN, FIXED, LABELS, OWN
 
@@ -61,26 +60,6 @@ def test_features_of_the_same_definition_agree_to_1e_5(name, task):
         assert one.largest < 1e-5, one.feature
 
 
-def test_a_difference_that_is_there_is_seen(task, monkeypatch):
-    needs(FIXED["pgeof selected"])
-    genuine = feature_agreement.pgeof_selected
-    monkeypatch.setattr(
-        feature_agreement,
-        "pgeof_selected",
-        lambda task: {name: column + 1e-3 for name, column in genuine(task).items()},
-    )
-    found = feature_agreement.differences("pgeof selected", task)
-    assert [one.largest for one in found] == pytest.approx([1e-3] * len(found), rel=1e-6)
-
-
-def test_pgeof_is_given_the_neighbours_of_the_same_sphere(task):
-    needs(FIXED["pgeof"])
-    _, neighbours, begins = feature_peers.pgeof_neighbours(task)
-    own = feature_peers.own_features(task._replace(radii=task.radii[-1:]))
-    assert np.mean(np.diff(begins) == own.n_neighbours) > 0.99
-    assert neighbours[begins[-2]] == len(task.points) - 1
-
-
 def test_peers_that_are_absent_are_left_out_and_named(monkeypatch, tmp_path, capsys):
     genuine = feature_peers.importlib.util.find_spec
     monkeypatch.setattr(
@@ -94,26 +73,3 @@ def test_peers_that_are_absent_are_left_out_and_named(monkeypatch, tmp_path, cap
     assert len(lines_of(output, "label_edges")) == 1
     for name in ("jakteristics", "pgeof selected", "pgeof", "open3d", "pgeof optimal"):
         assert [line.split()[-2:] for line in lines_of(output, name)] == [["not", "installed"]]
-
-
-def test_ratios_are_of_the_best_runs():
-    library = FIXED[OWN]
-    searching = library._replace(search=lambda task: None)
-    timings = {
-        OWN: [features.Timing(0.0, 2.0), features.Timing(0.0, 1.0)],
-        "other": [features.Timing(2.0, 2.0), features.Timing(3.0, 4.0)],
-    }
-    rows = features.speed_rows({OWN: library, "other": searching}, timings, 3_000_000)
-    words = [line.split() for line in table(features.SPEED_HEADINGS, rows).splitlines()[2:]]
-    assert words[0][1:] == ["1.000", "1.000–2.000", "–", "3.000", "1.0"]
-    assert words[1][1:] == ["4.000", "4.000–7.000", "2.000", "0.750", "4.0"]
-
-
-def test_copies_lie_side_by_side_and_do_not_see_one_another(task):
-    both = features.side_by_side(task.points, 2)
-    n = len(task.points)
-    assert len(both) == 2 * n
-    assert both[n:, 0].min() > both[:n, 0].max() + 50
-    labels = feature_peers.own_edges(task._replace(points=both), True)
-    assert np.array_equal(labels[:n], labels[n:])
-    assert 0 < labels.sum() < n

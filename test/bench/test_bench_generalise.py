@@ -4,7 +4,6 @@ import pytest
 from bench.common.clouds import Cloud
 from bench.generalise import corners, ground, run
 from bench.generalise.disturbances import KINDS, disturbances
-from bench.generalise.figures import Score, figures_of, worst_tenth
 from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
 from lidar_buildings.pipeline.config import PipelineConfig
 
@@ -23,23 +22,10 @@ def test_disturbed_points_are_the_clouds_own_wherever_they_were_moved(kind):
             assert (column == {"gps_time": TIMES}[name][one.rows]).all()
 
 
-def test_disturbances_are_the_same_whichever_others_are_drawn():
-    alone = list(disturbances(POINTS, kinds=["discs"]))
-    among = [one for one in disturbances(POINTS) if one.kind == "discs"]
-    assert [one.rows.tolist() for one in alone] == [one.rows.tolist() for one in among]
-
-
 def test_thinning_keeps_or_drops_all_returns_of_a_pulse():
     (half,) = disturbances(POINTS, {"gps_time": TIMES}, kinds=["half"])
     assert (np.unique(half.columns["gps_time"], return_counts=True)[1] == 2).all()
     assert 0.4 < len(half.rows) / len(POINTS) < 0.6
-
-
-def test_the_worst_tenth_is_that_of_the_figures_sense():
-    values = np.arange(1.0, 21.0)
-    assert worst_tenth(values) == 19.5
-    assert worst_tenth(values, higher_is_better=True) == 1.5
-    assert figures_of([Score("a", "half", 0.1), Score("b", "half", float("nan"))])[0] == "1"
 
 
 def test_the_command_prints_a_line_per_disturbance(capsys, monkeypatch):

@@ -1,7 +1,5 @@
 """The benchmark of building models, on roofs small enough for a test."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -39,27 +37,6 @@ def test_a_plane_that_is_split_or_missed_is_not_found(gable):
     split = np.where((right == 1) & east, 3, right).astype(np.uint16)
     found = model_truth.matched_planes(np.where(split == 2, 0, split).astype(np.uint16), scene)
     assert found[2] == 0
-
-
-def test_parts_of_one_plane_may_be_found_as_one_or_apart():
-    scene = model_scene("cross_gable", density=2.0)
-    one_each = scene.plane_id
-    assert all(model_truth.matched_planes(one_each, scene).values())
-    planes = scene.building.planes
-    same = np.argmax(np.isclose(planes[:, None], planes[None], atol=1e-6).all(axis=2), axis=1) + 1
-    together = np.append(0, same)[scene.plane_id].astype(np.uint16)
-    assert len(model_truth.matched_planes(together, scene)) == 4
-    assert all(model_truth.matched_planes(together, scene).values())
-
-
-def test_a_ridge_that_is_not_there_is_an_infinite_error(gable):
-    scene, verdict = gable
-    box = extrude(scene.outline, 10.0, 16.0)
-    score = model_truth.score_models([[box]], [[scene.solid]])
-    worse = verdict._replace(model=replace(verdict.model, solids={"1.2": box}), score=score)
-    assert model_truth._ridge_error(score) == np.inf
-    assert not worse.has_finest
-    assert not worse.corners_equal
 
 
 def test_levels_reasons_and_validity_are_counted():

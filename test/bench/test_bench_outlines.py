@@ -49,10 +49,6 @@ def lines_of(text, first):
     return [line for line in text.splitlines() if line.startswith(first)]
 
 
-def ring(*corners):
-    return np.array(corners, dtype=float)
-
-
 def test_the_truth_itself_is_found_with_all_its_corners_and_courtyards():
     scene = outline_scene("courtyard", density=2.0)
     right = outline_truth.verdict(scene, [scene.truth])
@@ -73,14 +69,6 @@ def test_a_filled_courtyard_two_buildings_for_one_and_none_are_told():
     assert (nothing.is_found, nothing.iou, nothing.n_vertices) == (False, 0.0, 0)
     cells = outline_truth.summary_cells([filled, nothing])
     assert (cells[0], cells[1], cells[3], cells[5]) == ("2", "1", "0.000", "0/2")
-
-
-def test_the_worst_scene_of_a_plan_is_one_with_wrong_corners():
-    scene = outline_scene("rectangle_8_6", density=2.0)
-    small = shapely.affinity.scale(scene.truth, 0.5, 0.5)
-    hexagonal = shapely.segmentize(scene.truth, 5.0)
-    verdicts = [outline_truth.verdict(scene, [each]) for each in (scene.truth, small, hexagonal)]
-    assert outline_truth.worst(verdicts)["rectangle_8_6"] is verdicts[2]
 
 
 def test_scenes_are_measured_for_ours_and_a_peer(tmp_path, capsys):
@@ -121,20 +109,6 @@ def test_clouds_are_read_by_their_classes_or_their_own(data):
     np.testing.assert_allclose(np.ptp(delft.extent, axis=0), (40, 24), atol=0.5)
 
 
-def test_table_1_takes_buildings_that_the_edge_of_the_cloud_does_not_cut():
-    scene = outline_scene("rectangle_30_18", density=4.0)
-    low, high = scene.points[:, :2].min(axis=0), scene.points[:, :2].max(axis=0)
-    tile = outline_truth.tile_of(scene)
-    wide, cut = (
-        outline_clouds.RoofCloud("x", tile, np.array([low - margin, high + 20]), np.zeros(2), "own")
-        for margin in (20, 0.5)
-    )
-    row = outline_table1.row_of_cloud(wide, PipelineConfig())
-    assert row.score.n_buildings + row.score.n_as_traced == 1
-    assert 0 < row.score.sigma < row.score.spacing
-    assert outline_table1.row_of_cloud(cut, PipelineConfig()).buildings == []
-
-
 def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
     row = outline_table1.row_of_survey(1.2, PipelineConfig(), noise=0.03, seed=0)
     assert len(row.buildings) == 10
@@ -144,14 +118,6 @@ def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
     slope, deviation = outline_table1.slope_through_origin([row], "sigma")
     assert slope == pytest.approx(row.score.sigma / row.score.spacing)
     assert deviation == pytest.approx(0.0, abs=1e-9)
-
-
-def test_table_1_of_what_clouds_there_are_is_printed(data, capsys):
-    outlines.main(["--data", str(data), "--parts", "table1"])
-    output = capsys.readouterr().out
-    assert lines_of(output, "delft")
-    assert lines_of(output, "virtual, 2.7 m")
-    assert not lines_of(output, "fusa")
 
 
 @pytest.mark.parametrize("name", outline_peers.PEERS)

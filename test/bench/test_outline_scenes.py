@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from bench.scenes.outlines import PLANS, ROTATIONS, Scan, outline_scene, outline_scenes
+from bench.scenes.outlines import PLANS, Scan, outline_scene, outline_scenes
 
 CORNERS = {
     "rectangle_8_6": 4,
@@ -56,7 +56,7 @@ def test_arcs_lie_on_the_truth(name):
         assert on_arc.sum() > 30
 
 
-@pytest.mark.parametrize("density", [0.2, 1.0, 30.0])
+@pytest.mark.parametrize("density", [0.2, 15.0])
 def test_all_plans_can_be_scanned_at_any_density(density):
     scenes = outline_scenes(density, rotations=(0.0,))
     assert [scene.name for scene in scenes] == list(PLANS)
@@ -78,13 +78,3 @@ def test_scan_lines_have_the_direction_and_spacing_asked_for():
     lines = np.unique(np.round(across, 6))
     # 2 pts/m² with lines twice as far apart as their points: 1.0 m between lines, 0.5 m along them.
     np.testing.assert_allclose(np.diff(lines), 1.0, atol=1e-5)
-
-
-def test_a_seed_gives_the_same_scene_and_another_one_another():
-    first, same, other = (outline_scene("l_shape", seed=seed) for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first.points, same.points)
-    assert len(other.points) != len(first.points) or not np.array_equal(first.points, other.points)
-
-
-def test_orientations_differ_modulo_a_right_angle():
-    assert len({rotation % 90 for rotation in ROTATIONS}) == len(ROTATIONS)

@@ -12,8 +12,7 @@ from lidar_buildings.commands import run_local
 
 
 @pytest.fixture
-def command(capfd, monkeypatch):
-    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
+def command(capfd):
     return Command(capfd, "--no-ros", *SMALL_TILES)
 
 

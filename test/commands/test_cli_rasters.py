@@ -1,6 +1,7 @@
 """Rasters from the command line: where they lie, how near they are to the scene, and their parameters."""
 
 import json
+import shutil
 
 import laspy
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import rasterio
 from support.cli_runs import RASTERS, Command, files_in
 
+from lidar_buildings.cli import main
 from lidar_buildings.simulation import simulate_survey
 from lidar_buildings.simulation.named_scenes import make_scene
 
@@ -27,10 +29,11 @@ def survey(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def result(command, survey, tmp_path):
-    assert command("run", survey, "--output", tmp_path / "out", "--tile-size", "60").status == 0
-    return tmp_path / "out"
+@pytest.fixture(scope="module")
+def result(survey, tmp_path_factory):
+    output = tmp_path_factory.mktemp("result") / "out"
+    assert main(["run", str(survey), "--output", str(output), "--tile-size", "60", *QUICK]) == 0
+    return output
 
 
 def terrain_at(file, scene):
@@ -68,23 +71,23 @@ def test_the_ndsm_is_as_high_as_points_above_the_ground(survey, result):
     assert np.ma.max(height) == pytest.approx(of_points[first].max(), abs=0.3)
 
 
-def test_the_resolution_is_a_parameter(command, survey, tmp_path):
+def test_the_resolution_is_a_parameter(command, house, tmp_path):
     given = ["--set", "model_writer.raster_resolution=0.7"]
-    assert command("run", survey, "--output", tmp_path / "out", *given).status == 0
+    assert command("run", house, "--output", tmp_path / "out", *given).status == 0
     with rasterio.open(tmp_path / "out" / "dsm.tif") as file:
         assert file.res == pytest.approx((0.7, 0.7))
         cells = file.transform.c / 0.7
         assert cells == pytest.approx(round(cells), abs=1e-6)
 
 
-def test_a_resolution_of_0_makes_no_rasters_and_other_ones_are_refused(command, survey, tmp_path):
-    off = ["--set", "model_writer.raster_resolution=0"]
-    assert command("run", survey, "--output", tmp_path / "out", *off).status == 0
-    assert not set(RASTERS) & set(files_in(tmp_path / "out"))
-    assert json.loads((tmp_path / "out" / "run.json").read_text())["rasters"] == {}
+def test_a_resolution_of_0_removes_rasters_and_other_ones_are_refused(command, house, result, tmp_path):
+    out, off = shutil.copytree(result, tmp_path / "out"), ["--set", "model_writer.raster_resolution=0"]
+    assert command("run", house, "--output", out, "--overwrite", *off).status == 0
+    assert not set(RASTERS) & set(files_in(out))
+    assert json.loads((out / "run.json").read_text())["rasters"] == {}
     for value in ("-1", "1e9", "fine"):
         line = command.refused(
-            "run", survey, "--output", tmp_path / "no", "--set", f"model_writer.raster_resolution={value}"
+            "run", house, "--output", tmp_path / "no", "--set", f"model_writer.raster_resolution={value}"
         )
         assert "raster_resolution" in line
 

@@ -8,19 +8,12 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
-from support.cli_runs import Command
 from support.results import contents
 
 from lidar_buildings.commands import run_local
 from lidar_buildings.simulation import simulate_survey
 
 TILES = ("--no-ros", "--tile-size", "60", "--set", "tile_player.buffer=20")
-
-
-@pytest.fixture
-def command(capfd, monkeypatch):
-    monkeypatch.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
-    return Command(capfd)
 
 
 @pytest.fixture(scope="module")

@@ -49,11 +49,6 @@ def test_the_villages_roads_are_found_without_any_number(survey, tmp_path):
         assert found[ground & ~on_road].mean() < 0.01
 
 
-def test_roads_can_be_left_out(survey, tmp_path):
-    for _, after in classified(survey, tmp_path / "out", "--set", "roof_selection.road_method=none"):
-        assert not (after.classification == ROAD).any()
-
-
 @pytest.fixture(scope="module")
 def survey_with_classes(survey, tmp_path_factory):
     """The same survey with a lake, a bridge, a class of the user's own, and withheld points."""
@@ -101,10 +96,12 @@ def test_withheld_points_keep_their_class_and_flags_are_kept(kept_classes):
         assert (after.classification[overlap] != 1).mean() > 0.8
 
 
-def test_classes_that_are_not_to_be_kept_are_found_anew(survey_with_classes, tmp_path):
-    settings = ("--set", "ground_filter.kept_classes=[noise]")
+def test_classes_that_are_not_to_be_kept_are_found_anew_and_roads_can_be_left_out(
+    survey_with_classes, tmp_path
+):
+    settings = ("--set", "ground_filter.kept_classes=[noise]", "--set", "roof_selection.road_method=none")
     for before, after in classified(survey_with_classes, tmp_path / "out", *settings):
         used = np.asarray(before.withheld) == 0
-        assert not np.isin(after.classification[used], (9, 17, 70)).any()
+        assert not np.isin(after.classification[used], (9, 11, 17, 70)).any()
         lake = used & np.asarray(before.classification == 9)
-        assert np.isin(after.classification[lake], (GROUND, ROAD)).mean() > 0.95
+        assert (after.classification[lake] == GROUND).mean() > 0.95

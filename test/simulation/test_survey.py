@@ -12,6 +12,7 @@ from support.cjio_process import cjio
 from lidar_buildings.core.model.errors import OutputError, ParameterError
 from lidar_buildings.simulation import make_scene, simulate_survey, simulate_tile
 from lidar_buildings.simulation.scene import FRAME
+from lidar_buildings.simulation.survey import write_truth
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +63,9 @@ def test_files_and_tile_hold_the_same_points_and_truth(survey):
         assert np.array_equal(np.concatenate([las[name] for las in files]), expected)
 
 
-def test_the_outlines_hold_the_roof_points(survey):
+def test_the_outlines_hold_the_roof_points_and_courts(survey, tmp_path):
     folder, summary = survey
+    write_truth(tmp_path, make_scene("courtyards"))
     meta, _, wkb, columns = pyogrio.raw.read(folder / "truth.gpkg", layer="outlines")
     table = dict(zip(meta["fields"], columns, strict=True))
     polygons = shapely.from_wkb(wkb)
@@ -72,17 +74,13 @@ def test_the_outlines_hold_the_roof_points(survey):
     assert shapely.is_valid(polygons).all()
     assert np.allclose(table["area"], shapely.area(polygons))
     assert (table["height"] > 5).all()
+    _, _, courts, _ = pyogrio.raw.read(tmp_path / "truth.gpkg", layer="outlines")
+    assert shapely.get_num_interior_rings(shapely.from_wkb(courts)).tolist() == [1, 1, 1, 1]
     points = laspy.read(summary.files[0])
     for number, polygon in zip(table["building_number"], polygons, strict=True):
         rows = (points.TrueBuilding == number) & (points.TruePlane > 0)
         # Five σ of the planimetric noise and the beam's width.
         assert shapely.intersects_xy(polygon.buffer(0.25), points.x[rows], points.y[rows]).all()
-
-
-def test_courtyards_are_holes_of_the_outlines(tmp_path):
-    simulate_survey(tmp_path, "courtyards", density=0.5)
-    _, _, wkb, _ = pyogrio.raw.read(tmp_path / "truth.gpkg", layer="outlines")
-    assert shapely.get_num_interior_rings(shapely.from_wkb(wkb)).tolist() == [1, 1, 1, 1]
 
 
 def test_the_roof_faces_are_plane_in_three_dimensions(survey):
@@ -134,19 +132,15 @@ def test_the_same_seed_gives_the_same_bytes(tmp_path):
         assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes()
 
 
-def test_a_scene_without_buildings_gives_empty_layers(tmp_path):
+def test_strips_of_an_earlier_survey_do_not_stay_and_an_empty_scene_has_empty_layers(tmp_path):
+    simulate_survey(tmp_path, "dense_block", density=0.5, altitude=100.0, overlap=0.5)
+    (tmp_path / "notes.txt").write_text("mine")
     summary = simulate_survey(tmp_path, "flat_terrain_empty", density=0.5)
+    assert sorted(tmp_path.glob("*.laz")) == list(summary.files)
+    assert (tmp_path / "notes.txt").exists()
     assert summary.n_buildings == 0
     assert pyogrio.read_info(tmp_path / "truth.gpkg", layer="outlines")["features"] == 0
     assert len((tmp_path / "truth.city.jsonl").read_text().splitlines()) == 1
-
-
-def test_strips_of_an_earlier_survey_do_not_stay(tmp_path):
-    simulate_survey(tmp_path, "dense_block", density=0.5, altitude=100.0, overlap=0.5)
-    (tmp_path / "notes.txt").write_text("mine")
-    summary = simulate_survey(tmp_path, "single_house", density=0.5)
-    assert sorted(tmp_path.glob("*.laz")) == list(summary.files)
-    assert (tmp_path / "notes.txt").exists()
 
 
 def test_an_unknown_scene_or_parameter_is_refused_before_anything_is_written(tmp_path):

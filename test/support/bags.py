@@ -9,11 +9,10 @@ import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
+from support.scan_messages import SECOND, T0, cloud_of, header, odometry, transforms, xyzw
 
 from lidar_buildings.io.bags import bag_writer
 
-SECOND = 1_000_000_000
-T0 = 1_700_000_000 * SECOND
 #: Lever arm [m] and boresight angles [deg] of the scanner on the vehicle.
 MOUNTING = (0.4, -0.2, 1.1, 2.0, -1.5, 0.7)
 #: Storage → how it is written.
@@ -86,43 +85,13 @@ class BagWriter:
         self.writer.close()
 
     def header(self, time, frame):
-        stamp = self.types.types["builtin_interfaces/msg/Time"](time // SECOND, time % SECOND)
-        seq = (0,) if self.is_ros1 else ()
-        return self.types.types["std_msgs/msg/Header"](*seq, stamp, frame)
-
-    def transform(self, place, attitude):
-        types = self.types.types
-        x, y, z = map(float, place)
-        return types["geometry_msgs/msg/Transform"](
-            types["geometry_msgs/msg/Vector3"](x, y, z),
-            types["geometry_msgs/msg/Quaternion"](*map(float, attitude.as_quat())),
-        )
+        return header(time, frame)
 
     def tf(self, *edges):
-        types = self.types.types
-        return types[TF_TYPE](
-            [
-                types["geometry_msgs/msg/TransformStamped"](
-                    self.header(time, parent), child, self.transform(place, attitude)
-                )
-                for time, parent, child, place, attitude in edges
-            ]
-        )
+        return transforms(*((*edge, attitude.as_quat()) for *edge, attitude in edges))
 
     def odometry(self, time, frame, child, place, attitude):
-        types = self.types.types
-        moved = self.transform(place, attitude)
-        point = types["geometry_msgs/msg/Point"](
-            moved.translation.x, moved.translation.y, moved.translation.z
-        )
-        pose = types["geometry_msgs/msg/PoseWithCovariance"](
-            types["geometry_msgs/msg/Pose"](point, moved.rotation), np.zeros(36)
-        )
-        zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-        twist = types["geometry_msgs/msg/TwistWithCovariance"](
-            types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36)
-        )
-        return types[ODOMETRY_TYPE](self.header(time, frame), child, pose, twist)
+        return odometry(time, place, attitude.as_quat(), frame, child)
 
     def cloud(self, time, frame, points, offsets=None, **changes):
         dtype = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
@@ -137,29 +106,10 @@ class BagWriter:
 
     def cloud_of(self, time, frame, rows, **changes):
         """A cloud with a field per member of a structured array."""
-        types = self.types.types
-        field = types["sensor_msgs/msg/PointField"]
-        codes = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
-        fields = [
-            field(name, rows.dtype.fields[name][1], codes[rows.dtype[name].str[1:]], 1)
-            for name in rows.dtype.names
-        ]
-        step = rows.dtype.itemsize
-        values = {
-            "height": 1,
-            "width": len(rows),
-            "fields": fields,
-            "is_bigendian": False,
-            "point_step": step,
-            "row_step": step * len(rows),
-            "data": rows.view(np.uint8).reshape(-1),
-            "is_dense": True,
-        } | changes
-        return types[SCAN_TYPE](header=self.header(time, frame), **values)
+        return cloud_of(time, frame, rows, **{"data": rows.view(np.uint8).reshape(-1)} | changes)
 
     def origin(self, crs, x, y, z):
-        types = self.types.types
-        return types[ORIGIN_TYPE](self.header(T0, crs), types["geometry_msgs/msg/Point"](x, y, z))
+        return SimpleNamespace(header=header(T0, crs), point=xyzw((x, y, z)))
 
 
 def write_drive(path, storage="mcap", poses="odometry", pose_rate=200.0, n_points=5000, seconds=1.0):

@@ -10,7 +10,12 @@ _CODES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8
 
 
 def header(stamp, frame):
-    return SimpleNamespace(stamp=SimpleNamespace(sec=stamp // SECOND, nanosec=stamp % SECOND), frame_id=frame)
+    stamp = SimpleNamespace(sec=stamp // SECOND, nanosec=stamp % SECOND)
+    return SimpleNamespace(seq=0, stamp=stamp, frame_id=frame)
+
+
+def xyzw(numbers):
+    return SimpleNamespace(**dict(zip("xyzw", map(float, numbers), strict=False)))
 
 
 def cloud_of(stamp, frame, rows, **changes):
@@ -48,25 +53,27 @@ def scan(stamp, points, frame="lidar", seconds=None, kind="<f4", **more):
 
 
 def odometry(stamp, place, attitude=(0.0, 0.0, 0.0, 1.0), frame="odom", child="lidar"):
-    pose = SimpleNamespace(
-        position=SimpleNamespace(**dict(zip("xyz", place, strict=True))),
-        orientation=SimpleNamespace(**dict(zip("xyzw", attitude, strict=True))),
+    pose = SimpleNamespace(position=xyzw(place), orientation=xyzw(attitude))
+    still = SimpleNamespace(linear=xyzw((0, 0, 0)), angular=xyzw((0, 0, 0)))
+    return SimpleNamespace(
+        header=header(stamp, frame),
+        child_frame_id=child,
+        pose=SimpleNamespace(pose=pose, covariance=np.zeros(36)),
+        twist=SimpleNamespace(twist=still, covariance=np.zeros(36)),
     )
-    return SimpleNamespace(header=header(stamp, frame), child_frame_id=child, pose=SimpleNamespace(pose=pose))
 
 
 def transforms(*edges):
-    """A TFMessage of (stamp, parent, child, place)."""
-    none = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
+    """A TFMessage of (stamp, parent, child, place) and, where there is one, the attitude."""
     return SimpleNamespace(
         transforms=[
             SimpleNamespace(
                 header=header(stamp, parent),
                 child_frame_id=child,
                 transform=SimpleNamespace(
-                    translation=SimpleNamespace(**dict(zip("xyz", place, strict=True))), rotation=none
+                    translation=xyzw(place), rotation=xyzw(attitude[0] if attitude else (0, 0, 0, 1))
                 ),
             )
-            for stamp, parent, child, place in edges
+            for stamp, parent, child, place, *attitude in edges
         ]
     )

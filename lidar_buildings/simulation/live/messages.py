@@ -6,7 +6,6 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -27,7 +26,6 @@ from lidar_buildings.simulation.live.moving_survey import (
     MovingSurvey,
     Scan,
 )
-from lidar_buildings.simulation.survey import STRIP_NAME, make_folder, remove_surplus, strip_file, write_truth
 
 SCAN, ODOMETRY, ORIGIN, FIX = "scan", "odometry", "map_origin", "fix"
 TF, TF_STATIC, CLOCK = "/tf", "/tf_static", "/clock"
@@ -115,40 +113,34 @@ class LiveMessages:
     def _header(self, stamp: int, frame: str) -> Any:
         return self._make("std_msgs/msg/Header", stamp=self._time(stamp), frame_id=frame)
 
-    def _vector(self, kind: str, numbers: tuple[float, float, float]) -> Any:
-        return self._make(f"geometry_msgs/msg/{kind}", **dict(zip("xyz", numbers, strict=True)))
+    def _geometry(self, kind: str, **members: Any) -> Any:
+        return self._make(f"geometry_msgs/msg/{kind}", **members)
 
-    def _quaternion(self, pose: Pose) -> Any:
-        return self._make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", pose.quaternion, strict=True)))
+    def _vector(self, kind: str, numbers: tuple[float, ...]) -> Any:
+        return self._geometry(kind, **dict(zip("xyzw", numbers, strict=False)))
 
     def _transform(self, topic: str, stamp: int, parent: str, child: str, pose: Pose) -> Any:
-        moved = self._make(
-            "geometry_msgs/msg/Transform",
-            translation=self._vector("Vector3", pose.translation),
-            rotation=self._quaternion(pose),
+        translation, rotation = (
+            self._vector("Vector3", pose.translation),
+            self._vector("Quaternion", pose.quaternion),
         )
-        one = self._make(
-            "geometry_msgs/msg/TransformStamped",
-            header=self._header(stamp, parent),
-            child_frame_id=child,
-            transform=moved,
-        )
+        moved = self._geometry("Transform", translation=translation, rotation=rotation)
+        header = self._header(stamp, parent)
+        one = self._geometry("TransformStamped", header=header, child_frame_id=child, transform=moved)
         return self._of(topic, transforms=[one])
 
     def _odometry(self, event: BodyPose) -> Any:
-        place = self._make(
-            "geometry_msgs/msg/Pose",
-            position=self._vector("Point", event.pose.translation),
-            orientation=self._quaternion(event.pose),
-        )
+        position = self._vector("Point", event.pose.translation)
+        orientation = self._vector("Quaternion", event.pose.quaternion)
+        pose = self._geometry("Pose", position=position, orientation=orientation)
         still = self._vector("Vector3", (0.0, 0.0, 0.0))
-        twist = self._make("geometry_msgs/msg/Twist", linear=still, angular=still)
+        twist = self._geometry("Twist", linear=still, angular=still)
         return self._of(
             ODOMETRY,
             header=self._header(event.stamp, MAP),
             child_frame_id=BODY,
-            pose=self._make("geometry_msgs/msg/PoseWithCovariance", pose=place, covariance=np.zeros(36)),
-            twist=self._make("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+            pose=self._geometry("PoseWithCovariance", pose=pose, covariance=np.zeros(36)),
+            twist=self._geometry("TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
         )
 
     def _fix(self, event: BodyPose) -> Any:
@@ -167,14 +159,13 @@ class LiveMessages:
     def _cloud(self, scan: Scan) -> Any:
         height, width = scan.rows.shape
         step = scan.rows.dtype.itemsize
+        fields = members_of_fields(scan.rows.dtype)
         return self._of(
             SCAN,
             header=self._header(scan.stamp, SENSOR),
             height=height,
             width=width,
-            fields=[
-                self._make("sensor_msgs/msg/PointField", **one) for one in members_of_fields(scan.rows.dtype)
-            ],
+            fields=[self._make("sensor_msgs/msg/PointField", **one) for one in fields],
             is_bigendian=False,
             point_step=step,
             row_step=step * width,
@@ -321,44 +312,6 @@ class SurveyBag:
 
     def _write(self, told: Told, time: int) -> None:
         self._bag.write(_absolute(told.topic), TYPES[told.topic], time, told.message)
-
-
-class SurveyFiles:
-    """
-    The files that `simulate_survey` makes, of a survey on the move: a LAZ file per leg, and the truth.
-
-    `files` are the clouds that are complete, and at the end the truth. OutputError if the folder or a file
-    cannot be written.
-    """
-
-    def __init__(self, output: Path, survey: MovingSurvey) -> None:
-        self.files: list[Path] = []
-        self._output, self._scene = output, survey.scene
-        self._leg = 0
-        self._file = ExitStack()
-        make_folder(output)
-
-    def __enter__(self) -> SurveyFiles:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        self._file.close()  # of an interrupted survey with what there is
-        if kind is None or issubclass(kind, KeyboardInterrupt):
-            remove_surplus(self._output, self.files)
-            self.files.extend(write_truth(self._output, self._scene))
-
-    def add(self, event: Scan | BodyPose) -> None:
-        """Write the returns of a scan."""
-        if not isinstance(event, Scan) or not len(event.truth.points):
-            return
-        leg = int(event.truth.point_source_id[0])
-        if leg != self._leg:
-            self._file.close()
-            self._leg = leg
-            path = self._output / STRIP_NAME.format(leg)
-            self._write = self._file.enter_context(strip_file(path, self._scene.frame))
-            self.files.append(path)
-        self._write(event.truth)
 
 
 def _absolute(topic: str) -> str:

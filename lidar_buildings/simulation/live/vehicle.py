@@ -63,7 +63,7 @@ MIN_STEEPNESS = 1e-6
 #: The terrain is found to this [m], by the rule of false position.
 TERRAIN_TOLERANCE, TERRAIN_ROUNDS = 1e-5, 20
 #: A ray's random numbers: its noise, its way into a crown, its brightness.
-DRAW_RANGE, DRAW_LEAF, DRAW_BRIGHTNESS = 0, 2, 3
+DRAW_RANGE, DRAW_LEAF, DRAW_BRIGHTNESS = np.array([0, 2, 3])
 #: Columns that `measure_rays` writes: range [m], 0 = no return, intensity, and what is true.
 RANGE, INTENSITY, TRUE_CLASS, TRUE_BUILDING, TRUE_PLANE = range(5)
 

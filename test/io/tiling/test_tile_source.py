@@ -186,8 +186,8 @@ def test_a_known_survey_has_the_buffer_that_it_had(tmp_path):
 def test_memory_holds_a_chunk_and_a_tile_whatever_the_size():
     # In a process of its own, where nothing else takes memory. What the first tiles load does not count.
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as own_process:
-        n_points, peak = own_process.submit(peak_of_surveys, 2, 160).result()
-    assert n_points == 160 * 25_000
+        n_points, peak = own_process.submit(peak_of_surveys, 2, 100).result()
+    assert n_points == 100 * 25_000
     everything = n_points * RECORD.itemsize
     assert peak < everything / 4, f"{peak / 1e6:.0f} MB in memory for {everything / 1e6:.0f} MB of points"
 
