@@ -147,6 +147,8 @@ def _cells(
 
 #: Kinds of surface.
 ON_TERRAIN, ON_ROOF, ON_WALL = np.arange(3)
+#: Row of what has no table, such as the terrain; an int64 as rows are, for kernels that are compiled once.
+NO_ROW = np.int64(-1)
 #: The terrain is found to this [m] by fixed-point iteration; slope · lean < 0.1 gains a digit in each round.
 TERRAIN_TOLERANCE, TERRAIN_ROUNDS = 1e-4, 10
 #: A face is missed by beams along it: cosine-like measure of how much it faces the beam.
@@ -183,7 +185,7 @@ def terrain_hit(beam, guess, terrain):
 def first_hit(beam, cell, terrain_z, surfaces):
     """Elevation, kind of surface and its row for the first solid thing on the beam."""
     _, faces, edges, walls, _, _, _, _, start, items = surfaces
-    best, kind, row = terrain_z, ON_TERRAIN, -1
+    best, kind, row = terrain_z, ON_TERRAIN, NO_ROW
     for place in range(start[FACES, cell], start[FACES, cell + 1]):
         face = items[place]
         z = face_hit(beam, faces[face], edges, 1.0)

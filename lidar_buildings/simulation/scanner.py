@@ -18,6 +18,7 @@ from lidar_buildings.simulation.casting import (
     CELL_START,
     CROWNS,
     FACES,
+    NO_ROW,
     ON_ROOF,
     ON_TERRAIN,
     ON_WALL,
@@ -120,9 +121,10 @@ def gross_error(key, share, terrain_z, hits):
     if uniform(key, DRAW_ERROR) >= share:
         return 0
     far = uniform(key, DRAW_ERROR + 1)
+    z, kind = terrain_z + HIGH_FROM + far * (HIGH_TO - HIGH_FROM), TOO_HIGH
     if uniform(key, DRAW_ERROR + 2) < 0.5:
-        return _write(hits, 0, terrain_z - LOW_FROM - far * (LOW_TO - LOW_FROM), TOO_LOW, -1)
-    return _write(hits, 0, terrain_z + HIGH_FROM + far * (HIGH_TO - HIGH_FROM), TOO_HIGH, -1)
+        z, kind = terrain_z - LOW_FROM - far * (LOW_TO - LOW_FROM), TOO_LOW
+    return _write(hits, np.int64(0), z, kind, NO_ROW)
 
 
 @kernel
@@ -130,7 +132,7 @@ def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     """Write elevation, kind and row of each return, highest first; the number of returns."""
     z, kind, row = first_hit(beam, cell, terrain_z, surfaces)
     start = surfaces[CELL_START]
-    n_returns = 0
+    n_returns = np.int64(0)
     if start[CROWNS, cell + 1] > start[CROWNS, cell]:
         n_returns = _crown_returns(key, beam, cell, z, surfaces, hits)
         if n_returns > 0 and uniform(key, DRAW_SOLID) > TRANSMISSION**n_returns:
@@ -166,7 +168,7 @@ def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
 @kernel
 def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
     """Write the returns from leaves above the solid hit; their number."""
-    n_returns, draw = 0, DRAW_CROWN
+    n_returns, draw = np.int64(0), DRAW_CROWN
     below, last = np.inf, np.inf
     while n_returns < MAX_CROWN_RETURNS:
         entry, leaving = next_crown(beam, cell, below, surfaces)
@@ -176,7 +178,7 @@ def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
         z = min(entry - FIRST_LEAF_DISTANCE * exponential(key, draw), last - MIN_SEPARATION)
         draw += 1
         while z > floor and n_returns < MAX_CROWN_RETURNS:
-            n_returns = _write(hits, n_returns, z, IN_CROWN, -1)
+            n_returns = _write(hits, n_returns, z, IN_CROWN, NO_ROW)
             last = z
             z -= MIN_SEPARATION + LEAF_DISTANCE * exponential(key, draw)
             draw += 1

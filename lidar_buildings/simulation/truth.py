@@ -1,10 +1,7 @@
-"""
-What is true of a scene: a GeoPackage of `outlines` and `roof_faces`, and CityJSONSeq 2.0.
-"""
+"""What is true of a scene: a GeoPackage of `outlines` and `roof_faces`, and CityJSONSeq 2.0."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -30,38 +27,22 @@ OUTLINE_COLUMNS: dict[str, type] = {
     "area": float,
     "n_planes": int,
 }
-FACE_COLUMNS: dict[str, type] = {
-    "building_number": int,
-    "plane_id": int,
-    "slope_deg": float,
-    "area": float,
-}
+FACE_COLUMNS: dict[str, type] = {"building_number": int, "plane_id": int, "slope_deg": float, "area": float}
 
 
 def building_attributes(scene: VirtualScene) -> list[dict[str, Any]]:
     """Return one row per building; elevations in the source's reference system [m]."""
     if not scene.buildings:
         return []
-    return [
-        _attributes(b, int(block), scene.frame.origin[2])
-        for b, block in zip(scene.buildings, scene.blocks(), strict=True)
-    ]
-
-
-def _attributes(building: Building, block: int, zero: float) -> dict[str, Any]:
-    """Attributes of one building; touching buildings have the same block number."""
-    low, high = building.roof_elevation_range
-    return {
-        "building_number": building.number,
-        "block_number": block,
-        "roof_type": building.roof_type,
-        "ground_elevation": building.ground_elevation + zero,
-        "roof_elevation_min": low + zero,
-        "roof_elevation_max": high + zero,
-        "height": building.height,
-        "area": building.outline.area,
-        "n_planes": len(building.faces),
-    }
+    zero, rows = scene.frame.origin[2], []
+    for building, block in zip(scene.buildings, scene.blocks().tolist(), strict=True):  # of touching ones
+        low, high = building.roof_elevation_range
+        values = (
+            *(building.number, block, building.roof_type, building.ground_elevation + zero, low + zero),
+            *(high + zero, building.height, building.outline.area, len(building.faces)),
+        )
+        rows.append(dict(zip(OUTLINE_COLUMNS, values, strict=True)))
+    return rows
 
 
 def write_truth_layers(path: Path, scene: VirtualScene) -> None:
@@ -98,14 +79,8 @@ SCALE = 0.001
 
 def write_truth_city_model(path: Path, scene: VirtualScene) -> None:
     """Write the header and one feature per building, one JSON text per line."""
-    path.write_text("".join(f"{line}\n" for line in city_model_lines(scene)), encoding="utf-8")
-
-
-def city_model_lines(scene: VirtualScene) -> Iterator[str]:
-    """Yield the lines of the CityJSONSeq."""
-    yield compact_json(_header(scene))
-    for building, attributes in zip(scene.buildings, building_attributes(scene), strict=True):
-        yield compact_json(_feature(building, attributes))
+    texts = [_header(scene), *map(_feature, scene.buildings, building_attributes(scene))]
+    path.write_text("".join(f"{compact_json(one)}\n" for one in texts), encoding="utf-8")
 
 
 def _header(scene: VirtualScene) -> dict[str, Any]:

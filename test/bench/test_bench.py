@@ -32,16 +32,17 @@ def write_scene(path, cloud, corner=(500.0, 700.0)):
     write_las(path, cloud.points, np.where(cloud.is_ground, 2, 1), corner, gps_time=cloud.scan["gps_time"])
 
 
-@pytest.fixture
-def data(tmp_path):
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
     """A data folder with two samples, and fusa's folder in two files."""
-    write_scene(tmp_path / "isprs" / "samp01.laz", small_scene(1))
-    write_scene(tmp_path / "isprs" / "samp02.laz", small_scene(2))
-    write_scene(tmp_path / "isprs" / "CSite.laz", small_scene(3))
-    write_scene(tmp_path / "fusa" / "west.laz", small_scene(4))
-    write_scene(tmp_path / "fusa" / "east.laz", small_scene(5), (540.0, 700.0))
-    write_scene(tmp_path / "delft" / "one.laz", small_scene(6))
-    return tmp_path
+    folder = tmp_path_factory.mktemp("data")
+    write_scene(folder / "isprs" / "samp01.laz", small_scene(1))
+    write_scene(folder / "isprs" / "samp02.laz", small_scene(2))
+    write_scene(folder / "isprs" / "CSite.laz", small_scene(3))
+    write_scene(folder / "fusa" / "west.laz", small_scene(4))
+    write_scene(folder / "fusa" / "east.laz", small_scene(5), (540.0, 700.0))
+    write_scene(folder / "delft" / "one.laz", small_scene(6))
+    return folder
 
 
 def test_files_are_read_as_one_cloud_near_the_map_s_origin_with_time_and_truth(data):

@@ -13,16 +13,17 @@ from bench.edges import truth as edge_outlines
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 
 
-@pytest.fixture
-def data(tmp_path):
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
     """A data folder with all four areas; Toronto's points have no classes."""
+    folder = tmp_path_factory.mktemp("data")
     points, roof = houses_on_a_lawn()
     for name in ("delft", "montpellier", "fusa"):
-        write_las(tmp_path / name / "a.laz", points, np.where(roof, 6, 2))
-    write_las(tmp_path / "toronto" / "a.laz", points, np.ones(len(points)))
+        write_las(folder / name / "a.laz", points, np.where(roof, 6, 2))
+    write_las(folder / "toronto" / "a.laz", points, np.ones(len(points)))
     # The map has the first house only.
-    write_polygons(tmp_path / "delft" / "blocks_nw.gpkg", [shapely.box(*HOUSES[0])])
-    return tmp_path
+    write_polygons(folder / "delft" / "blocks_nw.gpkg", [shapely.box(*HOUSES[0])])
+    return folder
 
 
 def test_areas_are_roofs_of_a_map_of_classes_and_of_this_package(data):
@@ -40,8 +41,9 @@ def test_areas_are_roofs_of_a_map_of_classes_and_of_this_package(data):
     assert areas["fusa"].spacing == pytest.approx(DENSITY**-0.5, rel=0.1)
 
 
-def test_every_method_is_scored_in_every_area_as_published_and_by_default(data, capsys):
-    edges.main(["--data", str(data)])
+def test_every_method_is_scored_in_every_area_as_published_and_by_default(data, tmp_path, capsys):
+    edges.main(["--data", str(data), "--plot", str(tmp_path / "scores.png")])
+    assert (tmp_path / "scores.png").read_bytes().startswith(b"\x89PNG")
     output = capsys.readouterr().out
     sizes = output.split("Published:")[0]
     assert [words[1] for name in ("delft", "fusa") for words in lines_of(sizes, name)] == ["1", "2"]
@@ -53,17 +55,10 @@ def test_every_method_is_scored_in_every_area_as_published_and_by_default(data, 
             figures = np.array([[float(word) for word in words[2:]] for words in rows])
             assert ((figures >= 0) & (figures <= 100)).all()
             np.testing.assert_allclose(figures[4], figures[:4].mean(axis=0), atol=0.011)
+    assert float(lines_of(default, "k_means_linearity")[-1][4]) > 90, "on two plain houses"
     assert not lines_of(published, edges.CONTROL)
     assert len(lines_of(default, edges.CONTROL)) == 5
     assert "61 to 98 %" in output
-
-
-def test_on_two_plain_houses_most_rims_are_found_and_the_scores_are_drawn(data, tmp_path, capsys):
-    options = ["--variants", "default", "--plot", str(tmp_path / "scores.png")]
-    edges.main(["--data", str(data), "--methods", "k_means_linearity", *options])
-    assert (tmp_path / "scores.png").read_bytes().startswith(b"\x89PNG")
-    mean = lines_of(capsys.readouterr().out, "k_means_linearity")[-1]
-    assert float(mean[4]) > 90
 
 
 def test_parameters_are_used_and_what_the_methods_choose_is_refused():

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.simulation.casting import surfaces_of
 from lidar_buildings.simulation.flight import TAKE_OFF, SimulationConfig, Strip, plan_flight
 from lidar_buildings.simulation.live.moving_survey import (
@@ -61,42 +62,33 @@ def fly(
     """
     if pulse_rate is not None and not pulse_rate > 0:
         raise ParameterError(f"pulse rate = {pulse_rate}: must be above 0 [1/s]")
-    flight = _Flight(scene, seed, config, _timed(plan_flight(scene, config), pulse_rate))
-    legs = tuple(_leg(strip) for strip in flight.strips)
-    return MovingSurvey(scene, MOUNTING, legs, POSE_RATE, flight.scans_of)
+    strips = _timed(plan_flight(scene, config), pulse_rate)
+    surfaces, mounting = surfaces_of(scene, config.max_scan_angle_deg), mounting_pose(MOUNTING)
 
-
-class _Flight:
-    """Measures the strips scan by scan, as the scanner sees them."""
-
-    def __init__(self, scene: VirtualScene, seed: int, config: SimulationConfig, strips: list[Strip]) -> None:
-        self.strips = strips
-        self._scene, self._seed, self._config = scene, seed, config
-        self._surfaces = surfaces_of(scene, config.max_scan_angle_deg)
-        self._mounting = mounting_pose(MOUNTING)
-
-    def scans_of(self, leg: Leg) -> Iterator[Scan]:
-        """Yield the scans of a strip that have returns."""
-        strip = self.strips[leg.number - 1]
+    def scans_of(leg: Leg) -> Iterator[Scan]:
+        strip = strips[leg.number - 1]
         n_scans = int(np.ceil(strip.duration * SCAN_RATE))
         firsts = [round(number * strip.pulse_rate / SCAN_RATE) for number in range(n_scans)]
         for window in pairwise([*firsts, strip.n_pulses]):
-            points = measured(strip, window, self._scene.size, self._seed, self._surfaces, self._config)
+            points = measured(strip, window, scene.size, seed, surfaces, config)
             # whole millimetres: placed again, and rounded as in a file, they are the same numbers
             points = replace(points, points=np.round(points.points / SCALE) * SCALE)
             if len(points.points):
                 begin, end = (leg.stamp + round(pulse / strip.pulse_rate * SECOND) for pulse in window)
-                yield Scan(begin, end, self._rows(leg, points, points.gps_time - strip.start_time), points)
+                elapsed = points.gps_time - strip.start_time
+                yield Scan(begin, end, _rows(leg, mounting, points, elapsed), points)
 
-    def _rows(self, leg: Leg, points: StripPoints, elapsed: NDArray[np.float64]) -> NDArray[Any]:
-        rows = np.empty((1, len(elapsed)), dtype=ROW)
-        seen = leg.at(elapsed).of_mounted(self._mounting).seen(points.points)
-        rows["x"], rows["y"], rows["z"] = seen.T
-        rows["timestamp"] = leg.stamp / SECOND + elapsed
-        rows["scan_direction_flag"] = points.scan_direction
-        for name in ("intensity", "scan_angle", "point_source_id", "return_number", "number_of_returns"):
-            rows[name] = getattr(points, name)
-        return rows
+    return MovingSurvey(scene, MOUNTING, tuple(map(_leg, strips)), POSE_RATE, scans_of)
+
+
+def _rows(leg: Leg, mounting: Pose, points: StripPoints, elapsed: NDArray[np.float64]) -> NDArray[Any]:
+    rows = np.empty((1, len(elapsed)), dtype=ROW)
+    rows["x"], rows["y"], rows["z"] = leg.at(elapsed).of_mounted(mounting).seen(points.points).T
+    rows["timestamp"] = leg.stamp / SECOND + elapsed
+    rows["scan_direction_flag"] = points.scan_direction
+    for name in ("intensity", "scan_angle", "point_source_id", "return_number", "number_of_returns"):
+        rows[name] = getattr(points, name)
+    return rows
 
 
 def _timed(strips: tuple[Strip, ...], pulse_rate: float | None) -> list[Strip]:
@@ -105,14 +97,9 @@ def _timed(strips: tuple[Strip, ...], pulse_rate: float | None) -> list[Strip]:
     for strip in strips:
         faster = 1.0 if pulse_rate is None else pulse_rate / strip.pulse_rate
         begin = timed[-1].start_time + timed[-1].duration + TURN if timed else TAKE_OFF
-        timed.append(
-            replace(
-                strip,
-                speed=strip.speed * faster,
-                pulse_rate=strip.pulse_rate * faster,
-                start_time=float(np.ceil(begin)),
-            )
-        )
+        speed, rate = strip.speed * faster, strip.pulse_rate * faster
+        start = float(np.ceil(begin))
+        timed.append(replace(strip, speed=speed, pulse_rate=rate, start_time=start))
     return timed
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import queue
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -175,7 +175,6 @@ class LiveMessages:
 
 
 Item = TypeVar("Item")
-_END = object()
 _SECOND = 1e-9
 
 
@@ -183,12 +182,10 @@ _SECOND = 1e-9
 class PlayReport:
     """How a survey was played."""
 
-    #: What was told.
     n_scans: int = 0
     n_points: int = 0
-    #: Wall time with and without scans [s].
-    busy: float = 0.0
-    pauses: float = 0.0
+    busy: float = 0.0  #: wall time with scans [s]
+    pauses: float = 0.0  #: wall time without [s]
     worst_delay: float = 0.0  #: by how much at most something came too late [s]
 
     @property
@@ -208,39 +205,17 @@ def ahead(items: Iterable[Item], depth: int) -> Generator[Item, None, None]:
     """
     Yield items that a thread of their own makes, at most `depth` of them ahead.
 
-    What goes wrong in making them is raised here; the thread ends when the iterator is closed.
+    An error in making them is raised here; the thread ends when the iterator is closed.
     """
-    ready: queue.Queue[Any] = queue.Queue(depth)
-    is_over = threading.Event()
-
-    def offer(item: object) -> None:
-        while not is_over.is_set():
-            try:
-                ready.put(item, timeout=0.1)
-                return
-            except queue.Full:
-                continue
-
-    def work() -> None:
-        try:
-            for item in items:
-                offer(item)
-                if is_over.is_set():
-                    return
-            offer(_END)
-        except BaseException as error:
-            offer(error)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
+    source, end = iter(items), object()
+    thread = ThreadPoolExecutor(1)
     try:
-        while (item := ready.get()) is not _END:
-            if isinstance(item, BaseException):
-                raise item
+        made = deque(thread.submit(next, source, end) for _ in range(depth))
+        while (item := made.popleft().result()) is not end:
+            made.append(thread.submit(next, source, end))
             yield item
     finally:
-        is_over.set()
-        thread.join()
+        thread.shutdown(cancel_futures=True)
 
 
 class Pace:

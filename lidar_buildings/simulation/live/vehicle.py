@@ -22,6 +22,7 @@ from lidar_buildings.simulation.casting import (
     CELL,
     CROWNS,
     FACES,
+    NO_ROW,
     ON_ROOF,
     ON_TERRAIN,
     ON_WALL,
@@ -112,7 +113,7 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
     dx, dy, dz = direction
     sense = 1.0 if dz < 0.0 else -1.0
     beam = x, y, z, -dx / dz, -dy / dz
-    best, kind, item, begin = np.inf, -1, -1, 0.0
+    best, kind, item, begin = np.inf, NO_ROW, NO_ROW, 0.0
     # the ray nears the ground by at most this per metre, so for a while it need not be looked at
     nearing = max(steepest * np.hypot(dx, dy) - dz, 1e-9)
     looked, above = 0.0, _clearance(origin, direction, 0.0, surfaces[0])
@@ -130,12 +131,12 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
             if under < 0.0 < above:
                 ground = _ground_between(origin, direction, looked, end, above, under, surfaces[0])
                 if ground < best:
-                    best, kind, item = ground, ON_TERRAIN, -1
+                    best, kind, item = ground, ON_TERRAIN, NO_ROW
             looked, above = end, under
         if best <= end:
             break
         begin = end
-    return (best, kind, item) if best <= max_range else (np.inf, -1, -1)
+    return (best, kind, item) if best <= max_range else (np.inf, NO_ROW, NO_ROW)
 
 
 @kernel
@@ -177,7 +178,7 @@ def _leaves_in(beam, dz, sense, cell, key, surfaces, best, kind, item):
         near, far = (upper, lower) if sense > 0.0 else (lower, upper)
         distance = (near - top) / dz + FIRST_LEAF_DISTANCE * exponential(key, DRAW_LEAF)
         if MIN_RANGE < distance < min(best, (far - top) / dz):
-            best, kind, item = distance, IN_CROWN, -1
+            best, kind, item = distance, IN_CROWN, NO_ROW
     return best, kind, item
 
 
