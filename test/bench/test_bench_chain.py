@@ -3,12 +3,10 @@
 import json
 import os
 import sys
-from types import SimpleNamespace
 
 import laspy
 import numpy as np
 import pytest
-from support.scan_messages import SECOND, T0, cloud_of, odometry
 
 from bench.chain import report
 from bench.chain import run as chain
@@ -16,10 +14,7 @@ from bench.chain.child import PERIOD, run_child
 from bench.chain.copies import GAP, PAUSE, input_files
 from bench.chain.decoding import decode
 from bench.chain.live import Sending, latencies
-from bench.chain.repeated import repeat_bags
 from bench.pages import landings
-from lidar_buildings.commands import live
-from lidar_buildings.io.bags.bag import CLOUD, ODOMETRY, POINT, BagMessage
 
 
 @pytest.fixture(scope="module")
@@ -151,26 +146,3 @@ def test_latencies_of_a_feed_count_from_a_tiles_last_point():
         1,
         100,
     ]
-
-
-def test_a_bag_that_is_repeated_goes_on_later_and_further_east(monkeypatch):
-    rows = np.zeros(3, [("x", "<f4"), ("timestamp", "<f8")])
-
-    def read(*_):
-        rows["timestamp"] = T0 / SECOND + np.arange(3)
-        yield BagMessage("/map_origin", POINT, T0, None)
-        yield BagMessage("/odometry", ODOMETRY, T0, odometry(T0, (1.0, 2.0, 3.0)))
-        yield BagMessage("/scan", CLOUD, T0 + SECOND, cloud_of(T0 + SECOND, "lidar", rows))
-
-    monkeypatch.setattr(live, "chosen_messages", read)
-    repeat_bags(3)
-    topics = SimpleNamespace(of_whole={"/map_origin"})
-    origin, *rest = list(live.chosen_messages(None, topics, None))
-    assert origin.type == POINT
-    assert [one.time - T0 for one in rest] == [k * SECOND for k in (0, 1, 3, 4, 6, 7)]
-    poses, clouds = rest[::2], rest[1::2]
-    assert [one.message.pose.pose.position.x for one in poses] == [1.0, 4001.0, 8001.0]
-    assert [one.message.header.stamp.sec * SECOND for one in rest] == [one.time for one in rest]
-    for k, one in enumerate(clouds):
-        times = np.frombuffer(one.message.data, rows.dtype)["timestamp"]
-        np.testing.assert_allclose(times - T0 / SECOND, np.arange(3) + 3 * k)

@@ -79,12 +79,3 @@ def test_labels_are_compared_with_exact_outlines_too(capsys):
     assert [words[1:3] for words in scores] == [["single_house", "6"]] * 2
     assert float(scores[1][4]) > float(scores[0][4])
     assert float(scores[1][5]) > 85
-
-
-def test_outline_scores_count_what_should_and_what_may_be_an_edge():
-    distance = np.array([0.1, 0.4, 0.8, 0.9, 2.0, 3.0])
-    score = edge_outlines.score_of(np.array([1, 0, 1, 0, 1, 0], dtype=bool), distance, 1.0)
-    assert (score.completeness, score.correctness) == (1 / 2, 2 / 3)
-    assert score.f_score == pytest.approx(4 / 7)
-    with pytest.raises(SystemExit):
-        edge_outlines.main(["--methods", "nonsense"])

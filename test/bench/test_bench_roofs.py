@@ -7,7 +7,6 @@ from support.lawn import write_las
 from support.score_files import write_polygons
 from support.tables import lines_of
 
-from bench.roofs import methods as roof_methods
 from bench.roofs import run as roofs
 from bench.roofs import scenes as roof_scenes
 from bench.scenes.roof_site import GROUND, RoofSite
@@ -93,10 +92,3 @@ def test_scenes_have_their_own_noise_unless_another_is_asked_for():
     flat = smooth.is_building & (abs(smooth.points[:, 2] - GROUND - 9) < 1e-9)
     assert flat.sum() > 50
     assert not (abs(own.points[:, 2] - GROUND - 9) < 1e-9).any()
-
-
-def test_points_that_may_be_either_are_not_counted():
-    found, true = np.array([True, True, False, False]), np.array([True, False, True, False])
-    assert roof_methods.point_score(found, true).f1 == pytest.approx(0.5)
-    score = roof_methods.point_score(found, true, np.array([True, False, True, True]))
-    assert (score.precision, score.recall) == (1.0, 0.5)

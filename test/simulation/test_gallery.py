@@ -29,10 +29,3 @@ def test_roof_points_lie_on_their_plane_and_inside_their_outline(name, rotation_
         x, y, z = scene.points[rows].T
         assert np.abs(z - (a * x + b * y + c)).max() < 5 * 0.02
         assert shapely.intersects_xy(building.polygon.buffer(1e-6), x, y).all()
-
-
-@pytest.mark.parametrize("name", sorted(set(HOUSES) - {"duplicates", "tree_over_eave", "sparse"}))
-def test_scenes_have_the_density_asked_for(name):
-    scene = scenes.GALLERY[name](density=6.0)
-    area = np.prod(np.ptp(scene.points[:, :2], axis=0))
-    assert len(scene.points) / area == pytest.approx(6.0, rel=0.03)
