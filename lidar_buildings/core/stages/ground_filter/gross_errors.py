@@ -178,6 +178,8 @@ def _blocks_around(blocks: CellGrid) -> NDArray[np.int64]:
 GROUP_REACH = 3
 #: Columns around that support the level of a group: fewer may be gross errors themselves ...
 MIN_SUPPORT = 6
+#: ... and most of these from one other small group.
+MAX_OF_SMALL = 2
 #: By what share the radius shrinks per unit of slope: the steeper, the less far terrain is plane.
 SHRINKAGE = 1.0
 #: A group has to be below the larger part of what is around: this many columns for each of its own.
@@ -226,9 +228,11 @@ def _judge_low(layers, bottom, seeds, state, group_of):  # type: ignore[no-untyp
     members, begins = _gather_groups(layers, seeds, state, group_of)
     errors, open_cases = np.empty(len(members), np.int64), np.empty(len(begins), np.int64)
     n_errors, n_open = 0, 0
+    # How many columns of a small group support the one under judgement, which is noted beside.
+    counted, judged = np.zeros(len(state), dtype=np.int64), np.full(len(state), -1, dtype=np.int64)
     for i in range(len(begins) - 1):
         group = members[begins[i] : begins[i + 1]]
-        if _is_supported(layers, bottom, group, group_of):
+        if _is_supported(layers, bottom, group, state, group_of, counted, judged):
             open_cases[n_open] = group[0]
             n_open += 1
         elif not is_open_pit(layers, group):
@@ -290,8 +294,12 @@ def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore
 
 
 @kernel
-def _is_supported(layers, bottom, group, group_of):  # type: ignore[no-untyped-def]
-    """Whether enough columns around reach down to a group's level, or too few are there to tell."""
+def _is_supported(layers, bottom, group, state, group_of, counted, judged):  # type: ignore[no-untyped-def]
+    """
+    Whether enough columns around reach down to a group's level, or too few are there to tell.
+
+    Another small group, which may be an error as well, counts for no more than two of its columns.
+    """
     seed, k = group[0], layers.column[group[0]]
     top = -np.inf
     for layer in group:
@@ -311,11 +319,22 @@ def _is_supported(layers, bottom, group, group_of):  # type: ignore[no-untyped-d
                 continue
             if low_end(layers, b) - rise(layers, k, across, step) > top + LOW_GAP:
                 n_above += 1
-            else:
+            elif state[b] == LARGE or group_of[b] < 0:
                 n_level += 1
+            else:
+                n_level += _count_small(group_of[b], seed, counted, judged)
             if n_level >= MIN_SUPPORT:
                 return True
     return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
+
+
+@kernel
+def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
+    """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
+    if judged[small] != seed:
+        judged[small], counted[small] = seed, 0
+    counted[small] += 1
+    return 1 if counted[small] <= MAX_OF_SMALL else 0
 
 
 # Chosen with `bench.ground.noise` and the courtyards, pits and shafts of the tests.
