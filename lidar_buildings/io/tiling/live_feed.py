@@ -231,6 +231,7 @@ class LiveFeed:
         self._tell_of_lack(time.monotonic())
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
+            self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._is_flushing and self._survey.is_flushed):
                 self._has_work.set()

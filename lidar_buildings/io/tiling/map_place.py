@@ -161,6 +161,12 @@ class MapPlace(NamedTuple):
         """Return a scan in the map."""
         return scan if self.level is None else self.level.placed(scan)
 
+    def distances(self, pairs: Pairs) -> _Floats:
+        """Return how far satellite positions are in plan from where they are by the poses, shape (n,) [m]."""
+        track = pairs.track if self.level is None else self.level.in_grid(pairs.track)
+        away = grid_coordinates(pairs.seen, self.frame.crs) - self.frame.origin - track
+        return np.hypot(away[:, 0], away[:, 1])
+
 
 def place_by_fixes(pairs: Pairs) -> MapPlace:
     """
@@ -224,6 +230,9 @@ def _words(pairs: Pairs, fit: TrackFit, crs: str, said: str) -> tuple[str, tuple
 _NO_FIX = -1
 #: The least error that is believed [m].
 _LEAST_ERROR = 0.02
+#: From UTC to the time of GPS, and of atoms, since 2017; how much later than poses, or sooner, fixes come
+#: [s]; and how many fixes settle it.
+_CLOCKS, _DELAY, _N_LAGS = (18, 37), 1.5, 5
 _SECOND = 1_000_000_000
 #: Fixes that wait for their poses.
 _MOST_WAITING = 10_000
@@ -253,12 +262,18 @@ class Fix(NamedTuple):
 
 
 class SatelliteFixes:
-    """Gathers fixes and the poses at their times; `n_came` have come, of which `n_usable` are valid."""
+    """
+    Gathers fixes and the poses at their times; `n_came` have come, of which `n_usable` are valid.
+
+    GPS time or TAI beside poses in UTC, or the other way round, is corrected.
+    """
 
     def __init__(self) -> None:
         self.n_came = self.n_usable = 0
         self._waiting: deque[Fix] = deque(maxlen=_MOST_WAITING)
-        self._lag: float | None = None
+        #: By how much the first fixes are ahead of the poses, and the offset of their clock [s].
+        self._lags: list[float] = []
+        self._clock = 0
         self._paired: list[tuple[Fix, NDArray[np.float64]]] = []
 
     def take(self, message: Any, placer: ScanPlacer) -> None:
@@ -268,8 +283,9 @@ class SatelliteFixes:
             return
         self.n_usable += 1
         self._waiting.append(fix)
-        if self._lag is None and (antenna := Antenna.of(fix.frame, placer)) is not None:
-            self._lag = (fix.stamp - antenna.known_until(placer)) / _SECOND
+        if len(self._lags) < _N_LAGS and (antenna := Antenna.of(fix.frame, placer)) is not None:
+            self._lags.append((fix.stamp - antenna.known_until(placer)) / _SECOND)
+            self._clock = _clock_of(float(np.median(self._lags)))
 
     def pair(self, placer: ScanPlacer) -> int:
         """Find the poses of fixes that wait; return how many were found."""
@@ -281,7 +297,7 @@ class SatelliteFixes:
             if antenna is None:
                 self._waiting.extend(own)
                 continue
-            times = np.array([one.stamp for one in own])
+            times = np.array([one.stamp for one in own]) - self._clock * _SECOND
             places, is_known = antenna.places(placer, times)
             self._paired.extend((own[k], places[k]) for k in np.flatnonzero(is_known))
             may_come = ~is_known & (times > antenna.known_until(placer))
@@ -303,15 +319,33 @@ class SatelliteFixes:
         place = place_by_fixes(pairs)
         n_other = self.n_came - len(self._paired) - len(self._waiting)
         other = f"; {n_other:,} more are invalid, or have no pose" if n_other and place.said else ""
-        return place._replace(said=place.said + other)
+        way = "ahead of" if self._clock > 0 else "behind"
+        clock = (
+            f"the clock of the satellite fixes is {abs(self._clock)} s {way} that of the poses, like GPS or "
+            "TAI against UTC: corrected"
+        )
+        warnings = ((clock,) if self._clock else ()) + place.warnings
+        return place._replace(said=place.said + other, warnings=warnings)
+
+    def forget(self) -> None:
+        """Forget the fixes whose poses were found."""
+        self._paired.clear()
 
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
         lag = (
-            "" if self._lag is None else f": their times differ from those of the poses by {self._lag:+.1f} s"
+            f": their times differ from those of the poses by {np.median(self._lags):+.1f} s"
+            if self._lags
+            else ""
         )
         said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map is unplaced"
         return MapPlace(warnings=(said,) if self.n_usable else ())
+
+
+def _clock_of(lag: float) -> int:
+    """Return by how much a clock is ahead of another one, if its stamps come ahead by so much [s]."""
+    leaps = [sign * one for one in _CLOCKS for sign in (1, -1)]
+    return next((one for one in leaps if abs(lag - one) <= _DELAY), 0)
 
 
 #: Coordinates of the map beyond this lose more than a centimetre in float32: the origin moves in steps [m].
@@ -319,6 +353,8 @@ _FAR, _STEP = 50_000.0, 1_000.0
 #: Time that others have to say where the map lies after the first points [s], and fixes to show how it is
 #: turned; wide margin over the discovery of a publisher. With so many points nobody is waited for.
 _PATIENCE, _FIX_PATIENCE, _MOST_EARLY = 2.0, 10.0, 2_000_000
+#: So many later fixes are compared with the poses together; reported again when they are twice as far off.
+_N_LATER, _WORSE = 20, 2.0
 
 
 class FrameSearch:
@@ -329,11 +365,11 @@ class FrameSearch:
         self._fixes = SatelliteFixes()
         self._by_fixes: MapPlace | None = None
         self._first_at: float | None = None
+        self._off = 0.0
 
     def take_fix(self, message: Any, placer: ScanPlacer) -> None:
-        """Take a sensor_msgs/NavSatFix, after the poses that came before it; later ones change nothing."""
-        if self._found is None:
-            self._fixes.take(message, placer)
+        """Take a sensor_msgs/NavSatFix, after the poses that came before it."""
+        self._fixes.take(message, placer)
 
     def take_frame(self, frame: MapFrame) -> None:
         """Take what others say."""
@@ -353,7 +389,26 @@ class FrameSearch:
         is_sure = self._by_fixes is not None and self._by_fixes.is_sure and self.is_over(now, n_points)
         if self._found is None and (is_sure or is_last):
             self._found = self._by_fixes or self._fixes.no_place()
+            self._fixes.forget()
         return self._found
+
+    def doubts(self, place: MapPlace, placer: ScanPlacer) -> list[str]:
+        """Return how later fixes contradict the place that the first ones gave: once, and if it gets worse."""
+        if place.level is None and not place.said:
+            return []
+        self._fixes.pair(placer)
+        pairs = self._fixes.pairs()
+        if pairs is None or len(pairs.sigma) < _N_LATER:
+            return []
+        self._fixes.forget()
+        off = float(np.median(place.distances(pairs)))
+        if off <= max(pairs.usual, _WORSE * self._off):
+            return []
+        self._off = off
+        return [
+            f"satellite fixes are now {off:.1f} m from the poses as placed by the first fixes: the "
+            "odometry drifts or restarted, or it moved too little at first to determine its heading"
+        ]
 
     def is_over(self, now: float, n_points: int, patience: float = _PATIENCE) -> bool:
         """Whether points have waited long enough [s], or are too many to wait."""

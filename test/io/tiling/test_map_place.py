@@ -118,6 +118,13 @@ def test_noise_of_fixes_turns_no_odometry_that_points_east():
     assert not place.warnings
 
 
+@pytest.mark.parametrize("ahead", [18, -18, 37])
+def test_the_clock_of_gps_beside_utc_is_corrected_and_reported(ahead):
+    place = driven(ahead=ahead).place()
+    assert off(place) < 0.01
+    assert f"{abs(ahead)} s {'ahead of' if ahead > 0 else 'behind'}" in place.warnings[0]
+
+
 def test_another_clock_is_told_by_how_far_fixes_are_from_the_poses():
     assert any("m from the poses" in one for one in driven(ahead=-5).place().warnings)
     fixes = driven(ahead=-100)
@@ -195,6 +202,22 @@ def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
     assert by_fix.settled(placer, 9.9, 10) is None, "it may move yet, and tell how it is turned"
     assert by_fix.settled(placer, 10.0, 10).frame.crs == "EPSG:32631"
     assert FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == MapPlace(), "memory is bounded"
+
+
+def test_later_fixes_that_contradict_are_reported_once():
+    search, placer = FrameSearch(None), ScanPlacer()
+    for k, place in enumerate(np.concatenate([DRIVE, DRIVE + np.array([0.0, 20.0, 0.0])])):
+        stamp = T0 + k * SECOND // 5
+        placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
+        seen = TRUTH.geodetic(DRIVE[k % 101][None])
+        search.take_fix(fix(stamp, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
+        if k == 100:
+            assert search.settled(placer, 0.0, 10) is None
+            settled = search.settled(placer, 3.0, 10)
+            assert "40.00° north of east" in settled.said, "as it has moved enough"
+    (said,) = search.doubts(settled, placer)
+    assert "20.0 m" in said
+    assert search.doubts(settled, placer) == []
 
 
 def test_an_origin_far_away_is_moved_so_that_float32_suffices():
