@@ -166,7 +166,7 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
     for file in files:
         try:
             if is_bag(file):
-                yield _bag(file, problems)
+                yield _bag(file)
             else:
                 cloud = summarise_cloud(file)
                 yield "cloud", asdict(cloud), cloud_lines(cloud)
@@ -174,12 +174,10 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
             problems.append(str(error))
 
 
-def _bag(path: Path, problems: list[str]) -> tuple[str, dict[str, Any], list[str]]:
+def _bag(path: Path) -> tuple[str, dict[str, Any], list[str]]:
     from lidar_buildings.io.bags.bag_summary import summarise_bag  # what reads bags takes time to import
 
     found = summarise_bag(path)
-    if found.problem:
-        problems.append(f"{path}: {found.problem}")
     taken = None if found.taken is None else found.taken._asdict()
     topics = [one._asdict() for one in found.topics]
     return "bag", {**found._asdict(), "topics": topics, "taken": taken}, bag_lines(found)

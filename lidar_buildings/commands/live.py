@@ -18,7 +18,7 @@ from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.exit_status import ExitStatus
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, BagMessage, open_bag
+from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, Bag, BagMessage
 from lidar_buildings.io.bags.bag_inputs import NO_SCAN, BagConfig
 from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.bags.placed_cloud import hand_over
@@ -50,7 +50,7 @@ class Replay:
     """
 
     def __init__(self, path: Path, choice: BagConfig, rate: float) -> None:
-        self._bag, self.problem = open_bag(path)
+        self._bag = Bag(path)
         self._topics = choose_topics(self._bag, choice.topic, choice.odometry)
         self._choice, self._rate, self._report = choice, rate, PlayReport()
         self._error: Exception | None = None
@@ -58,7 +58,7 @@ class Replay:
 
     def __str__(self) -> str:
         told = self._report if self._rate else f"{self._report.n_points:,} points, as fast as they were taken"
-        return f"{self._bag.path}: {told}{f'; {self.problem}' if self.problem else ''}"
+        return f"{self._bag.path}: {told}"
 
     @property
     def is_over(self) -> bool:
@@ -189,7 +189,7 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
             _tell("stopped: run the same command to resume")
             return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")
-    return ExitStatus.WRONG_USE if replay is not None and replay.problem else ExitStatus.DONE
+    return ExitStatus.DONE
 
 
 def _watch(

@@ -68,8 +68,7 @@ def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcom
     has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return ExitStatus.TILE_FAILED
-    is_short = any(bag["problem"] for bag in request.bags)
-    return ExitStatus.WRONG_USE if outcome.summary.problems or is_short or not has_bag else ExitStatus.DONE
+    return ExitStatus.WRONG_USE if outcome.summary.problems or not has_bag else ExitStatus.DONE
 
 
 def _check_places(request: RunRequest) -> None:

@@ -92,6 +92,6 @@ class TilePlayer(TileSender):
         log = self.get_logger().info
         log("placing the scans of bags")
         for record in place_bags(config.input, folder, config, self.parameters[ScanConfig], log):
-            for problem in filter(None, [record["problem"], *record["warnings"]]):
-                self.warn(f"{record['bag']}: {problem}")
+            for warning in record["warnings"]:
+                self.warn(f"{record['bag']}: {warning}")
         return with_clouds(config.input, folder)

@@ -9,7 +9,7 @@ import pyogrio
 import pytest
 from support.bags import MOUNTING, ORIGIN_TYPE, SCAN_TYPE, SECOND, T0, BagWriter, write_drive
 
-from lidar_buildings.io.bags.bag_inputs import bags_beside_clouds, bags_of, is_bag, split_files
+from lidar_buildings.io.bags.bag_inputs import bags_beside_clouds, bags_of, is_bag
 
 ROWS = [(name, "<f4") for name in ("x", "y", "z", "intensity", "scan_angle")] + [("gps_time", "<f8")]
 ROWS += [(name, "u1") for name in ("return_number", "number_of_returns", "scan_direction_flag")]
@@ -126,28 +126,6 @@ def test_bags_are_known_by_their_endings_or_their_metadata(tmp_path, name, expec
     assert not is_bag(str(folder))
     (folder / "metadata.yaml").touch()
     assert is_bag(str(folder))
-
-
-@pytest.mark.parametrize(
-    ("names", "expected"),
-    [
-        (["a_0.mcap", "a_1.mcap", "a_2.mcap", "notes.txt"], True),
-        (["a_9.db3", "a_10.db3"], True),
-        (["a_0.mcap", "b_1.mcap"], False),
-        (["a_0.mcap", "a_2.mcap"], False),
-        (["a_0.mcap", "a_1.db3"], False),
-        (["a_0.bag", "a_1.bag"], False),
-        (["a_0.mcap", "tile_1.laz"], False),
-        (["noon.mcap"], False),
-    ],
-)
-def test_files_of_one_name_that_are_numbered_are_a_bag_without_metadata(tmp_path, names, expected):
-    for name in reversed(names):
-        (tmp_path / name).touch()
-    assert is_bag(tmp_path) == expected
-    assert [one.name for one in split_files(tmp_path)] == (
-        [n for n in names if "a_" in n] if expected else []
-    )
 
 
 def test_a_bag_without_metadata_is_read_whole_and_bags_in_a_folder_are_all_read(command, tmp_path):

@@ -1,6 +1,5 @@
 """Bags as inputs of the graph: read by its player as by a run, and played to its assembler."""
 
-import json
 import time
 
 import laspy
@@ -8,7 +7,6 @@ import numpy as np
 import pytest
 from support.bags import MOUNTING, write_drive
 from support.cli_runs import Command
-from support.cloud_files import shortened
 from support.node_bench import running
 
 from lidar_buildings.nodes.graph import survey_nodes
@@ -52,24 +50,6 @@ def test_a_bag_is_played_as_it_was_recorded(command, drive, tmp_path):
     (cloud,) = (tmp_path / "out" / "classified").iterdir()
     xyz = laspy.read(cloud).xyz
     assert np.abs(xyz - drive.points).max() < 0.02
-
-
-def test_of_a_bag_that_was_cut_off_the_rest_is_read_and_it_is_said(command, tmp_path):
-    drive = write_drive(tmp_path / "drive", n_points=100_000)
-    (file,) = drive.path.glob("*.mcap")
-    cut = shortened(file, 0.6)
-    play = ("live", "--replay", cut, "--rate", "0", "--output", tmp_path / "played")
-    for words in (("run", cut, "--no-ros", "--output", tmp_path / "read"), play):
-        spoken = command(*words)
-        assert spoken.status == 2
-        (line,) = [one for one in spoken.err if "only complete chunks are read: " in one]
-        assert " of the file, the first 0." in line
-    (record,) = json.loads((tmp_path / "read" / "run.json").read_text())["parameters"]["bags"]
-    read = laspy.read(tmp_path / "read" / "classified" / f"{cut.stem}.laz").xyz
-    assert record["n_points"] == len(read)
-    assert 30_000 < len(read) < 80_000
-    played = laspy.read(tmp_path / "played" / "classified" / "points_00000.laz").xyz
-    np.testing.assert_allclose(played, read, atol=0.0011)  # rounded to whole millimetres, by two ways
 
 
 def test_a_part_in_which_no_scan_lies_is_not_played(command, drive, tmp_path):

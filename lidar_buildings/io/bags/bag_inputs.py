@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -37,20 +36,17 @@ class BagConfig(StageConfig):
     )
 
 
-_STORAGES = (".mcap", ".db3")
-_ENDINGS = (*_STORAGES, ".bag")
+_ENDINGS = (".mcap", ".db3", ".bag")
 #: What rosbag2 writes into a bag's folder when it is done.
-METADATA = "metadata.yaml"
-#: How rosbag2 calls the files of a bag: by its name, and their numbers.
-_SPLIT = re.compile(r"(.*)_(\d+)")
+_METADATA = "metadata.yaml"
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path names a bag here: a folder of rosbag2, whose metadata may be missing, or a file."""
+    """Whether a path names a bag here: a folder of rosbag2, or a file."""
     if is_url(path):
         return False
     named = Path(path)
-    return (named / METADATA).is_file() or bool(split_files(named)) if named.is_dir() else is_bag_file(named)
+    return (named / _METADATA).is_file() if named.is_dir() else is_bag_file(named)
 
 
 def is_bag_file(path: Path) -> bool:
@@ -83,17 +79,6 @@ def _held(path: str | Path) -> tuple[bool, list[Path]]:
         return False, []
     files = list(Path(path).iterdir())
     return any(map(is_cloud_file, files)), sorted(filter(is_bag, files))
-
-
-def split_files(folder: Path) -> list[Path]:
-    """Return the storage files in a folder in their order, if they are one bag's by name and number."""
-    files = [one for one in folder.iterdir() if is_bag_file(one) or is_cloud_file(one)]
-    parts = [_SPLIT.fullmatch(one.stem) for one in files]
-    kinds = {(part and part[1], one.suffix.lower()) for part, one in zip(parts, files, strict=True)}
-    if len(kinds) != 1 or None in parts or kinds.pop()[1] not in _STORAGES:
-        return []
-    numbered = dict(sorted((int(part[2]), one) for part, one in zip(parts, files, strict=True) if part))
-    return list(numbered.values()) if max(numbered) - min(numbered) == len(files) - 1 else []
 
 
 def with_clouds(inputs: Sequence[str], folder: Path) -> tuple[str, ...]:
@@ -165,8 +150,7 @@ def _line(bag: Path, record: dict[str, Any]) -> str:
 
     out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
     said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
-    problem = f"; {record['problem']}" if record["problem"] else ""
-    line = f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}{problem}"
+    line = f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}"
     if record["left_out"].get(NO_POSE, 0) <= record["n_points"]:
         return line
     return f"{line} ({WHY_NO_POSE})"

@@ -23,7 +23,6 @@ from lidar_buildings.io.bags.bag import (
     Bag,
     BagMessage,
     BagTopic,
-    open_bag,
     topic_contents,
 )
 from lidar_buildings.io.bags.bag_inputs import BagConfig
@@ -139,22 +138,18 @@ class BagSummary(NamedTuple):
     topics: list[BagTopic]  #: all, by name
     taken: BagTopics | None  #: what a run takes without options, None if it cannot choose
     notes: list[str]  #: how the scans are placed, or what is missing for it
-    problem: str  #: why only a part of it can be read, empty if all can
 
 
 def summarise_bag(path: Path) -> BagSummary:
-    """
-    Look into a bag, of an MCAP file that was cut off into what is whole; InputError if nothing can be read.
-    """
-    bag, problem = open_bag(path)
-    with bag:
+    """Look into a bag; InputError if it cannot be read."""
+    with Bag(path) as bag:
         topics, taken = topic_contents(bag), None
         try:
             taken = choose_topics(bag)
             notes = _placing(bag, topics, taken)
         except InputError as error:
             notes = [str(error).removeprefix(f"{bag.path}: ").split("; its topics:")[0]]
-        return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes, problem)
+        return BagSummary(str(bag.path), bag.start, bag.seconds, topics, taken, notes)
 
 
 def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:

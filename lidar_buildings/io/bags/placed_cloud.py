@@ -12,7 +12,7 @@ from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, BagMessage, open_bag
+from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagMessage
 from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame, with_frames
 from lidar_buildings.io.files.atomic_files import atomic_file
@@ -33,7 +33,6 @@ class PlacedCount(NamedTuple):
     n_points: int
     left_out: dict[str, int]  #: reason → points
     messages: dict[str, int]  #: what is to be said of messages → how many
-    problem: str  #: why only a part of the bag could be read, and which; empty if all could
     place: str  #: how satellites told where the map lies, empty if they did not
     warnings: list[str]  #: what is doubtful
 
@@ -42,12 +41,11 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     """
     Place the scans of a bag and write them to a LAZ file.
 
-    Points are in the order in which they were recorded; GPS times are the points' own. Of an MCAP file that
-    was cut off those are read that are whole. InputError if the bag cannot be read, a topic is missing, or
-    nothing says where the scans were made; OutputError if the file cannot be written.
+    Points are in the order in which they were recorded; GPS times are the points' own. InputError if the bag
+    cannot be read, a topic is missing, or nothing says where the scans were made; OutputError if the file
+    cannot be written.
     """
-    bag, problem = open_bag(bag_path)
-    with bag, atomic_file(path) as temporary:
+    with Bag(bag_path) as bag, atomic_file(path) as temporary:
         topics = choose_topics(bag, choice.topic, choice.odometry)
         frames = with_frames(bag, topics, config).tree
         placer = ScanPlacer(config, SeenPoints(), frames)
@@ -77,9 +75,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     messages, warnings = sorted(placer.messages.items()), list(place.warnings)
     if placer.unreadable:
         warnings.append(f"one of the scans that cannot be read: {placer.unreadable}")
-    return PlacedCount(
-        placer.n_scans, file.n_points, dict(left_out), dict(messages), problem, place.said, warnings
-    )
+    return PlacedCount(placer.n_scans, file.n_points, dict(left_out), dict(messages), place.said, warnings)
 
 
 def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:
