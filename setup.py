@@ -32,7 +32,6 @@ ROS_WHEELS = [
     "ros-std-srvs==5.3.6",
 ]
 CLUSTER = ["distributed>=2024.8"]
-PARQUET = ["pyarrow>=16"]
 # what reads https; s3fs, gcsfs, adlfs … are for those who have such stores
 CLOUD = ["fsspec>=2024.6", "universal-pathlib>=0.3", "aiohttp"]
 # the build for graphics cards is four times as large; from this release on pictures need no display
@@ -40,7 +39,6 @@ VIEW = ["open3d-cpu>=0.20; platform_machine == 'x86_64'", "open3d>=0.20; platfor
 DOC = ["sphinx>=8", "furo>=2024.8", "myst-parser>=4"]
 TEST = [
     *CLUSTER,
-    *PARQUET,
     *CLOUD,
     *DOC,
     "pytest>=8",
@@ -95,7 +93,6 @@ setup(
     extras_require={
         "ros": ROS_WHEELS,
         "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
-        "parquet": PARQUET,
         "cloud": CLOUD,
         "view": VIEW,
         "terrain": ["startinpy>=0.12"],

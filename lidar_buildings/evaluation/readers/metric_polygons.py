@@ -17,8 +17,8 @@ from lidar_buildings.io.results.run_folder import BLOCKS
 from lidar_buildings.io.vectors.layers import read_polygons
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey; else blocks of a run.
-IN_FOLDER = ("buildings.gpkg", "outlines.fgb", "outlines.parquet", "truth.gpkg")
-IN_BLOCKS = [f"{BLOCKS}/*/{name}" for name in ("outlines.fgb", "outlines.parquet")]
+IN_FOLDER = ("buildings.gpkg", "outlines.fgb", "truth.gpkg")
+IN_BLOCKS = f"{BLOCKS}/*/outlines.fgb"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     """
     Read a vector file: its layer ``outlines``, else its first layer of polygons.
 
-    Or a folder with ``buildings.gpkg``, ``outlines.fgb`` or ``.parquet``, one of these in each of its blocks,
-    or ``truth.gpkg``. InputError if there is no such file, no layer of polygons in it, or a coordinate is not
+    Or a folder with ``buildings.gpkg``, ``outlines.fgb``, the latter in each of its blocks, or
+    ``truth.gpkg``. InputError if there is no such file, no layer of polygons in it, or a coordinate is not
     finite.
     """
     parts, columns, systems = zip(*map(read_polygons, _files_of(path)), strict=True)
@@ -53,8 +53,7 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
 def _files_of(path: Path) -> list[Path]:
     if path.is_dir():
         named = [path / name for name in IN_FOLDER if (path / name).is_file()]
-        blocks = [found for pattern in IN_BLOCKS if (found := sorted(path.glob(pattern)))]
-        found = named[:1] or (blocks[0] if blocks else [])
+        found = named[:1] or sorted(path.glob(IN_BLOCKS))
         if not found:
             raise InputError(f"{path}: contains no {' or '.join(IN_FOLDER)}: give a file with polygons")
         return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from lidar_buildings.io.models.survey_building import (
     SurveyBuilding,
     TerrainMesh,
 )
-from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file, geoparquet_file, write_flatgeobuf
+from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file, write_flatgeobuf
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
 #: Layer → its columns.
@@ -67,10 +67,8 @@ def building_layers_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
 
     OutputError if it cannot be written.
     """
-    with geopackage_file(path, heading.frame.crs) as append:
-        layers = _BuildingLayers(append, heading.frame, _PORTION)
-        yield layers.add
-        layers.write_all()
+    with geopackage_file(path, heading.frame.crs) as append, _added(append, heading, _PORTION) as add:
+        yield add
 
 
 @contextmanager
@@ -80,71 +78,44 @@ def flatgeobuf_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
 
     All rows are held until the end. OutputError if a file cannot be written.
     """
-    layers = _BuildingLayers(
-        lambda layer: write_flatgeobuf(path.with_name(f"{layer.name}.fgb"), layer, heading.frame.crs),
-        heading.frame,
-    )
-    yield layers.add
-    layers.write_all()
+
+    def write(layer: VectorLayer) -> None:
+        write_flatgeobuf(path.with_name(f"{layer.name}.fgb"), layer, heading.frame.crs)
+
+    with _added(write, heading, math.inf) as add:
+        yield add
 
 
 @contextmanager
-def geoparquet_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
-    """
-    Give a function that adds a building to GeoParquet files beside `path`, one a layer.
+def _added(
+    write: Callable[[VectorLayer], None], heading: ModelHeading, portion: float
+) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+    """Give a function that gathers rows; they are written in portions, at first all layers, even empty."""
+    rows: dict[str, _Rows] = {name: [] for name in LAYERS}
+    frame, begun = heading.frame, set[str]()
 
-    OutputError if a file cannot be written.
-    """
-    with ExitStack() as stack:
-        write = {
-            name: stack.enter_context(
-                geoparquet_file(path.with_name(f"{name}.parquet"), _layer(name, []), heading.frame.crs)
-            )
-            for name in LAYERS
-        }
-        layers = _BuildingLayers(lambda layer: write[layer.name](layer), heading.frame, _PORTION)
-        yield layers.add
-        layers.write_all()
+    def write_all() -> None:
+        for name, own in rows.items():
+            if own or name not in begun:
+                rows[name] = []
+                write(_layer(name, own))
+                begun.add(name)
 
-
-class _BuildingLayers:
-    """Gathers rows, and writes them in portions, or all at the end."""
-
-    def __init__(
-        self, write: Callable[[VectorLayer], None], frame: MapFrame, portion: float = math.inf
-    ) -> None:
-        self._write = write
-        self._frame = frame
-        self._portion = portion
-        self._rows: dict[str, _Rows] = {name: [] for name in LAYERS}
-        self._is_begun = False
-
-    def add(self, building: SurveyBuilding | TerrainMesh) -> None:
-        """Add a building's rows; the terrain has none."""
+    def add(building: SurveyBuilding | TerrainMesh) -> None:
         if isinstance(building, TerrainMesh):
             return
         names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
         if building.outline is not None:
-            row = (building.attributes | names, _in_source(building.outline, self._frame))
-            self._rows["outlines"].append(row)
+            rows["outlines"].append((building.attributes | names, _in_source(building.outline, frame)))
         if building.traced is not None:
-            self._rows["traced"].append((names, _in_source(building.traced, self._frame)))
-        self._rows["roof_faces"] += [
-            (names | known, polygon) for known, polygon in _roof_faces(building, self._frame)
-        ]
-        self._rows["roof_lines"] += [
-            (names | known, line) for known, line in _roof_lines(building, self._frame)
-        ]
-        if len(self._rows["roof_faces"]) + len(self._rows["outlines"]) >= self._portion:
-            self.write_all()
+            rows["traced"].append((names, _in_source(building.traced, frame)))
+        rows["roof_faces"] += [(names | known, polygon) for known, polygon in _roof_faces(building, frame)]
+        rows["roof_lines"] += [(names | known, line) for known, line in _roof_lines(building, frame)]
+        if len(rows["roof_faces"]) + len(rows["outlines"]) >= portion:
+            write_all()
 
-    def write_all(self) -> None:
-        """Write the rows that wait; the first time all layers, as empty ones are layers, too."""
-        for name, rows in self._rows.items():
-            if rows or not self._is_begun:
-                self._rows[name] = []
-                self._write(_layer(name, rows))
-        self._is_begun = True
+    yield add
+    write_all()
 
 
 def _layer(name: str, rows: _Rows) -> VectorLayer:
@@ -155,7 +126,6 @@ def _layer(name: str, rows: _Rows) -> VectorLayer:
 def _roof_faces(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.Polygon]]:
-    """Yield the roof of a building's finest solid, face by face."""
     solid = building.solid
     if solid is None:
         return
@@ -177,7 +147,6 @@ def _roof_faces(
 def _roof_lines(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.LineString]]:
-    """Yield the lines of a building's roof with the numbers of the faces that they bound."""
     ends = np.array([line.ends for line in building.lines]).reshape(-1, 2, 3)
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / frame.horizontal_unit
     places = frame.to_source(ends.reshape(-1, 3)).reshape(-1, 2, 3)
@@ -199,7 +168,6 @@ def _roof_lines(
 
 
 def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[Any]:
-    """Return faces as polygons, all at once."""
     rings = [ring for face in faces for ring in face]
     corners = vertices[np.fromiter(chain.from_iterable(rings), dtype=np.intp)]
     number = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])

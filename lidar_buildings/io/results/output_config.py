@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import ClassVar, NamedTuple
 
-from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import fixed
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 
@@ -20,8 +18,6 @@ class OutputFormat(NamedTuple):
     writer: str
     is_default: bool = True
     of_outlines: bool = False  #: written without models, too, and holds no terrain
-    #: What must be installed, and the extra of this package that installs it.
-    needs: tuple[str, str] | None = None
 
 
 #: The one format whose files have a place on the earth.
@@ -36,19 +32,12 @@ OUTPUT_FORMATS = {
     "obj": OutputFormat(("city_model.obj", "city_model.mtl"), "models.obj:obj_file"),
     "dxf": OutputFormat(("city_model.dxf",), "models.dxf:dxf_file"),
     TILES: OutputFormat(("tiles3d",), "models.tiles3d:tiles3d_folder"),
-    # these hold what GeoPackage does
+    # holds what GeoPackage does
     "flatgeobuf": OutputFormat(
         tuple(f"{layer}.fgb" for layer in LAYERS),
         f"{_BY_LAYER}:flatgeobuf_files",
         is_default=False,
         of_outlines=True,
-    ),
-    "geoparquet": OutputFormat(
-        tuple(f"{layer}.parquet" for layer in LAYERS),
-        f"{_BY_LAYER}:geoparquet_files",
-        is_default=False,
-        of_outlines=True,
-        needs=("pyarrow", "parquet"),
     ),
 }
 FORMAT_FILES = {name: one.files for name, one in OUTPUT_FORMATS.items()}
@@ -92,14 +81,3 @@ class OutputConfig(RasterConfig):
         within=(-200.0, 200.0),
         advanced=True,
     )
-
-    def __post_init__(self) -> None:
-        """Check every value, and whether what a format needs is installed."""
-        super().__post_init__()
-        for name in self.formats:
-            needed = OUTPUT_FORMATS[name].needs if name in OUTPUT_FORMATS else None
-            if needed and find_spec(needed[0]) is None:
-                raise ParameterError(
-                    f"{self.stage}.formats = {list(self.formats)}: {name} needs {needed[0]}: install "
-                    f"lidar_buildings[{needed[1]}], or remove {name}"
-                )

@@ -142,7 +142,6 @@ def _in_map(layer: PolygonLayer, frame: MapFrame) -> NDArray[Any]:
 
 
 def _id_column(layer: PolygonLayer, source: FootprintSource) -> str:
-    """Return the column that names the footprints, empty for the file's own numbers."""
     if source.id_column:
         if source.id_column in layer.columns:
             return source.id_column

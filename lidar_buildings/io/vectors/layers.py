@@ -1,20 +1,17 @@
-"""Layers of polygons or lines with attributes, written and read: GeoPackage, FlatGeobuf, GeoParquet."""
+"""Layers of polygons or lines with attributes, written and read by GDAL: GeoPackage, FlatGeobuf, others."""
 
 from __future__ import annotations
 
-import json
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyogrio
-import pyproj
 import shapely
 from numpy.typing import NDArray
 from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError
@@ -87,13 +84,17 @@ def write_layer(
     path: Path, layer: VectorLayer, crs: str, *, append: bool = False, driver: str = "GPKG"
 ) -> None:
     """Write one layer with GDAL."""
-    columns = columns_of(layer)
+    columns = [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
+    geometry = np.empty(len(layer.geometries), dtype=object)
+    if len(layer.geometries):
+        dimension = 3 if layer.kind.endswith("Z") else 2
+        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=dimension)
     with warnings.catch_warnings():
         # A cloud without reference system is legal, and said so in the run's record.
         warnings.filterwarnings("ignore", message="'crs' was not provided")
         pyogrio.raw.write(
             path,
-            geometry=wkb_of(layer),
+            geometry=geometry,
             field_data=[values for values, _ in columns],
             fields=list(layer.fields),
             field_mask=[is_missing for _, is_missing in columns],
@@ -106,22 +107,7 @@ def write_layer(
         )
 
 
-def columns_of(layer: VectorLayer) -> list[tuple[NDArray[Any], NDArray[np.bool_]]]:
-    """Return each field's values and which are missing."""
-    return [_column([row.get(name) for row in layer.rows], kind) for name, kind in layer.fields.items()]
-
-
-def wkb_of(layer: VectorLayer) -> NDArray[np.object_]:
-    """Return a layer's geometries as WKB."""
-    geometry = np.empty(len(layer.geometries), dtype=object)
-    if len(layer.geometries):
-        dimension = 3 if layer.kind.endswith("Z") else 2
-        geometry[:] = shapely.to_wkb(list(layer.geometries), output_dimension=dimension)
-    return geometry
-
-
 def _column(values: list[Any], kind: type) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return a field's values and which are missing: None, and numbers that are not finite."""
     if kind is float:
         numbers = np.array(values, dtype=np.float64)  # None becomes NaN
         return numbers, ~np.isfinite(numbers)
@@ -147,84 +133,6 @@ def _fixed_options() -> Iterator[None]:
             yield
         finally:
             pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))
-
-
-ENDING = ".parquet"
-_GEOMETRY = "geometry"
-
-
-@contextmanager
-def geoparquet_file(path: Path, first: VectorLayer, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
-    """
-    Give a function that adds a portion of a layer to a file.
-
-    `first` tells the fields and the kind of geometries; its rows are not written. The file appears when the
-    block ends well; OutputError if it cannot be written.
-    """
-    import pyarrow.parquet  # an extra
-
-    schema = pyarrow.schema([*_fields(first, pyarrow), (_GEOMETRY, pyarrow.binary())])
-    bounds: list[Any] = []
-    # a schema of Arrow's own in the file would hide the metadata that are added at the end
-    writer = partial(pyarrow.parquet.ParquetWriter, schema=schema, store_schema=False)
-    with atomic_file(path) as temporary, writer(temporary) as file:
-
-        def add(layer: VectorLayer) -> None:
-            columns = [
-                pyarrow.array(values, type=of.type, mask=is_missing)
-                for of, (values, is_missing) in zip(schema, columns_of(layer), strict=False)
-            ]
-            columns.append(pyarrow.array(wkb_of(layer), type=pyarrow.binary()))
-            file.write_table(pyarrow.table(columns, schema=schema))
-            bounds.extend(shapely.bounds(list(layer.geometries)).tolist())
-
-        yield add
-        file.add_key_value_metadata({"geo": json.dumps(_metadata(first, crs, bounds))})
-
-
-def _fields(layer: VectorLayer, pyarrow: Any) -> list[tuple[str, Any]]:
-    types = {int: pyarrow.int64(), float: pyarrow.float64(), str: pyarrow.string()}
-    return [(name, types[kind]) for name, kind in layer.fields.items()]
-
-
-def _metadata(layer: VectorLayer, crs: str, bounds: list[Any]) -> dict[str, Any]:
-    """Return what the specification wants to be said of the column of geometries."""
-    column: dict[str, Any] = {
-        "encoding": "WKB",
-        "geometry_types": [layer.kind],
-        # null: unknown; what is left out would be longitude and latitude
-        "crs": pyproj.CRS.from_user_input(crs).to_json_dict() if crs else None,
-    }
-    if bounds:
-        edges = np.array(bounds)
-        column["bbox"] = [*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist()]
-    return {"version": "1.1.0", "primary_column": _GEOMETRY, "columns": {_GEOMETRY: column}}
-
-
-def read_geoparquet(path: Path) -> tuple[NDArray[Any], dict[str, NDArray[Any]], str]:
-    """
-    Read a file's geometries, columns and reference system (WKT, empty if unknown).
-
-    InputError if pyarrow is not installed, or it is no GeoParquet file with geometries as WKB.
-    """
-    try:
-        import pyarrow.parquet  # an extra
-    except ImportError as error:
-        raise InputError(f"{path}: GeoParquet needs pyarrow: install lidar_buildings[parquet]") from error
-    try:
-        table = pyarrow.parquet.read_table(path)
-        told = json.loads((table.schema.metadata or {})[b"geo"])
-        name = told["primary_column"]
-        own = told["columns"][name]
-        geometries = shapely.from_wkb(table[name].to_numpy(), on_invalid="ignore")
-        columns = {one: table[one].to_numpy() for one in table.column_names if one != name}
-        # what the specification takes a column for that names no system
-        crs = pyproj.CRS.from_json_dict(own["crs"]) if own.get("crs") else None
-        system = "" if crs is None and "crs" in own else (crs or pyproj.CRS("OGC:CRS84")).to_wkt()
-    except (OSError, ValueError, KeyError, pyarrow.ArrowException, shapely.errors.ShapelyError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise InputError(f"{path}: cannot be read as GeoParquet ({reason}): export it again") from error
-    return geometries, columns, system
 
 
 #: Kinds of layer that can hold polygons; a layer without a kind may hold any.
@@ -283,16 +191,11 @@ def read_polygons(path: Path, layer: str = "") -> tuple[NDArray[np.object_], dic
 
 def _layers(path: Path) -> dict[str, str]:
     """Return the name of each layer of a file with its kind of geometry, empty for none."""
-    if path.suffix == ENDING and path.exists():
-        return {path.stem: "Unknown"}
     with _reported(path):
         return {str(name): str(kind or "") for name, kind in pyogrio.list_layers(path)}
 
 
 def _read(path: Path, name: str) -> PolygonLayer:
-    if path.suffix == ENDING:  # for which GDAL's driver is in no wheel of pyogrio
-        geometries, fields, crs = read_geoparquet(path)
-        return PolygonLayer(path, name, geometries, fields, np.arange(len(geometries)), crs)
     with _reported(path):
         meta, fids, wkb, columns = pyogrio.raw.read(path, layer=name, return_fids=True)
     names = [str(one) for one in meta["fields"]]

@@ -7,13 +7,11 @@ import numpy as np
 import pyogrio.raw
 import pytest
 import shapely
-from support.score_files import ORIGIN, write_cloud, write_polygons
+from support.score_files import write_cloud, write_polygons
 
 from lidar_buildings.cli import main
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.command.score import KINDS, add_score_arguments, run_score
-from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.io.vectors.layers import VectorLayer, geoparquet_file
 
 
 @pytest.fixture
@@ -147,23 +145,13 @@ def test_outlines_of_a_run_against_the_truth_of_a_survey(tmp_path):
         assert figures["boundary_hausdorff"] == pytest.approx(1.0)
 
 
-def test_blocks_that_are_geoparquet_alone_are_scored_and_compared_as_others(tmp_path):
+def test_blocks_of_a_run_are_scored_as_one(tmp_path):
     houses = [shapely.box(0, 0, 10, 10), shapely.box(40, 0, 50, 9)]
     for number, house in enumerate(houses):
-        moved = shapely.transform(house, lambda xy: xy + ORIGIN[:2])
-        layer = VectorLayer("outlines", [moved], {"height": float}, [{"height": 3.0 + number}])
-        block = tmp_path / "out" / "blocks" / f"block-{number}"
-        block.mkdir(parents=True)
-        with geoparquet_file(block / "outlines.parquet", layer, "EPSG:28992") as add:
-            add(layer)
+        write_polygons(tmp_path / "out" / "blocks" / f"block-{number}" / "outlines.fgb", [house])
     figures = run_score("outlines", tmp_path / "out", write_polygons(tmp_path / "map.gpkg", houses)).figures
     assert figures["partner_per_reference"] == [0, 1]
     assert figures["mean_iou"] == pytest.approx(1.0)
-    found = read_metric_polygons(tmp_path / "out")
-    assert (found.crs, found.attributes["height"].tolist()) == ("EPSG:28992", [3.0, 4.0])
-    (block / "outlines.parquet").write_bytes(b"no parquet")
-    with pytest.raises(InputError, match="cannot be read as GeoParquet"):
-        read_metric_polygons(tmp_path / "out")
 
 
 def test_a_run_that_found_nothing_is_scored_too(tmp_path):

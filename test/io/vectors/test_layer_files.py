@@ -1,14 +1,10 @@
-"""FlatGeobuf and GeoParquet: what GDAL and pyarrow read back, missing values, empty layers."""
-
-import json
+"""FlatGeobuf: what GDAL reads back, missing values, empty layers."""
 
 import numpy as np
-import pyarrow.parquet as parquet
 import pyogrio
-import pyproj
 import shapely
 
-from lidar_buildings.io.vectors.layers import VectorLayer, geoparquet_file, write_flatgeobuf
+from lidar_buildings.io.vectors.layers import VectorLayer, write_flatgeobuf
 
 FIELDS = {"number": int, "name": str, "height": float}
 
@@ -19,14 +15,6 @@ def layer(n=5, **options):
         {"number": i, "name": "é" if i else None, "height": 1.5 * i if i != 2 else None} for i in range(n)
     ]
     return VectorLayer("outlines", shapes, FIELDS, rows, **options)
-
-
-def written_parquet(path, *portions, crs="EPSG:28992"):
-    with geoparquet_file(path, portions[0], crs) as add:
-        for portion in portions:
-            add(portion)
-    table = parquet.read_table(path)
-    return table, json.loads(table.schema.metadata[b"geo"])
 
 
 def test_flatgeobuf_has_every_row_and_a_spatial_index(tmp_path):
@@ -41,22 +29,7 @@ def test_flatgeobuf_has_every_row_and_a_spatial_index(tmp_path):
     assert pyogrio.read_info(tmp_path / "outlines.fgb")["capabilities"]["fast_spatial_filter"]
 
 
-def test_geoparquet_has_every_row_of_every_portion(tmp_path):
-    table, geo = written_parquet(tmp_path / "outlines.parquet", layer(2), layer(3))
-    assert table["number"].to_pylist() == [0, 1, 0, 1, 2]
-    assert table["name"].to_pylist() == [None, "é", None, "é", "é"]
-    assert table["height"].to_pylist() == [0.0, 1.5, 0.0, 1.5, None]
-    expected = [*layer(2).geometries, *layer(3).geometries]
-    assert shapely.from_wkb(table["geometry"].to_pylist()).tolist() == expected
-    column = geo["columns"][geo["primary_column"]]
-    assert (column["encoding"], column["geometry_types"]) == ("WKB", ["Polygon"])
-    assert column["bbox"] == [0.0, 0.0, 25.0, 3.0]
-    assert pyproj.CRS.from_json_dict(column["crs"]).to_epsg() == 28992
-
-
 def test_layers_without_rows_and_reference_system_are_sound(tmp_path):
     nothing = layer(0, kind="Polygon Z")
     write_flatgeobuf(tmp_path / "a.fgb", nothing, "")
     assert pyogrio.read_info(tmp_path / "a.fgb")["geometry_type"] == "Polygon Z"
-    table, geo = written_parquet(tmp_path / "a.parquet", nothing, crs="")
-    assert (len(table), geo["columns"]["geometry"]["crs"]) == (0, None)
