@@ -44,9 +44,8 @@ class Replay:
     """
     Gives a feed the messages of a bag, from a thread of its own; none is lost, however slow the feed is.
 
-    Of an MCAP file that was cut off what is whole; `problem` says why only a part is played, and which. The
-    rate is a multiple of the recorded time, 0 = as fast as the feed takes it. InputError if the bag cannot be
-    read, or it is not clear which topics are meant.
+    The rate is a multiple of the recorded time, 0 = as fast as the feed takes it. InputError if the bag
+    cannot be read, or it is not clear which topics are meant.
     """
 
     def __init__(self, path: Path, choice: BagConfig, rate: float) -> None:

@@ -131,8 +131,6 @@ class _Solid(NamedTuple):
 
 
 class _Building(NamedTuple):
-    """All solids of a building."""
-
     name: str
     vertices: NDArray[np.int32]
     solids: list[_Solid]
@@ -180,7 +178,6 @@ def _cut(feature: dict[str, Any]) -> _Building:
 
 
 def _solid(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> _Solid:
-    """Divide a solid into triangles."""
     surfaces = [KINDS[surface["type"]] for surface in geometry["semantics"]["surfaces"]]
     (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
     faces = [tuple(map(tuple, rings)) for rings in shell]
@@ -293,7 +290,6 @@ def _thinned(
 def _joined(
     parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Rectangle | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Put chunks together, of the points within the box."""
     xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
     labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
     if box is None:
@@ -399,7 +395,6 @@ def _in_the_middle(
 def _beside(
     buildings: Sequence[ReportedBuilding], focus: ReportedBuilding
 ) -> tuple[Sequence[ReportedBuilding], Rectangle | None]:
-    """Return a building with those next to it, and where they are."""
     if focus.shape is None:
         return [focus], None
     box = _box_of([focus])

@@ -87,7 +87,6 @@ def page_of(contents: Contents, explanation: str = "") -> str:
 
 
 def _elements(contents: Contents) -> Iterator[str]:
-    """Yield the elements with the page's data."""
     models, points = contents.models, contents.points
     rings, vertices = _ring_arrays(contents.buildings)
     yield json_element("facts", _facts(contents))

@@ -153,7 +153,6 @@ def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
 
 
 def _in_map(geometries: NDArray[Any], frame: MapFrame) -> NDArray[Any]:
-    """Bring polygons to the map frame [m]."""
     return np.asarray(
         shapely.transform(
             shapely.force_2d(geometries), lambda xy: frame.to_map(np.insert(xy, 2, 0.0, axis=1))[:, :2]

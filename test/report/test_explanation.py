@@ -13,7 +13,7 @@ from support.pages import Page
 from support.result_folders import with_points, written_models
 
 from lidar_buildings.cli import main
-from lidar_buildings.report.explain.building_findings import outline_findings, walls_of
+from lidar_buildings.report.explain.building_findings import outline_findings
 from lidar_buildings.report.explain.finding import Limits
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, read_result
 
@@ -147,17 +147,6 @@ def test_what_is_no_building_is_refused_in_one_line(capsys, result):
     assert "remove --page" in capsys.readouterr().err
 
 
-def test_walls_tell_how_far_the_traced_ring_lies_from_them():
-    outline = shapely.box(0, 0, 20, 10)
-    traced = shapely.Polygon([(0, 0), (10, -0.4), (20, 0), (20, 10), (10, 9.5), (0, 10)])
-    south, north = (
-        next(one for one in walls_of(outline, traced) if one.n_traced and one.worst == pytest.approx(worst))
-        for worst in (0.4, -0.5)
-    )
-    assert (south.length, south.direction_deg) == pytest.approx((20.0, 90.0))
-    assert north.length == pytest.approx(20.0)
-
-
 def test_a_jagged_outline_names_what_makes_walls_longer():
     teeth = [(k * 0.5, 10.0 + 0.5 * (k % 2)) for k in range(40)]
     text, named = said_of(shapely.Polygon([(0, 0), (20, 0), *teeth[::-1]]))
@@ -166,14 +155,6 @@ def test_a_jagged_outline_names_what_makes_walls_longer():
     text, named = said_of(shapely.box(0, 0, 20, 10))
     assert "Jagged" not in text
     assert not named
-
-
-def test_a_neck_names_what_cuts_buildings_apart():
-    text, named = said_of(
-        shapely.union_all([shapely.box(0, 0, 10, 10), shapely.box(12, 0, 20, 10), shapely.box(10, 4, 12, 6)])
-    )
-    assert "A neck narrower than 2.0 m joins parts of 101 m², 81 m²" in text
-    assert {"segmentation.window", "segmentation.min_neck"} <= named
 
 
 def test_an_outline_that_could_not_be_regularised_says_so():

@@ -57,15 +57,13 @@ class Glb:
 
 
 def tiles_of(folder):
-    """Yield each tile, of all files, with the matrix to geocentric coordinates and its parent."""
+    """Yield each tile with the matrix to geocentric coordinates and its parent."""
     tileset = json.loads((folder / "tileset.json").read_text())
     waiting = [(tileset["root"], np.eye(4), None)]
     while waiting:
         tile, above, parent = waiting.pop()
         matrix = above @ np.reshape(tile.get("transform", np.eye(4).ravel()), (4, 4)).T
         yield tile, matrix, parent
-        if (uri := tile.get("content", {}).get("uri", "")).endswith(".json"):
-            waiting.append((json.loads((folder / uri).read_text())["root"], matrix, tile))
         waiting += [(child, matrix, tile) for child in tile.get("children", [])]
 
 

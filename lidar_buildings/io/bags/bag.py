@@ -125,7 +125,6 @@ class Bag:
                 yield BagMessage(connection.topic, _kind_of(connection), time, self._read(connection, raw))
 
     def _learn(self, connection: Connection) -> None:
-        """Make a type known by its definition."""
         if connection.msgtype not in self._types.types:
             if not connection.msgdef.data:
                 raise InputError(f"its type {connection.msgtype} is unknown, and the bag does not define it")

@@ -140,7 +140,6 @@ def _placed(
 
 
 def _changed(bag: Path) -> int:
-    """Return when a bag was changed last [ns]."""
     files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
     return max(file.stat().st_mtime_ns for file in files)
 

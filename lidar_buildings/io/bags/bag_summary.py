@@ -153,7 +153,6 @@ def summarise_bag(path: Path) -> BagSummary:
 
 
 def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:
-    """Say how the scans would be placed."""
     frame = frame_name(next(one.frame for one in topics if one.name == taken.clouds))
     map_frame = ScanConfig().map_frame
     placer = with_frames(bag, taken)
@@ -173,7 +172,6 @@ def _placing(bag: Bag, topics: list[BagTopic], taken: BagTopics) -> list[str]:
 
 
 def _where(bag: Bag, taken: BagTopics) -> str:
-    """Say what tells where the map lies."""
     if taken.origin:
         for message in islice(bag.messages([taken.origin]), 1):
             point = message.message.point

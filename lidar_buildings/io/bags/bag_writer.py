@@ -214,7 +214,6 @@ class Recording:
         self.n_bytes += len(data)
 
     def _opened(self) -> BagWriter:
-        """Return the bag, with all its topics."""
         if self._bag is None:
             self._bag = BagWriter(self.path)
             for name, (kind, qos) in self._topics.items():

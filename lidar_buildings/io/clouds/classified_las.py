@@ -139,7 +139,6 @@ def _with_entries(
 
 
 def _renamed(entry: bytes, names: dict[str, str]) -> bytes:
-    """Return an entry under the output's name of its dimension."""
     name = entry[_NAME_AT : _NAME_AT + _NAME_SIZE].split(b"\0")[0].decode(errors="replace")
     if names.get(name, name) == name:
         return entry

@@ -144,7 +144,6 @@ def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
 
 
 def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
-    """Refuse scales and offsets that give no coordinates."""
     scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
     is_scale = (np.abs(scales) <= _MAX_SCALE) & (scales != 0)
     if not (is_scale.all() and (np.abs(offsets) <= _MAX_OFFSET).all()):

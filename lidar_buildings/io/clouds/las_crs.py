@@ -122,7 +122,6 @@ def vertical_crs(records: Sequence[RawRecord]) -> Any:
 
 
 def _vertical_part(crs: Any) -> Any:
-    """Return the vertical part of a compound system, None of any other."""
     parts = unbound(crs).sub_crs_list
     return unbound(parts[1]) if len(parts) > 1 else None
 

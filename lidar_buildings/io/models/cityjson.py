@@ -142,7 +142,9 @@ def terrain_line(mesh: TerrainMesh) -> str:
 class CityFeature(NamedTuple):
     """What a line says of its building, see `SurveyBuilding`."""
 
+    readable_id: str
     attributes: dict[str, Any]
+    extent: NDArray[np.float64] | None = None  #: of all its solids, shape (2, 3), None without any [m]
     lod: str = ""
     solid: Solid | None = None
     roof_faces: tuple[dict[str, Any], ...] = ()
@@ -156,17 +158,19 @@ def parse_feature(line: str) -> CityFeature:
     """
     try:
         feature, _ = load_feature(line)
-        building = feature["CityObjects"][feature["id"]]
+        name = feature["id"]
+        building = feature["CityObjects"][name]
         geometry = max(building["geometry"], key=lambda one: one["lod"], default=None)
         if geometry is None:
-            return CityFeature(building["attributes"])
-        vertices = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3) / round(1 / GRID)
+            return CityFeature(name, building["attributes"])
+        steps = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3)
+        vertices, extent = steps / round(1 / GRID), np.stack([steps.min(axis=0), steps.max(axis=0)]) * GRID
         surfaces = geometry["semantics"]["surfaces"]
         kinds = [surfaces[number] for number in geometry["semantics"]["values"][0]]
         (shell,) = geometry["boundaries"]
         solid = Solid(*faces_of_shell(shell, vertices), tuple(kind["type"] for kind in kinds))
         roofs = tuple(kind for kind in kinds if kind["type"] == ROOF_SURFACE)
-        return CityFeature(building["attributes"], geometry["lod"], solid, roofs)
+        return CityFeature(name, building["attributes"], extent, geometry["lod"], solid, roofs)
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise _no_feature(line, error) from error
 

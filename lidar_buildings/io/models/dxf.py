@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.roof_lines import KINDS
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid, ring_edges
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, ring_edges
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
 from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
@@ -34,13 +34,9 @@ _LEAST_BULGE = 20.0
 
 
 class ArcRing(NamedTuple):
-    """A ring of straight and curved segments."""
+    """The segments of a ring: the rows at which they begin, ascending, and their bulges."""
 
-    #: The ring's vertices at which a segment begins, ascending; it ends where the next one begins. Shape
-    #: (n_segments,).
     rows: NDArray[np.int64]
-    #: Tangent of a quarter of the angle that the segment sweeps, as drawings have it: 0 for straight ones,
-    #: positive where the arc turns left, at most about 1 (half a circle), shape (n_segments,).
     bulges: NDArray[np.float64]
 
 
@@ -50,7 +46,8 @@ def ring_arcs(ring: NDArray[np.float64]) -> ArcRing:
 
     Consecutive edges of one length that turn by one angle are the chords of an arc: regularised outlines draw
     theirs so. What differs by more than rounding to float32, which messages carry, is left as it is, and so
-    are polygons with few sides.
+    are polygons with few sides. A bulge is the tangent of a quarter of the angle that a segment sweeps, 0 for
+    a straight one, positive to the left, at most about 1 (half a circle).
     """
     n = len(ring)
     precision = float(np.spacing(np.float32(np.abs(ring).max(initial=1.0))))
@@ -89,7 +86,6 @@ def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, f
 
 
 def _turns(step: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle by which a ring turns at each vertex, −π to π, positive to the left [rad]."""
     before = np.roll(step, 1, axis=0)
     cross = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
     return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, step)))
@@ -145,108 +141,11 @@ _UNITS = {1.0: (6, 1), FOOT: (2, 0), US_SURVEY_FOOT: (21, 0)}
 _ENTITIES = "  0\nSECTION\n  2\nENTITIES\n"
 
 
-class DxfEntities:
-    """Writes entities one after the other, each with a handle of its own."""
-
-    def __init__(self) -> None:
-        self.next_handle = _FIRST_HANDLE
-
-    def face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
-        """Return a face of three or four corners in one plane; edges to the next corner may be `hidden`."""
-        # three corners are written as four, of which the last two are one
-        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners[:3]
-        dx, dy, dz = corners[-1]
-        mark = ""
-        if any(hidden):
-            # with three corners the last edge is the fourth, and the third has no length
-            flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one) | 8 * hidden[-1]
-            mark = f" 70\n{flags}\n"
-        return (
-            f"{self._begun('3DFACE', layer)}100\nAcDbFace\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n"
-            f" 11\n{bx}\n 21\n{by}\n 31\n{bz}\n 12\n{cx}\n 22\n{cy}\n 32\n{cz}\n"
-            f" 13\n{dx}\n 23\n{dy}\n 33\n{dz}\n{mark}{data}"
-        )
-
-    def closed_polyline(
-        self, layer: str, corners: Sequence[CornerText], bulges: Sequence[float], elevation: float, data: str
-    ) -> str:
-        """
-        Return a closed polyline of lines and arcs in a horizontal plane, its corners open.
-
-        A bulge is the tangent of a quarter of a segment's angle, 0 for a line; `data` is what `extended_data`
-        returns.
-        """
-        places = "".join(
-            f" 10\n{x}\n 20\n{y}\n" + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
-            for (x, y, _), bulge in zip(corners, bulges, strict=True)
-        )
-        begun = self._begun("LWPOLYLINE", layer)
-        height = f" 38\n{coordinate_text(elevation)}\n"
-        return f"{begun}100\nAcDbPolyline\n 90\n{len(corners)}\n 70\n1\n{height}{places}{data}"
-
-    def line(self, layer: str, start: CornerText, end: CornerText, data: str) -> str:
-        """Return a straight line."""
-        (ax, ay, az), (bx, by, bz) = start, end
-        begun = self._begun("LINE", layer)
-        return (
-            f"{begun}100\nAcDbLine\n 10\n{ax}\n 20\n{ay}\n 30\n{az}\n 11\n{bx}\n 21\n{by}\n 31\n{bz}\n{data}"
-        )
-
-    def point(self, layer: str, place: CornerText, data: str) -> str:
-        """Return a point."""
-        x, y, z = place
-        begun = self._begun("POINT", layer)
-        return f"{begun}100\nAcDbPoint\n 10\n{x}\n 20\n{y}\n 30\n{z}\n{data}"
-
-    def extended_data(self, texts: Sequence[str]) -> str:
-        """Return texts as the data of an entity."""
-        lines = chain.from_iterable(("1000\n", _plain(text), "\n") for text in texts)
-        return f"1001\n{APPLICATION}\n" + "".join(lines)
-
-    def _begun(self, kind: str, layer: str) -> str:
-        handle = self.next_handle
-        self.next_handle += 1
-        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{_OWNER}\n100\nAcDbEntity\n  8\n{layer}\n"
-
-
-def corner_texts(corners: NDArray[np.float64]) -> list[CornerText]:
-    """Return corners, shape (n, 3), as text."""
-    rounded = np.round(corners, _DECIMALS) + 0.0  # no minus zero
-    x, y, z = (map(repr, column) for column in rounded.T.tolist())
-    return list(zip(x, y, z, strict=True))
-
-
-def coordinate_text(coordinate: float) -> str:
-    """Return a coordinate as text, the same for the same value everywhere."""
-    return repr(round(coordinate, _DECIMALS) + 0.0)  # no minus zero
-
-
 def _plain(text: str) -> str:
     """Return a text on one line in ASCII; other characters are written by their number, as DXF has it."""
     line = " ".join(text.split())
     plain = "".join(c if c.isascii() else f"\\U+{ord(c):04X}" if ord(c) < 0x10000 else "?" for c in line)
     return plain[:_LONGEST_TEXT]
-
-
-class DxfFrame(NamedTuple):
-    """The text around the entities."""
-
-    #: What to write before the first and behind the last entity.
-    before: str
-    after: str
-    #: Where in `before` the next free handle stands, of eight digits: known when all entities are written.
-    seed_at: int
-
-
-def dxf_frame(metres_per_unit: float) -> DxfFrame:
-    """Return the frame of a drawing, the same at any time; units that have no number stay unnamed."""
-    unit, metric = next(
-        (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
-    )
-    before, entities, after = EMPTY.read_text(encoding="ascii").partition(_ENTITIES)
-    for name, value in (("MEASUREMENT", metric), ("INSUNITS", unit), ("HANDSEED", f"{_FIRST_HANDLE:X}")):
-        before = re.sub(rf"(\${name}\n.*\n).*", rf"\g<1>{value}", before)
-    return DxfFrame(before + entities, after, before.index(f"{_FIRST_HANDLE:X}"))
 
 
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
@@ -269,89 +168,120 @@ def dxf_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory. The file
     appears when the block ends well; OutputError if it cannot be written.
     """
-    around = dxf_frame(heading.frame.horizontal_unit)
+    before, after = _around(heading.frame.horizontal_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
-        file.write(around.before.encode("ascii"))
-        entities = DxfEntities()
-        yield _Drawing(file, entities, heading.frame).add
-        file.write(around.after.encode("ascii"))
-        file.seek(around.seed_at)
-        file.write(f"{entities.next_handle:X}".encode("ascii"))
+        file.write(before.encode("ascii"))
+        drawing = _Drawing(file, heading.frame)
+        yield drawing.add
+        file.write(after.encode("ascii"))
+        # the next free handle has as many digits as the first
+        file.seek(before.index(f"{_FIRST_HANDLE:X}"))
+        file.write(f"{drawing.next_handle:X}".encode("ascii"))
+
+
+def _around(metres_per_unit: float) -> tuple[str, str]:
+    unit, metric = next(
+        (found for metres, found in _UNITS.items() if is_same_unit(metres, metres_per_unit)), (0, 1)
+    )
+    before, entities, after = EMPTY.read_text(encoding="ascii").partition(_ENTITIES)
+    for name, value in (("MEASUREMENT", metric), ("INSUNITS", unit), ("HANDSEED", f"{_FIRST_HANDLE:X}")):
+        before = re.sub(rf"(\${name}\n.*\n).*", rf"\g<1>{value}", before)
+    return before + entities, after
 
 
 class _Drawing:
-    """Draws buildings one after the other."""
+    """Draws buildings one after the other; each entity has a handle of its own."""
 
-    def __init__(self, file: BinaryIO, entities: DxfEntities, frame: MapFrame) -> None:
-        self._file = file
-        self._entities = entities
-        self._frame = frame
+    def __init__(self, file: BinaryIO, frame: MapFrame) -> None:
+        self._file, self._frame = file, frame
+        self.next_handle = _FIRST_HANDLE
 
-    def add(self, building: SurveyBuilding | TerrainMesh) -> None:
+    def add(self, one: SurveyBuilding | TerrainMesh) -> None:
         """Draw a building, or a piece of the terrain."""
-        if isinstance(building, TerrainMesh):
-            self._file.writelines(text.encode("ascii") for text in self._terrain(building))
-            return
-        parts = self._outline(building)
-        if building.solid is not None:
-            parts += self._faces(building, building.solid)
-            parts += self._lines(building)
-        self._file.write("".join(parts).encode("ascii"))
+        if isinstance(one, TerrainMesh):
+            entities = self._terrain(one)
+        else:
+            entities = chain(self._outline(one), self._faces(one), self._lines(one))
+        self._file.writelines(text.encode("ascii") for text in entities)
 
-    def _outline(self, building: SurveyBuilding) -> list[str]:
+    def _outline(self, building: SurveyBuilding) -> Iterator[str]:
         """Draw a building's rings at the ground; a point where there is no ring."""
         known = [one for one in (building.outline, building.traced) if one and len(one.exterior)]
         if not known:
-            return []
+            return
         outline = known[0]
-        data = self._entities.extended_data([building.readable_id, *_known_attributes(building.attributes)])
-        ground = building.attributes.get("ground_elevation") or 0.0
-        drawn = []
+        data = _extended_data([building.readable_id, *_known_attributes(building.attributes)])
+        ground = repr(round(building.attributes.get("ground_elevation") or 0.0, _DECIMALS) + 0.0)
         for layer, ring in zip((OUTLINE, *(COURTYARD,) * len(outline.holes)), outline.rings, strict=True):
-            places = self._corners(ring)
+            corners = self._corners(ring)
             if len(ring) >= 3:
                 rows, bulges = ring_arcs(ring)
-                corners = [places[k] for k in rows.tolist()]
-                drawn.append(self._entities.closed_polyline(layer, corners, bulges.tolist(), ground, data))
+                places = "".join(
+                    f" 10\n{corners[k][0]}\n 20\n{corners[k][1]}\n"
+                    + (f" 42\n{round(bulge, _DECIMALS_OF_BULGES)!r}\n" if bulge else "")
+                    for k, bulge in zip(rows.tolist(), bulges.tolist(), strict=True)
+                )
+                closed = f" 90\n{len(rows)}\n 70\n1\n 38\n{ground}\n"
+                yield self._entity("LWPOLYLINE", layer, f"AcDbPolyline\n{closed}{places}{data}")
             elif layer == OUTLINE:
-                x, y, _ = places[0]
-                drawn.append(self._entities.point(layer, (x, y, coordinate_text(ground)), data))
-        return drawn
+                yield self._entity("POINT", layer, f"AcDbPoint\n{_places((*corners[0][:2], ground))}{data}")
 
-    def _faces(self, building: SurveyBuilding, solid: Solid) -> list[str]:
+    def _faces(self, building: SurveyBuilding) -> Iterator[str]:
         """Draw a solid's faces; edges within a face are hidden."""
-        data = self._entities.extended_data([building.readable_id])
+        solid = building.solid
+        if solid is None:
+            return
+        data = _extended_data([building.readable_id])
         corners = self._corners(solid.vertices)
         layers = {kind: layer_name(building.lod, kind) for kind in _SURFACES}
-        drawn = []
         for face, pieces, kind in zip(solid.faces, building.pieces, solid.semantics, strict=True):
             seen = {edge for ring in face for edge in ring_edges(ring)} if len(pieces) > 1 else None
             for rows in pieces:
                 hidden = [] if seen is None else [edge not in seen for edge in ring_edges(rows)]
-                drawn.append(self._entities.face(layers[kind], [corners[k] for k in rows], data, hidden))
-        return drawn
+                yield self._face(layers[kind], [corners[k] for k in rows], data, hidden)
 
-    def _lines(self, building: SurveyBuilding) -> list[str]:
-        """Draw the lines of a building's roof."""
-        data = self._entities.extended_data([building.readable_id])
-        ends = np.array([line.ends for line in building.lines]).reshape(-1, 3)
-        corners = self._corners(ends)
-        return [
-            self._entities.line(LINES[line.kind], start, end, data)
-            for line, start, end in zip(building.lines, corners[::2], corners[1::2], strict=True)
-        ]
+    def _lines(self, building: SurveyBuilding) -> Iterator[str]:
+        data = _extended_data([building.readable_id])
+        corners = self._corners(np.array([line.ends for line in building.lines]).reshape(-1, 3))
+        for line, start, end in zip(building.lines, corners[::2], corners[1::2], strict=True):
+            yield self._entity("LINE", LINES[line.kind], f"AcDbLine\n{_places(start, end)}{data}")
 
     def _terrain(self, mesh: TerrainMesh) -> Iterator[str]:
-        data = self._entities.extended_data([mesh.name])
+        data = _extended_data([mesh.name])
         corners = self._corners(mesh.vertices)
         for rows in mesh.triangles.tolist():
-            yield self._entities.face(TERRAIN, [corners[k] for k in rows], data, [])
+            yield self._face(TERRAIN, [corners[k] for k in rows], data, [])
+
+    def _face(self, layer: str, corners: Sequence[CornerText], data: str, hidden: Sequence[bool]) -> str:
+        """Return a face of three or four corners; edges to the next corner may be `hidden`."""
+        mark = ""
+        if any(hidden):
+            # with three corners the last edge is the fourth, and the third has no length
+            flags = sum(1 << k for k, one in enumerate(hidden[:-1]) if one) | 8 * hidden[-1]
+            mark = f" 70\n{flags}\n"
+        # three corners are written as four, of which the last two are one
+        return self._entity("3DFACE", layer, f"AcDbFace\n{_places(*corners[:3], corners[-1])}{mark}{data}")
+
+    def _entity(self, kind: str, layer: str, content: str) -> str:
+        handle = self.next_handle
+        self.next_handle += 1
+        return f"  0\n{kind}\n  5\n{handle:X}\n330\n{_OWNER}\n100\nAcDbEntity\n  8\n{layer}\n100\n{content}"
 
     def _corners(self, vertices: NDArray[np.float64]) -> list[CornerText]:
-        """Return vertices of 2 or 3 coordinates as text, in source coordinates."""
         full = np.zeros((len(vertices), 3))
         full[:, : vertices.shape[1]] = vertices
-        return corner_texts(self._frame.to_source(full))
+        rounded = np.round(self._frame.to_source(full), _DECIMALS) + 0.0  # no minus zero
+        x, y, z = (map(repr, column) for column in rounded.T.tolist())
+        return list(zip(x, y, z, strict=True))
+
+
+def _places(*corners: CornerText) -> str:
+    return "".join(f" 1{k}\n{x}\n 2{k}\n{y}\n 3{k}\n{z}\n" for k, (x, y, z) in enumerate(corners))
+
+
+def _extended_data(texts: Sequence[str]) -> str:
+    lines = "".join(f"1000\n{_plain(text)}\n" for text in texts)
+    return f"1001\n{APPLICATION}\n{lines}"
 
 
 def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:

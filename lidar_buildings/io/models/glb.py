@@ -118,7 +118,6 @@ def glb(
 
 
 def _primitive(corners: NDArray[Any], buffer: _Buffer, accessors: list[dict[str, Any]]) -> dict[str, Any]:
-    """Store triangles; return how they are drawn."""
     view = buffer.add(corners.tobytes(), byteStride=CORNER.itemsize, target=_ARRAY_BUFFER)
     attributes = {}
     for name, (column, component, kind) in _ACCESSORS.items():

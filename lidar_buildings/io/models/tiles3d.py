@@ -3,7 +3,6 @@ City models as 3D Tiles 1.1: a tree of squares, each with a glTF file of its bui
 
 A building stands in one file only (refinement ``ADD``), the larger it is the higher up in the tree: from afar
 one sees large buildings, and what is missing of a square is smaller than its geometric error says.
-Branches of many squares are tilesets in files of their own.
 """
 
 from __future__ import annotations
@@ -103,7 +102,6 @@ class EarthFrame:
         return np.column_stack([a * away[0] + b * away[1] + c * away[2] for a, b, c in self._axes])
 
     def _geodetic(self, map_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return longitude, latitude [deg] and ellipsoidal height [m]."""
         x, y, z = self._frame.to_source(map_xyz).T
         if self.has_grid and self._spatial is not None:
             return np.column_stack(self._spatial.transform(x, y, z))
@@ -130,8 +128,6 @@ TILESET = "tileset.json"
 _SIDE = 256.0
 #: A square holds what is smaller than this share of its side, and no smaller square does.
 _SHARE = 1.0 / 8.0
-#: A branch of so many tiles becomes a file that viewers load when they come near: 140 kB and more.
-_MOST_TILES = 500
 _FIELDS = {READABLE_ID: str} | BUILDING_FIELDS
 _COLOURS = {kind: linear_colour(colour) for kind, (_, colour) in MATERIALS.items()}
 _TERRAIN_COLOUR = linear_colour(TERRAIN[1])
@@ -165,12 +161,11 @@ class _Mesh(NamedTuple):
 
 
 class _Content(NamedTuple):
-    """A file: where its own coordinates begin, and its box, in east, north and up [m]."""
+    """A file: its name, where its coordinates begin, and its box, in east, north and up [m]."""
 
     name: str
     origin: NDArray[np.float64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    box: NDArray[np.float64]  #: least and greatest coordinates, shape (2, 3)
 
 
 @contextmanager
@@ -194,7 +189,7 @@ def tiles3d_folder(path: Path, heading: ModelHeading) -> Iterator[Add]:
 
         yield add
         contents = {node: _write(folder, node, meshes.of(node), earth) for node in sorted(meshes.places)}
-        _Tree(folder, contents).write(earth)
+        _write_tileset(folder / TILESET, contents, earth)
 
 
 def _building(building: SurveyBuilding) -> _Mesh | None:
@@ -230,7 +225,6 @@ def _largest(level: int) -> float:
 
 
 def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame) -> _Content:
-    """Write the file of a square."""
     held = list(meshes)
     sizes = np.cumsum([len(mesh.vertices) for mesh in held])
     places = earth.local(np.concatenate([mesh.vertices for mesh in held]))
@@ -248,84 +242,64 @@ def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame
     content = glb(np.concatenate([nothing, *buildings]), np.concatenate([nothing, *terrain]), _FIELDS, rows)
     name = f"{node.name}.glb"
     (folder / name).write_bytes(content)
-    return _Content(name, origin, low - _MARGIN, high + _MARGIN)
+    return _Content(name, origin, np.stack([low - _MARGIN, high + _MARGIN]))
 
 
-class _Part(NamedTuple):
-    """A tile, its box [m], and how many tiles its file has below it, it counted."""
-
-    tile: dict[str, Any]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    n_tiles: int
-
-
-class _Tree:
-    """The squares of a tileset that have a file: branches of many squares are tilesets of their own."""
-
-    def __init__(self, folder: Path, contents: dict[_Node, _Content]) -> None:
-        self._folder, self._contents = folder, contents
-        self._children: dict[_Node, set[_Node]] = {}
-
-    def write(self, earth: EarthFrame) -> None:
-        """Write the tree: a root without content above at most four squares, which the map's axes part."""
-        level, squares = 0, {node for node in self._contents if node.level == 0}
-        while len(squares) > 4 or any(node.level > level for node in self._contents):
-            for node in squares:
-                self._children.setdefault(node.parent, set()).add(node)
-            level += 1
-            squares = {node for node in (*self._children, *self._contents) if node.level == level}
-        below = [self._part(node, np.zeros(3)) for node in sorted(squares)]
-        low, high = np.full(3, -1.0), np.full(3, 1.0)
-        if below:
-            low, high = (
-                np.min([one.low for one in below], axis=0),
-                np.max([one.high for one in below], axis=0),
-            )
-        root = {
-            "transform": earth.matrix.T.ravel().tolist(),
-            "boundingVolume": _box(low, high),
-            "geometricError": _largest(level),
-            "refine": "ADD",
-        } | _members(below)
-        self._write_tileset(TILESET, root, _largest(level + 1), {"extras": {"heights": earth.heights}})
-
-    def _part(self, node: _Node, begin: NDArray[np.float64]) -> _Part:
-        """Return a square's tile, or one that refers to its file; `begin`: of its parent's coordinates."""
-        content = self._contents.get(node)
-        origin = begin if content is None else content.origin
-        below = [self._part(child, origin) for child in sorted(self._children.get(node, ()))]
-        boxes = [(one.low, one.high) for one in below]
-        if content is not None:
-            boxes.append((content.low, content.high))
-        low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
-        tile: dict[str, Any] = {}
-        if content is not None:
-            shift = np.eye(4)
-            shift[:3, 3] = origin - begin
-            tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
-        tile["boundingVolume"] = _box(low - origin, high - origin)
-        tile["geometricError"] = _largest(node.level - 1) if below else 0.0
-        tile |= _members(below)
-        n_tiles = 1 + sum(one.n_tiles for one in below)
-        if n_tiles < _MOST_TILES:
-            return _Part(tile, low, high, n_tiles)
-        name, error = f"{node.name}.json", _largest(node.level)
-        self._write_tileset(name, {"refine": "ADD"} | tile, error, {})
-        outer = {"boundingVolume": _box(low - begin, high - begin), "geometricError": error}
-        return _Part(outer | {"content": {"uri": name}}, low, high, 1)
-
-    def _write_tileset(self, name: str, root: dict[str, Any], error: float, more: dict[str, Any]) -> None:
-        asset = {"version": "1.1", "generator": f"lidar_buildings {__version__}"} | more
-        tileset = {"asset": asset, "geometricError": error, "root": root}
-        (self._folder / name).write_text(f"{compact_json(tileset)}\n", encoding="utf-8")
+def _write_tileset(path: Path, contents: dict[_Node, _Content], earth: EarthFrame) -> None:
+    """Write the tree: a root without content above at most four squares, which the map's axes part."""
+    children: dict[_Node, set[_Node]] = {}
+    level, squares = 0, {node for node in contents if node.level == 0}
+    while len(squares) > 4 or any(node.level > level for node in contents):
+        for node in squares:
+            children.setdefault(node.parent, set()).add(node)
+        level += 1
+        squares = {node for node in (*children, *contents) if node.level == level}
+    below = [_tile(node, contents, children, np.zeros(3)) for node in sorted(squares)]
+    root = {
+        "transform": earth.matrix.T.ravel().tolist(),
+        "boundingVolume": _box([box for _, box in below] or [np.array([[-1.0] * 3, [1.0] * 3])]),
+        "geometricError": _largest(level),
+        "refine": "ADD",
+    } | _members(below)
+    asset = {
+        "version": "1.1",
+        "generator": f"lidar_buildings {__version__}",
+        "extras": {"heights": earth.heights},
+    }
+    tileset = {"asset": asset, "geometricError": _largest(level + 1), "root": root}
+    path.write_text(f"{compact_json(tileset)}\n", encoding="utf-8")
 
 
-def _members(below: list[_Part]) -> dict[str, Any]:
-    return {"children": [one.tile for one in below]} if below else {}
+def _tile(
+    node: _Node,
+    contents: dict[_Node, _Content],
+    children: dict[_Node, set[_Node]],
+    begin: NDArray[np.float64],
+) -> tuple[dict[str, Any], NDArray[np.float64]]:
+    """Return a square's tile and its box; `begin` is where its parent's coordinates begin [m]."""
+    content, tile = contents.get(node), dict[str, Any]()
+    origin = begin if content is None else content.origin
+    below = [_tile(child, contents, children, origin) for child in sorted(children.get(node, ()))]
+    boxes = [box for _, box in below]
+    if content is not None:
+        boxes.append(content.box)
+        shift = np.eye(4)
+        shift[:3, 3] = origin - begin
+        tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
+    tile["boundingVolume"] = _box(boxes, origin)
+    tile["geometricError"] = _largest(node.level - 1) if below else 0.0
+    low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))
+    return tile | _members(below), np.stack([low, high])
 
 
-def _box(low: NDArray[np.float64], high: NDArray[np.float64]) -> dict[str, list[float]]:
-    """Return a box along the axes: its middle and its half axes."""
+def _members(below: list[tuple[dict[str, Any], NDArray[np.float64]]]) -> dict[str, Any]:
+    return {"children": [tile for tile, _ in below]} if below else {}
+
+
+def _box(
+    boxes: list[NDArray[np.float64]], origin: NDArray[np.float64] | float = 0.0
+) -> dict[str, list[float]]:
+    """Return a box along the axes round all of some, seen from a place: its middle and its half axes."""
+    low, high = np.min(boxes, axis=(0, 1)) - origin, np.max(boxes, axis=(0, 1)) - origin
     x, y, z = ((high - low) / 2.0).tolist()
     return {"box": [*((low + high) / 2.0).tolist(), x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]}

@@ -147,7 +147,6 @@ def write_clouds(
 
 
 def _write_cloud(job: _Job) -> WrittenCloud:
-    """Write one input's file; return what was written, or why it is impossible."""
     table = job.folder / PARTIAL / f"{job.number}.results"
     try:
         check_unchanged(job.input)

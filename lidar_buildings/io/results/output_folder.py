@@ -243,7 +243,6 @@ class OutputFolder:
             return *write(self.path, buildings, formats, heading, terrain), remarks
 
     def _footprint_record(self, n_buildings: int) -> dict[str, Any]:
-        """Return what is told of given footprints, with the number of those that lie outside the data."""
         if self._footprints is None:
             return {}
         record = self._footprints.record

@@ -235,7 +235,6 @@ def _clear(path: Path) -> None:
 
 
 def _read(path: Path) -> Any:
-    """Read a JSON file; None if there is none that can be read."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):

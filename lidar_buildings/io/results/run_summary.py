@@ -9,18 +9,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from lidar_buildings import __version__
-from lidar_buildings.core.model.classes import CLASS_GROUPS, ON_TERRAIN, PointClass
+from lidar_buildings.core.model.classes import CLASS_GROUPS, PointClass
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 
-#: What points are, in a reader's words, if there is no building; the rest is "other".
-_KINDS = {
-    "ground": (PointClass.GROUND, *(number for group in ON_TERRAIN for number in CLASS_GROUPS[group])),
-    "vegetation or low walls": (
-        PointClass.LOW_VEGETATION,
-        PointClass.MEDIUM_VEGETATION,
-        PointClass.HIGH_VEGETATION,
-    ),
-}
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj", "rasterio",
 )  # fmt: skip
@@ -59,22 +50,17 @@ class RunSummary:
 
     @property
     def why_no_building(self) -> str:
-        """What the points are of a run that was to find buildings and found none, empty if it did."""
+        """What to do about a run that was to find buildings and found none, empty if it did."""
         if self.buildings or not self.n_points or FORMAT_FILES["gpkg"][0] not in self.files:
             return ""
-        numbers = {kind: sum(self.classes.get(one, 0) for one in codes) for kind, codes in _KINDS.items()}
-        numbers["walls"] = self.n_facade
-        numbers["roof, too little of it"] = self.classes.get(PointClass.BUILDING, 0) - self.n_facade
-        numbers["other"] = self.n_points - sum(numbers.values())
-        shares = {kind: 100.0 * number / self.n_points for kind, number in numbers.items()}
-        told = ", ".join(f"{share:.0f} % {kind}" for kind, share in shares.items() if share >= 0.5)
+        roof = self.classes.get(PointClass.BUILDING, 0) - self.n_facade
         aside = ", ".join(f"{n:,} {name}" for name, n in self.set_aside.items())
         kept = f"; set aside by their class: {aside} (ground_filter.kept_classes)" if aside else ""
-        seen = "" if numbers["roof, too little of it"] else ", no roof seen"
         return (
-            f"no building was found: of {self.n_points:,} points {told}{seen}: roofs show from above, "
-            "a vehicle sees walls only; points of roofs alone need ground_filter.method=none "
-            f"(doc/data_requirements.md); `lidar-buildings explain DIR X,Y` says why at a place{kept}"
+            f"no building was found: of {self.n_points:,} points {roof:,} are roof, too few for one, and "
+            f"{self.n_facade:,} are walls: roofs show from above, a vehicle sees walls only; points of roofs "
+            "alone need ground_filter.method=none (doc/data_requirements.md); `lidar-buildings explain DIR "
+            f"X,Y` says why at a place{kept}"
         )
 
 

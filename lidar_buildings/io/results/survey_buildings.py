@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +16,6 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.io.files.atomic_files import Waiting, compact_json, writing
 from lidar_buildings.io.models.cityjson import CityFeature, load_feature, parse_feature
 from lidar_buildings.io.models.survey_building import SurveyBuilding, in_source_units
@@ -29,35 +25,23 @@ from lidar_buildings.io.results.tile_products import Shapes
 _FOOTPRINT_ID = "footprint_id"
 #: Ids differ within twice this distance [m].
 _NEAR = 16_000.0
-#: A line's id, building id and finest level of detail, as `feature_line` writes them.
-_NAME, _NUMBER = re.compile(r'"id":"([^"]*)"'), re.compile(r'"building_id":(\d+)')
-_LEVEL = re.compile(r'"lod":"([^"]*)"')
 #: A building of which this share lies within a larger one of another tile is a piece of that one;
 #: wide margin: pieces lie within it entirely, neighbours not at all.
 _PIECE_SHARE = 0.5
 
 
-@dataclass(frozen=True, eq=False)
-class _Entry:
+class _Entry(NamedTuple):
     """What is kept in memory of a building."""
 
-    traced: Outline | None
-    outline: Outline | None
+    place: NDArray[np.float64]  #: somewhere on the building, the map's origin where nothing tells [m]
+    bounds: NDArray[np.float64] | None  #: of its outline in plan
     extent: NDArray[np.float64] | None  #: of its solids, None if there are none, see `SurveyBuildings`
-    lod: str | None  #: the finest level of detail, None or empty if there are no solids
-
-    @property
-    def place(self) -> NDArray[np.float64]:
-        """Somewhere on the building, the map's origin where nothing tells [m]."""
-        outline = self.outline or self.traced
-        if outline is not None and len(outline.exterior):
-            return outline.exterior[0]
-        return np.zeros(2) if self.extent is None else self.extent[0, :2]
+    lod: str  #: the finest level of detail, empty if there are no solids
 
 
 class SurveyBuildings:
     """
-    Collects buildings tile by tile, but for some; the models wait in a file until they are asked for.
+    Collects buildings tile by tile, but for some; they wait in a file until they are asked for.
 
     `footprint_id` leads from a building id to what the file of footprints calls it, which becomes one of the
     building's attributes; None where outlines were traced. OutputError if the file cannot be written.
@@ -79,19 +63,15 @@ class SurveyBuildings:
         self._path = path
         with writing(self._path):
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
-        self._lines: Waiting[tuple[int, str], str] = Waiting(self._file)
-
-    def close(self) -> None:
-        """Close the file of lines."""
-        # what could not be written was said when the tile was added, and closing tries to write it again
-        with suppress(OSError):
-            self._file.close()
+        self._waiting: Waiting[tuple[int, str], SurveyBuilding] = Waiting(self._file)
 
     def __enter__(self) -> SurveyBuildings:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        # what could not be written was said when the tile was added, and closing tries to write it again
+        with suppress(OSError):
+            self._file.close()
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -99,14 +79,13 @@ class SurveyBuildings:
     @property
     def extent(self) -> NDArray[np.float64] | None:
         """Least and greatest coordinates of all solids, shape (2, 3) [m], None if there are none."""
-        return _extent_of([np.empty((0, 3)), *self._extents()])
+        return _extent_of([one.extent for one in self._entries.values()])
 
     @property
     def bounds(self) -> NDArray[np.float64] | None:
         """The same of outlines and solids in plan, shape (2, 2)."""
-        outlines = (one.outline or one.traced for one in self._entries.values())
-        exteriors = (one.exterior for one in outlines if one is not None)
-        return _extent_of([np.empty((0, 2)), *exteriors, *(one[:, :2] for one in self._extents())])
+        extents = [one.extent[:, :2] for one in self._entries.values() if one.extent is not None]
+        return _extent_of([*(one.bounds for one in self._entries.values()), *extents])
 
     @property
     def levels(self) -> Counter[str]:
@@ -134,26 +113,24 @@ class SurveyBuildings:
         """
         traced = {one.building_id: one.outline for one in shapes.traced}
         outlines = {one.building_id: one.outline for one in shapes.outlines}
-        models = {head.building_id: head for head in map(_head_of, map(self._named, shapes.features))}
+        named = [(line, parse_feature(line)) for line in map(self._named, shapes.features)]
+        models = {int(feature.attributes["building_id"]): (line, feature) for line, feature in named}
         with writing(self._path):
             for number in sorted((traced.keys() | outlines.keys() | models.keys()) - self._without):
-                before, after, model = traced.get(number), outlines.get(number), models.get(number)
-                key = number, model.readable_id if model else self._name_of(number, before or after)
+                before, after = traced.get(number), outlines.get(number)
+                line, feature = models.get(number) or ("", self._without_model(number, before, after))
+                key = number, feature.readable_id
                 if key not in self._entries and self._is_new(number, before or after):
-                    self._entries[key] = _Entry(before, after, model and model.extent, model and model.lod)
-                    if model:
-                        self._lines.add(key, model.line)
+                    self._entries[key] = _entry(after or before, feature)
+                    name, attributes, _, *model = feature
+                    building = SurveyBuilding(number, name, before, after, line, attributes, *model)
+                    self._waiting.add(key, building)
             self._file.flush()
 
     def __iter__(self) -> Iterator[SurveyBuilding]:
         """Yield the buildings by id and name, one at a time."""
-        for number, name in sorted(self._entries):
-            entry, line = self._entries[number, name], next(self._lines.of((number, name)), "")
-            feature = parse_feature(line) if line else CityFeature(self._attributes(number, entry.outline))
-            yield SurveyBuilding(number, name, entry.traced, entry.outline, line, *feature)
-
-    def _extents(self) -> Iterator[NDArray[np.float64]]:
-        return (one.extent for one in self._entries.values() if one.extent is not None)
+        for key in sorted(self._entries):
+            yield next(self._waiting.of(key))
 
     def _is_new(self, number: int, outline: Outline | None) -> bool:
         """Whether no building with this id came nearby; its name may differ by what was scanned later."""
@@ -185,36 +162,28 @@ class SurveyBuildings:
         places = self.frame.to_source(vertices)
         return readable_id(*places[anchor_row(places)][:2])
 
-    def _attributes(self, number: int, outline: Outline | None) -> dict[str, Any]:
+    def _without_model(self, number: int, before: Outline | None, after: Outline | None) -> CityFeature:
         """Return what the outline alone tells in a run without models."""
-        known: dict[str, Any] = {"area": outline.area} if outline else {}
+        known: dict[str, Any] = {"area": after.area} if after else {}
         if self._footprint_id is not None:
             known[_FOOTPRINT_ID] = self._footprint_id.get(number, "")
-        return in_source_units(known, self.frame)
+        name = self._name_of(number, before or after)
+        return CityFeature(name, in_source_units(known, self.frame))
 
 
-def _extent_of(places: Sequence[NDArray[np.float64]]) -> NDArray[np.float64] | None:
-    """Return least and greatest coordinates of places, None if there are none."""
-    all_places = np.concatenate(places)
-    return np.stack([all_places.min(axis=0), all_places.max(axis=0)]) if len(all_places) else None
+def _entry(outline: Outline | None, feature: CityFeature) -> _Entry:
+    exterior = np.empty((0, 2)) if outline is None else outline.exterior
+    extent = feature.extent
+    place = exterior[0] if len(exterior) else np.zeros(2) if extent is None else extent[0, :2]
+    return _Entry(place, _extent_of([exterior]), extent, feature.lod)
 
 
-class _Head(NamedTuple):
-    """What must be known of a line to find it again, and the extent of its vertices."""
-
-    building_id: int
-    readable_id: str
-    line: str
-    extent: NDArray[np.float64] | None  #: as of `_Entry`
-    lod: str
-
-
-def _head_of(line: str) -> _Head:
-    """Read who a line is of and where its solids are: of all its JSON the vertices alone, its last member."""
-    start, _, end = line.rpartition(',"vertices":')
-    vertices = np.array(json.loads(end[:-1]), dtype=np.float64).reshape(-1, 3) * GRID
-    level, name, number = (re.search(pattern, start) for pattern in (_LEVEL, _NAME, _NUMBER))
-    return _Head(int(number[1]), name[1], line, _extent_of([vertices]), level[1] if level else "")  # type: ignore[index]
+def _extent_of(places: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+    known = [one for one in places if one is not None and len(one)]
+    if not known:
+        return None
+    all_places = np.concatenate(known)
+    return np.stack([all_places.min(axis=0), all_places.max(axis=0)])
 
 
 def seam_pieces(tiles: Sequence[Sequence[BuildingOutline]]) -> set[int]:

@@ -176,7 +176,6 @@ class GeotiffWriter:
 
 
 def _refusal(path: Path, error: Exception) -> OutputError:
-    """Return the error of a file that cannot be written, with the system's message where there is one."""
     code = getattr(error, "errno", None)
     return write_error(path, OSError(code, os.strerror(code)) if code else error)
 

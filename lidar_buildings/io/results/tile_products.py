@@ -125,7 +125,6 @@ class Shapes(NamedTuple):
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open a saved tile for reading, in one thread at a time."""
     with _READING, np.load(path) as held:
         yield held
 

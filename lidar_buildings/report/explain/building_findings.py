@@ -1,4 +1,4 @@
-"""How a building came about: walls, holes and necks of its outline; planes, points and lines of its roof."""
+"""How a building came about: walls and holes of its outline; planes, points and lines of its roof."""
 
 from __future__ import annotations
 
@@ -24,27 +24,8 @@ from lidar_buildings.report.explain.finding import Finding, Limits, Site
 from lidar_buildings.report.result_folder import ReportedBuilding
 
 _NOISE = ("regularisation.noise", "regularisation.wall_cost", "regularisation.min_step")
-_JOINED = ("segmentation.window", "segmentation.min_neck", "segmentation.split_at_steps")
-#: As many walls are told of.
-_MOST_WALLS = 6
 #: Walls shorter than so many spacings are detail that chance may have made, and so many of them are jagged.
 _SHORT, _JAGGED = 3.0, 0.35
-#: A traced corner so many times further from its wall than it may scatter may be a lost corner.
-_FAR = 6.0
-#: The widest neck that is looked for [m].
-_WIDEST = 8.0
-
-
-class Wall(NamedTuple):
-    """A straight piece of an outline."""
-
-    #: [m], 0 to 180 from north, clockwise.
-    length: float
-    direction_deg: float
-    n_traced: int  #: corners of the traced ring that lie nearest to it
-    #: Mean and greatest distance of these, positive outside [m].
-    moved: float
-    worst: float
 
 
 def outline_findings(building: ReportedBuilding, spacing: float, limits: Limits) -> Iterator[Finding]:
@@ -59,7 +40,16 @@ def outline_findings(building: ReportedBuilding, spacing: float, limits: Limits)
     if building.status == "traced_outline":
         yield Finding("The outline is the traced ring: it could not be regularised.", _NOISE)
     if traced is not None and not traced.is_empty:
-        yield from _moves(outline, traced, limits)
+        n_traced = len(traced.exterior.coords) - 1
+        yield Finding(
+            f"Traced with {n_traced} corners and {counted(len(traced.interiors), 'courtyard')}; "
+            f"walls may leave out what scatters by {limits.value('regularisation.noise'):.2f} m."
+        )
+        if len(traced.interiors) != n_holes:
+            yield Finding(
+                f"Traced with {counted(len(traced.interiors), 'courtyard')}, of which {n_holes} kept.",
+                ("boundary_tracing.min_courtyard_area",),
+            )
     walls = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
     n_short = int((walls < _SHORT * spacing).sum())
     if n_short > _JAGGED * len(walls):
@@ -68,71 +58,6 @@ def outline_findings(building: ReportedBuilding, spacing: float, limits: Limits)
             f"({_SHORT:g} spacings).",
             (*_NOISE, "regularisation.bridge_concavities", "boundary_tracing.window"),
         )
-    yield from _necks(outline, limits)
-
-
-def walls_of(outline: shapely.Polygon, traced: shapely.Polygon) -> list[Wall]:
-    """Return the walls of an outline's outer ring with the corners of the traced ring that are theirs."""
-    start = shapely.get_coordinates(outline.exterior)[:-1]
-    end = np.roll(start, -1, axis=0)
-    ring = shapely.points(shapely.get_coordinates(traced.exterior)[:-1])
-    lines = shapely.linestrings(np.stack([start, end], axis=1))
-    distance = shapely.distance(lines[None, :], ring[:, None])
-    nearest = distance.argmin(axis=1)
-    far = distance.min(axis=1) * np.where(shapely.contains(outline, ring), -1.0, 1.0)
-    step = end - start
-    direction = np.degrees(np.arctan2(step[:, 0], step[:, 1])) % 180.0
-    found = []
-    for wall, length in enumerate(np.linalg.norm(step, axis=1).tolist()):
-        own = far[nearest == wall]
-        worst = float(own[np.abs(own).argmax()]) if len(own) else 0.0
-        mean = float(own.mean()) if len(own) else 0.0
-        found.append(Wall(length, float(direction[wall]), len(own), mean, worst))
-    return found
-
-
-def _moves(outline: shapely.Polygon, traced: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
-    walls = walls_of(outline, traced)
-    n_traced = len(traced.exterior.coords) - 1
-    noise = limits.value("regularisation.noise")
-    yield Finding(
-        f"Traced with {n_traced} corners and {counted(len(traced.interiors), 'courtyard')}; "
-        f"walls may leave out what scatters by {noise:.2f} m."
-    )
-    for wall in sorted(walls, key=lambda one: abs(one.worst), reverse=True)[:_MOST_WALLS]:
-        if wall.n_traced and abs(wall.worst) > noise:
-            side = "outside" if wall.worst > 0 else "inside"
-            yield Finding(
-                f"  wall of {wall.length:.1f} m, {wall.direction_deg:.0f}°: {wall.n_traced} traced corners, "
-                f"{wall.moved:+.2f} m on average, at most {abs(wall.worst):.2f} m {side} of it",
-                ("regularisation.noise", "regularisation.bridge_concavities")
-                if abs(wall.worst) > _FAR * noise
-                else (),
-            )
-    if len(traced.interiors) != len(outline.interiors):
-        n_traced = counted(len(traced.interiors), "courtyard")
-        yield Finding(
-            f"Traced with {n_traced}, of which {len(outline.interiors)} kept.",
-            ("boundary_tracing.min_courtyard_area",),
-        )
-
-
-def _necks(outline: shapely.Polygon, limits: Limits) -> Iterator[Finding]:
-    """Say where an outline is narrow between two parts that could each be a building."""
-    least = limits.value("roof_selection.min_building_area")
-    for width in np.arange(0.5, _WIDEST + 0.1, 0.5):
-        parts = shapely.get_parts(shapely.buffer(outline, -width / 2))
-        # what was taken off all round is given back
-        areas = shapely.area(shapely.buffer(parts, width / 2))
-        large = np.sort(areas[areas >= least])[::-1]
-        if len(large) > 1:
-            told = ", ".join(f"{area:,.0f} m²" for area in large[:4])
-            yield Finding(
-                f"A neck narrower than {width:.1f} m joins parts of {told}: possibly several buildings; "
-                f"necks are cut below {limits.value('segmentation.min_neck'):.2f} m.",
-                _JOINED,
-            )
-            return
 
 
 def shape_of(points: NDArray[np.float64], spacing: float) -> shapely.Geometry:
@@ -154,8 +79,6 @@ _SMALL = ("plane_fitting.min_plane_area", "plane_fitting.min_plane_points")
 _FACES = ("building_model.min_face_area", "plane_fitting.max_plane_distance")
 _BENDING = ("plane_fitting.max_plane_distance", "plane_fitting.max_normal_angle_deg")
 _LAYER = "roof_lines"
-#: As many ridges hint at several houses.
-_RIDGES = 2
 #: Shorter steps are dormers' and chimneys' [m].
 _LONG_STEP = 5.0
 _STEPS = ("segmentation.split_at_steps", "segmentation.min_step_height")
@@ -266,7 +189,6 @@ def _patch_finding(patch: _Patch, where: str, planes: NDArray[np.float64], limit
 
 
 def _grouped(points: NDArray[np.float64], spacing: float) -> Iterator[tuple[float, NDArray[np.intp]]]:
-    """Yield the area and the rows of each group of points that lie together in plan."""
     if len(points) < _FEWEST:
         return
     parts = shapely.get_parts(shape_of(points, spacing))
@@ -302,9 +224,4 @@ def line_findings(path: Path, name: str, unit: float) -> Iterator[Finding]:
             f"Steps of {lengths['step']:.1f} m divide the roof: possibly touching buildings, or planes that "
             "should meet.",
             _STEPS,
-        )
-    elif numbers["ridge"] >= _RIDGES:
-        yield Finding(
-            f"{numbers['ridge']} ridges: possibly several houses; touching houses of one height "
-            "are separated by --footprints only."
         )

@@ -105,7 +105,6 @@ def rejected_at(
 def _rejected_surfaces(
     around: Site, is_rejected: NDArray[np.bool_], spacing: float, limits: Limits
 ) -> Iterator[Finding]:
-    """Say why roof selection keeps groups of high points out."""
     is_known = np.isfinite(around.height)  # those of tiles that failed are not
     around, is_rejected = around.select(is_known), is_rejected[is_known]
     high = around.select(is_rejected)
@@ -134,7 +133,6 @@ def _rejected_surfaces(
 
 
 def _reasons(around: Site, limits: Limits) -> NDArray[np.uint8]:
-    """Return why roof selection takes points for no roof, as `Rejection`."""
     return select_roofs(
         around.points,
         limits.config(RoofSelectionConfig),

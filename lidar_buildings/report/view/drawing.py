@@ -121,7 +121,6 @@ def _show(window: Any, parts: Sequence[Coloured], *, is_first: bool = True) -> N
 
 
 def _geometry(part: Coloured) -> Any:
-    """Return triangles, lines or points as Open3D has them."""
     open3d = _open3d()
     n, n_corners, _ = part.places.shape
     places = open3d.utility.Vector3dVector(part.places.reshape(-1, 3))

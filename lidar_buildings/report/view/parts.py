@@ -96,7 +96,6 @@ def models_of(arrays: ModelArrays, types: Sequence[str], by: str) -> list[Colour
 
 
 def _terrain(relief: Relief) -> Coloured:
-    """Return the terrain as triangles between the middles of known cells."""
     row, column = np.indices(relief.steps.shape)
     x = relief.west + (column + 0.5) * relief.cell[0]
     y = relief.north - (row + 0.5) * relief.cell[1]
@@ -123,7 +122,6 @@ def _outlines(contents: Contents, attribute: str) -> Coloured:
 
 
 def _points(shown: ShownPoints, by: str) -> Coloured:
-    """Return the points, coloured by one of `OF_POINTS`."""
     places = shown.corner + shown.steps * shown.step
     return Coloured(places[:, None], _point_colours(shown, by))
 
@@ -143,7 +141,6 @@ def _point_colours(shown: ShownPoints, by: str) -> _Array:
 
 
 def _most(values: _Array) -> float:
-    """Return what few values lie above."""
     return float(np.percentile(values, 99)) if len(values) else 0.0
 
 

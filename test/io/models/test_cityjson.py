@@ -181,7 +181,7 @@ def test_a_building_without_solid_keeps_its_line_with_the_reason():
     assert feature["vertices"] == []
     assert building["attributes"]["status"] == "degenerate"
     assert building["attributes"]["reason"]
-    assert parse_feature(line_of(model))[1:] == ("", None, ())
+    assert parse_feature(line_of(model))[2:] == (None, "", None, ())
 
 
 def test_numbers_that_are_not_finite_become_null():
