@@ -33,17 +33,14 @@ _ORIGIN, _UNITS = "map_origin", "map_units"
 
 
 class BagTopics(NamedTuple):
-    """What is read of a bag."""
+    """The topics that are read of a bag; empty if there is none."""
 
-    #: Topic of the scans; of the poses, empty if there is none.
     clouds: str
     odometry: str
-    transforms: tuple[str, ...]  #: topics of /tf and /tf_static
-    #: Topics that tell where the map lies, how long its reference system's units are, and where by satellite
-    #: what moves is; empty if there is none.
-    origin: str
-    units: str
-    fix: str
+    transforms: tuple[str, ...]  #: of /tf and /tf_static
+    origin: str  #: where the map lies
+    units: str  #: how long its reference system's units are
+    fix: str  #: positions by satellite
 
     @property
     def all(self) -> set[str]:

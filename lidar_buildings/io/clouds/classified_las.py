@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -48,12 +47,10 @@ DIMENSIONS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class OutputFormat:
+class OutputFormat(NamedTuple):
     """How a classified file's points and header are made from the input's."""
 
-    #: To be given to the writer; texts and records in it are placeholders of the true size.
-    header: laspy.LasHeader
+    header: laspy.LasHeader  #: for the writer; texts and records in it are placeholders of the true size
     records: tuple[RawRecord, ...]  #: the plain records, byte for byte; the extra bytes record completed
     #: Of an output point: the input's bytes first, whatever they are called, then the new dimensions.
     dtype: np.dtype[Any]
@@ -146,16 +143,10 @@ def _renamed(entry: bytes, names: dict[str, str]) -> bytes:
     return entry[:_NAME_AT] + renamed + entry[_NAME_AT + _NAME_SIZE :]
 
 
-def with_length(record: RawRecord) -> bytes:
-    """Return a plain record as it stands in a file."""
-    return record.head[:20] + struct.pack("<H", len(record.data)) + record.head[22:] + record.data
-
-
 #: Bits of the class in the class byte of point formats 0 to 5; above stand the flags.
 _LEGACY_CLASS = 0x1F
 #: Formats with waveforms beside scanner channels; lazrs mixes up their waveforms when the channel changes.
 _WAVEFORM_FORMATS = (9, 10)
-_CHANNEL_BITS = 0x30
 _COPY_BLOCK = 1 << 20
 
 # places in the header (LAS 1.4, table 3)
@@ -168,13 +159,8 @@ ResultRows = Callable[[int, int], NDArray[Any]]
 
 
 def suffix_for(cloud: Cloud) -> str:
-    """Return the output's ending: ``.laz``, or ``.las`` for the rare waveforms that LAZ would not keep."""
-    if cloud.header.point_format.id not in _WAVEFORM_FORMATS:
-        return ".laz"
-    channels = {
-        int(c) for chunk in cloud.chunks() for c in np.unique(chunk["classification_flags"] & _CHANNEL_BITS)
-    }
-    return ".laz" if len(channels) <= 1 else ".las"
+    """Return the output's ending: ``.laz``, or ``.las`` for formats whose waveforms LAZ may not keep."""
+    return ".las" if cloud.header.point_format.id in _WAVEFORM_FORMATS else ".laz"
 
 
 def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.int64]:
@@ -269,7 +255,8 @@ def _restore_header(file: BinaryIO, raw: RawHeader, out: OutputFormat, header: l
     file.seek(_SYSTEM)
     file.write(raw.block[_SYSTEM:_DAY_END])  # system, software, date: as they are, whatever their encoding
     file.seek(header_size)
-    file.write(b"".join(with_length(record) for record in out.records))
+    for record in out.records:
+        file.write(record.head[:20] + struct.pack("<H", len(record.data)) + record.head[22:] + record.data)
     is_legacy = header.point_format.id < FIRST_EXTENDED_FORMAT and header.point_count < 2**32
     if header.version.minor >= 4 and is_legacy:
         file.seek(_LEGACY_COUNTS)

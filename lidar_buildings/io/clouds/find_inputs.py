@@ -44,12 +44,7 @@ Inputs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 
 def find_inputs(inputs: Inputs) -> list[Path]:
-    """
-    Expand files, folders and globs to the files they name, each once, in the order given.
-
-    Of folders the LAS and LAZ files directly in them, by name. InputError if something is missing, or a
-    folder or glob holds no cloud.
-    """
+    """Expand inputs as `search_inputs`; InputError if any of them names nothing."""
     files, problems = search_inputs(inputs)
     if problems:
         raise InputError("\n".join(problems))
@@ -58,9 +53,10 @@ def find_inputs(inputs: Inputs) -> list[Path]:
 
 def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
     """
-    Find files as `find_inputs`; what is missing does not keep the others from it.
+    Expand files, folders and globs to the files they name, each once, in the order given.
 
-    Beside them one line for each input that names nothing; InputError if nothing was found.
+    Of folders the LAS and LAZ files directly in them, by name. Beside them one line for each input that names
+    nothing; InputError if nothing was found.
     """
     named = [inputs] if isinstance(inputs, (str, os.PathLike)) else list(inputs)
     if not named:

@@ -152,7 +152,7 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
         if held < header.point_count:
             raise InputError(f"{path}: is truncated ({held} of {header.point_count} points): {_AGAIN}")
         return
-    laszip = [r.data for r in header.vlrs if r.is_a(b"laszip encoded", 22204)]
+    laszip = [record.data for record in header.vlrs if record.is_a(b"laszip encoded", 22204)]
     if not laszip or len(laszip[0]) < _LASZIP.size:
         raise InputError(f"{path}: its LAZ record is missing or damaged: {_AGAIN}")
     kind, chunk_size = _LASZIP.unpack_from(laszip[0])
@@ -193,8 +193,8 @@ def _records(file: BinaryIO, count: int, *, extended: bool, end: int) -> tuple[R
     """Read records from where the file stands, up to `end`."""
     found = []
     for _ in range(count):
-        head = file.read(EVLR_HEADER if extended else VLR_HEADER)
-        if len(head) < (EVLR_HEADER if extended else VLR_HEADER):
+        head = file.read(size := EVLR_HEADER if extended else VLR_HEADER)
+        if len(head) < size:
             break
         user_id, record_id = struct.unpack_from("<16sH", head, 2)
         (length,) = struct.unpack_from("<Q" if extended else "<H", head, 20)

@@ -52,13 +52,11 @@ class OutputFolder:
     """
     Takes a run's tiles in any order, safe on disk one by one, and makes the files from them at the end.
 
-    A point's `source` is its file's place in `inputs`. If `overwrite` earlier results may be replaced; with
-    and without it an unfinished run of the same inputs and parameters is taken up again, which
-    `discard_unfinished` prevents. `parameters` are all settings that results depend on. Files that a stage
-    after `until` would fill are not made. If the run is live tiles go on coming: the files are made from
-    those there are, as often as one likes, and `inputs` are named before that. `on_disk` leads from the stamp
-    of a tile's first revision to that of the one that was there at the beginning, or that `write_tile` has
-    put there [ns]. OutputError, one line saying why and what to do, if the folder cannot be used.
+    A point's `source` is its file's place in `inputs`. An unfinished run of the same inputs and parameters
+    is resumed, with `overwrite`, too. Files that a stage after `until` would fill are not made. If the run is
+    live the files are made from the tiles there are, as often as one likes, and `inputs` are named before
+    that. `on_disk` leads from the stamp of a tile's first revision to that of the one on disk [ns].
+    OutputError if the folder cannot be used.
     """
 
     def __init__(
@@ -103,9 +101,7 @@ class OutputFolder:
                 fragment.unlink()
 
     def write_tile(self, products: TileProducts) -> None:
-        """
-        Put a tile safely on disk in the place of any revision of it; OutputError if it cannot be written.
-        """
+        """Put a tile on disk in the place of any revision of it; OutputError if it cannot be written."""
         products.save(self.tile_path(products.stamp))
         self.on_disk[tile_of(products.stamp)] = products.stamp
 
@@ -141,15 +137,13 @@ class OutputFolder:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
-        Tiles of a live run stay, and those of one that has failed tiles, which may be done later; each file
-        takes its predecessor's place when it is complete. The result does not depend on the order in which
-        the tiles came.
+        Tiles of a live run and of one with failed tiles stay. Each file replaces its predecessor when it is
+        complete. The result does not depend on the order in which the tiles came.
 
-        `run_info` is what else ``run.json`` is to tell; its ``problems`` stand before those met here, and the
-        inputs in `told_of` are not told of again. `share`, as `map`, may write the classified clouds in other
-        processes. `write_report` writes the page about the folder, of which it is told what ``run.json`` is
-        to hold. OutputError if a file cannot be written; the tiles are kept, and the run can be taken up
-        again.
+        `run_info` is what else ``run.json`` holds; its ``problems`` stand before those met here, where the
+        inputs in `told_of` are not reported again. `share`, as `map`, may write the classified clouds in
+        other processes. `write_report` writes the page of the folder with the content of ``run.json``.
+        OutputError if a file cannot be written; the tiles are kept, and the run can be resumed.
         """
         from lidar_buildings.io.results.terrain_files import write_rasters  # see `load_writers`
 

@@ -63,12 +63,11 @@ def claim_folder(
     """
     Make a folder ready for a run, or for taking up the same run where it was left.
 
-    `identity` must be equal for a run to be the same: inputs, parameters, last stage. Inputs must not stand
-    where the results will. If `overwrite` an earlier run's files may be replaced, those of other origin
-    never; the same run, unfinished, is taken up again all the same: a writer that was restarted must not
-    begin anew. A live run makes its files again and again, so that those of an earlier time are its own;
-    without tiles on disk it may become another one: its source was reset. A finished run that is brought up
-    to date may have other inputs than before. OutputError if the folder cannot be used.
+    `identity` is equal for the same run: inputs, parameters, last stage. Inputs must not lie where the
+    results will. If `overwrite` an earlier run's files may be replaced, never those of other origin; the same
+    unfinished run is resumed in any case. A live run replaces its own files; without tiles on disk it may
+    become another one, as its source was reset. A finished run that is updated may have other inputs than
+    before. OutputError if the folder cannot be used.
     """
     for file in inputs:
         if (path / CLASSIFIED).resolve() in file.path.resolve().parents:
@@ -260,12 +259,11 @@ _mine: set[Path] = set()
 @contextmanager
 def sole_use(path: Path) -> Iterator[None]:
     """
-    Keep a folder from the runs of other processes; it is made if it is not there.
+    Lock a folder against the runs of other processes; it is made if it is not there.
 
-    The kernel releases the lock when the process ends, however that comes about; processes that it has forked
-    do not have it. Where the file system has no locks nothing is kept. A part of this process that takes the
-    folder again, as a node of the graph, has it already. OutputError if another process has it, or it cannot
-    be made.
+    The kernel releases the lock when the process ends, and forked processes do not have it. Nothing is locked
+    where the file system has no locks, and a part of this process may take the folder again. OutputError if
+    another process has it, or it cannot be made.
     """
     folder = path.resolve()
     if folder in _mine:

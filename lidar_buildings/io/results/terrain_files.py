@@ -7,12 +7,11 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rasterio
@@ -22,7 +21,6 @@ from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from lidar_buildings import __version__
-from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
@@ -63,17 +61,14 @@ logging.getLogger("rasterio").addFilter(lambda record: record.levelno < logging.
 logging.getLogger("rasterio._env").addFilter(lambda record: record.levelno < logging.ERROR)
 
 
-@dataclass(frozen=True)
-class RasterLayout:
-    """What a file of elevations says of itself."""
+class RasterLayout(NamedTuple):
+    """What a file of elevations says of itself; its outer corner and cells in source coordinates."""
 
-    #: Columns and rows of cells.
     width: int
     height: int
-    #: Outer corner of the north-western cell in source coordinates.
     west: float
     north: float
-    cell: float  #: side of a cell in the source's horizontal unit
+    cell: float
     crs: str  #: ``"EPSG:28992"``, a WKT text, or empty if unknown
     unit: str
 
@@ -172,12 +167,8 @@ class GeotiffWriter:
                 yield
         except _FAILURES as error:
             if not quiet:
-                raise _refusal(self._path, error) from error
-
-
-def _refusal(path: Path, error: Exception) -> OutputError:
-    code = getattr(error, "errno", None)
-    return write_error(path, OSError(code, os.strerror(code)) if code else error)
+                code = getattr(error, "errno", None)
+                raise write_error(self._path, OSError(code, os.strerror(code)) if code else error) from error
 
 
 #: File name → what its values are.
@@ -228,10 +219,8 @@ def write_rasters(
             writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
         for number, next_to, tiles in reached_squares(windows, BLOCK, (whole.row, whole.column)):
             row, column = number * BLOCK, next_to * BLOCK
-            rows, columns = (
-                slice(row, min(row + BLOCK, whole.height)),
-                slice(column, min(column + BLOCK, whole.width)),
-            )
+            rows = slice(row, min(row + BLOCK, whole.height))
+            columns = slice(column, min(column + BLOCK, whole.width))
             block = merged(whole.part(columns, rows), tiles)
             for name, values in _in_source_units(block, frame).items():
                 writers[name].write(row, column, values)
@@ -313,13 +302,5 @@ def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float)
             continue
         places = square.centres(rows * step, columns * step, (frame.origin[0], frame.origin[1]))
         vertices = np.column_stack([places, dtm[rows, columns]])
-        yield TerrainMesh(
-            _name(square, frame),
-            np.rint(vertices / GRID) * GRID,
-            triangles,
-        )
-
-
-def _name(square: RasterWindow, frame: MapFrame) -> str:
-    x, y = (edge / frame.horizontal_unit for edge in square.corner)
-    return f"terrain-{x:.1f}-{y:.1f}"
+        x, y = (edge / frame.horizontal_unit for edge in square.corner)
+        yield TerrainMesh(f"terrain-{x:.1f}-{y:.1f}", np.rint(vertices / GRID) * GRID, triangles)

@@ -91,9 +91,7 @@ class TileProducts:
         )
 
     def save(self, path: Path) -> None:
-        """
-        Write the results to one file, which appears when it is complete; OutputError if it cannot be written.
-        """
+        """Write one file, which appears when it is complete; OutputError if it cannot be written."""
         polygons = {"traced": self.traced, "outlines": self.outlines}
         shapes = {name: _outlines_as_lists(group) for name, group in polygons.items()}
         tables = {"core": self.core, "roofs": self.roofs, "edges": self.edges}

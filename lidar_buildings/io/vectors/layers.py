@@ -70,11 +70,7 @@ def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], No
 
 
 def write_flatgeobuf(path: Path, layer: VectorLayer, crs: str) -> None:
-    """
-    Write a layer with a spatial index; the format has its features in the order of that, and takes no more.
-
-    OutputError if the file cannot be written.
-    """
+    """Write a layer with a spatial index at once; OutputError if the file cannot be written."""
     with atomic_file(path, FAILURES) as temporary:
         write_layer(temporary, layer, crs, driver="FlatGeobuf")
         check_complete(temporary, {layer.name: len(layer.geometries)})
