@@ -40,6 +40,16 @@ def placed(tmp_path, bag, config=MOUNTED, choice=None):
     return laspy.read(path), count
 
 
+def bag_of(path, *clouds):
+    """Write a bag of scans by their frame and rows, or points, a nanosecond apart."""
+    bag = BagWriter(path)
+    for number, (frame, rows) in enumerate(clouds):
+        make = bag.cloud_of if getattr(rows, "dtype", None) is not None and rows.dtype.names else bag.cloud
+        bag.write("/points", SCAN_TYPE, T0 + number, make(T0 + number, frame, rows))
+    bag.close()
+    return bag.path
+
+
 @pytest.mark.parametrize("storage", STORAGES)
 def test_points_lie_where_they_were_measured_whatever_the_storage(tmp_path, storage):
     drive = write_drive(tmp_path / "drive", storage)
@@ -129,10 +139,7 @@ def test_what_is_no_measurement_is_left_out_and_counted(tmp_path):
 
 
 def test_points_that_are_in_the_map_frame_stay_where_they_are(tmp_path):
-    bag = BagWriter(tmp_path / "map")
-    bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[100.25, 200.5, 3.0]]))
-    bag.close()
-    las, _ = placed(tmp_path, bag.path, ScanConfig())
+    las, _ = placed(tmp_path, bag_of(tmp_path / "map", ("map", [[100.25, 200.5, 3.0]])), ScanConfig())
     assert las.xyz.tolist() == [[100.25, 200.5, 3.0]]
 
 
@@ -223,35 +230,28 @@ def test_of_bad_scans_among_others_those_are_left_out_and_told(tmp_path):
 def test_coordinates_in_single_precision_far_from_the_origin_are_told_of(tmp_path):
     points = np.random.default_rng(0).uniform((656_000, 5_340_000, 500), (656_050, 5_340_050, 550), (200, 3))
     for kind, said in (("<f4", {COARSE.format(0.5): 1}), ("<f8", {})):
-        bag = BagWriter(tmp_path / kind[1:])
         rows = np.zeros(200, [(name, kind) for name in "xyz"])
         rows["x"], rows["y"], rows["z"] = points.T
-        bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
-        bag.close()
-        assert placed(tmp_path, bag.path, ScanConfig())[1].messages == said
+        path = bag_of(tmp_path / kind[1:], ("map", rows))
+        assert placed(tmp_path, path, ScanConfig())[1].messages == said
 
 
 def test_times_since_1970_in_single_precision_are_told_of_and_taken_for_none(tmp_path):
-    bag = BagWriter(tmp_path / "coarse")
     rows = np.ones(5, [(name, "<f4") for name in ("x", "y", "z", "timestamp")])
     rows["timestamp"] = T0 / SECOND + 40.0
-    bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
-    bag.close()
-    las, count = placed(tmp_path, bag.path, ScanConfig())
+    las, count = placed(tmp_path, bag_of(tmp_path / "coarse", ("map", rows)), ScanConfig())
     assert count.messages == {COARSE_TIMES: 1}
     np.testing.assert_allclose(las.gps_time + 1e9 + 315_964_800 - 18, T0 / SECOND)
 
 
 def test_degrees_are_refused(tmp_path):
-    bag = BagWriter(tmp_path / "degrees")
     rows = np.zeros(500, [(name, "<f8") for name in "xyz"])
     rows["x"], rows["y"], rows["z"] = (
         np.random.default_rng(0).uniform((11.1, 48.2, 540), (11.2, 48.3, 640), (500, 3)).T
     )
-    bag.write("/points", SCAN_TYPE, T0, bag.cloud_of(T0, "map", rows))
-    bag.close()
+    path = bag_of(tmp_path / "degrees", ("map", rows))
     with pytest.raises(InputError, match=r"degrees: its points lie within 0\.[01]\d* of x .* metres first"):
-        placed(tmp_path, bag.path, ScanConfig())
+        placed(tmp_path, path, ScanConfig())
 
 
 @pytest.mark.parametrize(

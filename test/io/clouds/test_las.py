@@ -414,38 +414,24 @@ def test_both_kinds_of_record_name_the_code(tmp_path, code):
     assert crs_of(tmp_path, worded(f"EPSG:{code}")).name == f"EPSG:{code}"
 
 
-def test_a_compound_system_gives_its_horizontal_code_and_vertical_unit(tmp_path):
-    text = pyproj.CRS("EPSG:28992+8228").to_wkt()  # NAVD88 height (ft)
-    crs = crs_of(tmp_path, worded(text))
-    assert (crs.name, crs.horizontal_unit) == ("EPSG:28992", 1.0)
-    assert crs.vertical_unit == pytest.approx(FOOT)
-
-
 @pytest.mark.parametrize(
-    ("code", "unit"), [("EPSG:2222", FOOT), ("EPSG:2263", SURVEY_FOOT), ("EPSG:2263+6360", SURVEY_FOOT)]
+    ("crs", "expected"),
+    [
+        ("EPSG:28992+8228", ("EPSG:28992", 1.0, FOOT)),  # NAVD88 height (ft)
+        ("EPSG:2222", ("EPSG:2222", FOOT, FOOT)),
+        ("EPSG:2263", ("EPSG:2263", SURVEY_FOOT, SURVEY_FOOT)),
+        ("EPSG:2263+6360", ("EPSG:2263", SURVEY_FOOT, SURVEY_FOOT)),
+        ("EPSG:2263+5703", ("EPSG:2263", SURVEY_FOOT, 1.0)),
+        ({1024: 1, 3072: 2263, 3076: 9003, 4099: 9001}, ("EPSG:2263", SURVEY_FOOT, 1.0)),
+        ({1024: 1, 3072: 28992, 4096: 8228}, ("EPSG:28992", 1.0, FOOT)),
+        ({1024: 1, 3072: 32767, 3076: 9002}, ("", FOOT, FOOT)),
+    ],
 )
-def test_feet_of_both_kinds_are_told_apart(tmp_path, code, unit):
-    crs = crs_of(tmp_path, worded(pyproj.CRS(code).to_wkt()))
-    assert crs.horizontal_unit == pytest.approx(unit, rel=1e-9)
-    assert crs.vertical_unit == pytest.approx(unit, rel=1e-9)
-
-
-def test_heights_in_metres_over_a_plan_in_feet_are_kept_apart(tmp_path):
-    crs = crs_of(tmp_path, worded(pyproj.CRS("EPSG:2263+5703").to_wkt()))
-    assert (crs.horizontal_unit, crs.vertical_unit) == (pytest.approx(SURVEY_FOOT), 1.0)
-
-
-def test_geotiff_keys_tell_units(tmp_path):
-    crs = crs_of(tmp_path, keyed({1024: 1, 3072: 2263, 3076: 9003, 4099: 9001}))
-    assert (crs.name, crs.horizontal_unit, crs.vertical_unit) == (
-        "EPSG:2263",
-        pytest.approx(SURVEY_FOOT),
-        1.0,
-    )
-    crs = crs_of(tmp_path, keyed({1024: 1, 3072: 28992, 4096: 8228}))
-    assert crs.vertical_unit == pytest.approx(FOOT)
-    crs = crs_of(tmp_path, keyed({1024: 1, 3072: 32767, 3076: 9002}))
-    assert (crs.name, crs.horizontal_unit, crs.vertical_unit) == ("", FOOT, FOOT)
+def test_text_and_keys_tell_the_horizontal_code_and_both_units(tmp_path, crs, expected):
+    cloud = worded(pyproj.CRS(crs).to_wkt()) if isinstance(crs, str) else keyed(crs)
+    found = crs_of(tmp_path, cloud)
+    assert found.name == expected[0]
+    assert (found.horizontal_unit, found.vertical_unit) == pytest.approx(expected[1:], rel=1e-9)
 
 
 def test_a_code_that_does_not_fit_the_stated_unit_is_not_believed(tmp_path, caplog):
@@ -478,8 +464,6 @@ def test_broken_text_leaves_the_keys_to_speak(tmp_path):
 
 
 def test_a_text_in_an_extended_record_is_found(tmp_path):
-    import laspy
-
     cloud = cloud_files.random_cloud(20, point_format=6)
     cloud.header.global_encoding.wkt = True
     text = pyproj.CRS("EPSG:2154").to_wkt().encode()

