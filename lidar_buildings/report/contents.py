@@ -121,21 +121,6 @@ class ModelArrays(NamedTuple):
     n_left_out: int  #: buildings beyond the budget
 
 
-class _Solid(NamedTuple):
-    """A solid of a building; `triangles` are rows of the building's vertices."""
-
-    level: int
-    triangles: NDArray[np.uint32]
-    faces: NDArray[np.uint16]
-    kinds: NDArray[np.uint8]
-
-
-class _Building(NamedTuple):
-    name: str
-    vertices: NDArray[np.int32]
-    solids: list[_Solid]
-
-
 def model_arrays(lines: Iterable[str], names: Sequence[str], most_triangles: int) -> ModelArrays:
     """
     Divide the solids of buildings, from their CityJSONFeatures, into triangles.
@@ -152,15 +137,18 @@ def model_arrays(lines: Iterable[str], names: Sequence[str], most_triangles: int
         if n_triangles >= most_triangles:
             n_left_out += 1
             continue
-        building = _cut(load_feature(line)[0])
-        for solid in building.solids:
-            solids.append((row_of[building.name], solid.level, n_triangles, len(solid.triangles)))
-            triangles.append(solid.triangles + np.uint32(n_vertices))
-            faces.append(solid.faces)
-            kinds.append(solid.kinds)
-            n_triangles += len(solid.triangles)
-        vertices.append(building.vertices)
-        n_vertices += len(building.vertices)
+        feature = load_feature(line)[0]
+        own = np.array(feature["vertices"], dtype=np.int32).reshape(-1, 3)
+        for geometry in feature["CityObjects"][feature["id"]]["geometry"]:
+            corners, face_numbers, surfaces = _triangles(geometry, own * GRID)
+            level = round(10 * float(geometry["lod"]))
+            solids.append((row_of[feature["id"]], level, n_triangles, len(corners)))
+            triangles.append(corners + np.uint32(n_vertices))
+            faces.append(face_numbers)
+            kinds.append(surfaces)
+            n_triangles += len(corners)
+        vertices.append(own)
+        n_vertices += len(own)
     return ModelArrays(
         np.concatenate(vertices),
         np.concatenate(triangles),
@@ -171,21 +159,19 @@ def model_arrays(lines: Iterable[str], names: Sequence[str], most_triangles: int
     )
 
 
-def _cut(feature: dict[str, Any]) -> _Building:
-    vertices = np.array(feature["vertices"], dtype=np.int32).reshape(-1, 3)
-    geometries = feature["CityObjects"][feature["id"]]["geometry"]
-    return _Building(feature["id"], vertices, [_solid(one, vertices * GRID) for one in geometries])
-
-
-def _solid(geometry: dict[str, Any], vertices: NDArray[np.float64]) -> _Solid:
+def _triangles(
+    geometry: dict[str, Any], vertices: NDArray[np.float64]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint16], NDArray[np.uint8]]:
+    """Return the triangles of a solid, the number of the face of each, and its kind."""
     surfaces = [KINDS[surface["type"]] for surface in geometry["semantics"]["surfaces"]]
     (shell,), (values,) = geometry["boundaries"], geometry["semantics"]["values"]
-    faces = [tuple(map(tuple, rings)) for rings in shell]
-    by_face = [triangles_of(pieces) for pieces in face_pieces(vertices, faces)]
+    by_face = [
+        triangles_of(pieces)
+        for pieces in face_pieces(vertices, [tuple(map(tuple, rings)) for rings in shell])
+    ]
     counts = [len(one) for one in by_face]
     corners = chain.from_iterable(chain.from_iterable(by_face))
-    return _Solid(
-        round(10 * float(geometry["lod"])),
+    return (
         np.fromiter(corners, dtype=np.uint32, count=3 * sum(counts)).reshape(-1, 3),
         np.repeat(np.arange(len(counts), dtype=np.uint16), counts),
         np.repeat(np.array([surfaces[value] for value in values], dtype=np.uint8), counts),
