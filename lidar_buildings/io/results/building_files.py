@@ -54,25 +54,27 @@ def write_buildings(
     """
     # 3D Tiles stand on the earth, or nowhere
     chosen = [name for name in FORMAT_FILES if name in formats and (heading.earth or name != TILES)]
-    paths = [folder / FORMAT_FILES[name][0] for name in chosen]
     heading = heading._replace(frame=buildings.frame, extent=buildings.extent)
     outlined: Counter[str] = Counter()
     traced: Counter[str] = Counter()
     with ExitStack() as stack:
         # what is opened last ends first: layers are written at their end, where a disk may be found full
-        opened = [
-            stack.enter_context(writer_of(name)(path, heading))
-            for name, path in zip(reversed(chosen), reversed(paths), strict=True)
-        ]
-        writers = opened[::-1]
+        paths = {name: folder / FORMAT_FILES[name][0] for name in reversed(chosen)}
+        opened = {path: stack.enter_context(writer_of(name)(path, heading)) for name, path in paths.items()}
+
+        def add_to_all(one: SurveyBuilding | TerrainMesh) -> None:
+            for path in reversed(opened):
+                with writing(path):  # else the file opened last would be named
+                    opened[path](one)
+
         for building in buildings:
-            _add_to_all(paths, writers, building)
+            add_to_all(building)
             status = building.attributes.get("status") or _NO_FEATURE
             outlined[status] += building.outline is not None
             traced[status] += building.traced is not None
         if not all(OUTPUT_FORMATS[name].of_outlines for name in chosen):
             for mesh in terrain:
-                _add_to_all(paths, writers, mesh)
+                add_to_all(mesh)
     counted = outlined if outlined.total() else traced
     files = [file for name in chosen for file in FORMAT_FILES[name]]
     return files, dict(sorted((+counted).items()))
@@ -84,9 +86,3 @@ def writer_of(name: str) -> Callable[[Path, ModelHeading], AbstractContextManage
     writer: Callable[[Path, ModelHeading], AbstractContextManager[Add]]
     writer = getattr(import_module(f"lidar_buildings.io.{module}"), function)
     return writer
-
-
-def _add_to_all(paths: list[Path], writers: list[Add], one: SurveyBuilding | TerrainMesh) -> None:
-    for path, add in zip(paths, writers, strict=True):
-        with writing(path):  # else the file opened last would be named
-            add(one)
