@@ -7,21 +7,21 @@ from types import SimpleNamespace
 
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 from support.scan_messages import SECOND, T0, cloud_of, header, odometry, transforms, xyzw
-
-from lidar_buildings.io.bags import bag_writer
 
 #: Lever arm [m] and boresight angles [deg] of the scanner on the vehicle.
 MOUNTING = (0.4, -0.2, 1.1, 2.0, -1.5, 0.7)
 #: Storage → how it is written.
 STORAGES = {
-    "mcap": ("mcap", ""),
-    "mcap_message": ("mcap", "message"),
-    "sqlite3": ("sqlite3", ""),
-    "sqlite3_message": ("sqlite3", "message"),
-    "sqlite3_file": ("sqlite3", "file"),
+    "mcap": (StoragePlugin.MCAP, None),
+    "mcap_message": (StoragePlugin.MCAP, CompressionMode.MESSAGE),
+    "sqlite3": (StoragePlugin.SQLITE3, None),
+    "sqlite3_message": (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
+    "sqlite3_file": (StoragePlugin.SQLITE3, CompressionMode.FILE),
     "ros1": None,
 }
 SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
@@ -68,18 +68,19 @@ class BagWriter:
             self.types.register(get_types_from_msg(edges, TF_TYPE))
             self.path = path.with_suffix(".bag")
             self.writer = Writer1(self.path)
-            self.writer.open()
         else:
-            self.writer = bag_writer.BagWriter(path, *STORAGES[storage])
+            plugin, mode = STORAGES[storage]
+            self.writer = Writer2(path, version=9, storage_plugin=plugin)
+            if mode is not None:
+                self.writer.set_compression(mode, CompressionFormat.ZSTD)
+        self.writer.open()
         self.connections = {}
 
     def write(self, topic, kind, time, message):
-        if not self.is_ros1:
-            self.writer.write(topic, kind, time, message)
-            return
         if topic not in self.connections:
             self.connections[topic] = self.writer.add_connection(topic, kind, typestore=self.types)
-        self.writer.write(self.connections[topic], time, self.types.serialize_ros1(message, kind))
+        serialise = self.types.serialize_ros1 if self.is_ros1 else self.types.serialize_cdr
+        self.writer.write(self.connections[topic], time, serialise(message, kind))
 
     def close(self):
         self.writer.close()

@@ -20,7 +20,7 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.typesys import Stores, get_typestore
 
@@ -28,10 +28,6 @@ from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.files.atomic_files import writing
 from lidar_buildings.io.files.failures import one_line
 
-#: Storage → rosbags' plugin.
-STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
-#: What is compressed → rosbags' mode; with zstd.
-COMPRESSIONS = {"": None, "message": CompressionMode.MESSAGE, "file": CompressionMode.FILE}
 #: The format of rosbag2 that ROS 2 Jazzy writes.
 _VERSION = 9
 _FOR_EVER = QosTime(9_223_372_036, 854_775_807)
@@ -58,25 +54,20 @@ def offered(depth: int, *, is_latched: bool) -> Qos:
 
 class BagWriter:
     """
-    A bag that is being written, a folder that must not be there; schemas of the messages are inside.
+    A bag (MCAP) that is being written, a folder that must not be there; schemas of the messages are inside.
 
-    `storage` is a key of `STORAGES`, `compression` one of `COMPRESSIONS`; topics that are `latched` are given
-    to latecomers, too. OutputError if there is something of that name, or it cannot be written.
+    Topics that are `latched` are given to latecomers, too. OutputError if there is something of that name, or
+    it cannot be written.
     """
 
-    def __init__(
-        self, path: Path, storage: str = "mcap", compression: str = "", latched: Collection[str] = ()
-    ) -> None:
+    def __init__(self, path: Path, latched: Collection[str] = ()) -> None:
         self.path = path
         self._latched = latched
         self._types = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, Connection] = {}
         if path.exists():
             raise OutputError(f"{path}: already exists: choose another name for the bag, or remove it")
-        self._writer = Writer(path, version=_VERSION, storage_plugin=STORAGES[storage])
-        mode = COMPRESSIONS[compression]
-        if mode is not None:
-            self._writer.set_compression(mode, CompressionFormat.ZSTD)
+        self._writer = Writer(path, version=_VERSION, storage_plugin=StoragePlugin.MCAP)
         with writing(path, (OSError, WriterError)):
             self._writer.open()
 
@@ -90,10 +81,6 @@ class BagWriter:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def make(self, kind: str, **members: Any) -> Any:
-        """Return a message of a type (``std_msgs/msg/Header``); all of its members must be given."""
-        return self._types.types[kind](**members)
 
     def abandon(self) -> None:
         """Leave the bag as it is, without an end: it cannot be written any more."""

@@ -1,28 +1,25 @@
 """Bags that are written here."""
 
-import itertools
-
 import pytest
 import yaml
+from rosbags.typesys import Stores, get_typestore
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.io.bags.bag import POINT, Bag
-from lidar_buildings.io.bags.bag_writer import COMPRESSIONS, STORAGES, BagWriter
+from lidar_buildings.io.bags.bag_writer import BagWriter
 
-KINDS = list(itertools.product(STORAGES, COMPRESSIONS))
-
-
-def point(bag, x):
-    stamp = bag.make("builtin_interfaces/msg/Time", sec=5, nanosec=0)
-    header = bag.make("std_msgs/msg/Header", stamp=stamp, frame_id="EPSG:25832")
-    return bag.make(POINT, header=header, point=bag.make("geometry_msgs/msg/Point", x=x, y=2.0, z=3.0))
+TYPES = get_typestore(Stores.ROS2_JAZZY).types
 
 
-@pytest.mark.parametrize(("storage", "compression"), KINDS)
-def test_what_is_written_is_read_again_with_its_times(tmp_path, storage, compression):
-    with BagWriter(tmp_path / "bag", storage, compression) as bag:
+def point(x):
+    header = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](5, 0), "EPSG:25832")
+    return TYPES[POINT](header, TYPES["geometry_msgs/msg/Point"](x, 2.0, 3.0))
+
+
+def test_what_is_written_is_read_again_with_its_times(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
         for number in range(3):
-            bag.write("/place", POINT, 7_000 + number, point(bag, float(number)))
+            bag.write("/place", POINT, 7_000 + number, point(float(number)))
     with Bag(tmp_path / "bag") as read:
         messages = list(read.messages(["/place"]))
     assert [(one.time, one.message.point.x) for one in messages] == [(7000, 0.0), (7001, 1.0), (7002, 2.0)]
@@ -30,8 +27,8 @@ def test_what_is_written_is_read_again_with_its_times(tmp_path, storage, compres
 
 def test_latched_topics_say_that_latecomers_get_them(tmp_path):
     with BagWriter(tmp_path / "bag", latched={"/map_origin"}) as bag:
-        bag.write("/map_origin", POINT, 1, point(bag, 1.0))
-        bag.write("/place", POINT, 1, point(bag, 1.0))
+        bag.write("/map_origin", POINT, 1, point(1.0))
+        bag.write("/place", POINT, 1, point(1.0))
     metadata = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())
     topics = metadata["rosbag2_bagfile_information"]["topics_with_message_count"]
     said = {one["topic_metadata"]["name"]: one["topic_metadata"]["offered_qos_profiles"] for one in topics}

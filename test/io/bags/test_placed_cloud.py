@@ -275,7 +275,7 @@ def test_an_origin_that_is_none_is_refused(tmp_path, crs, x, what):
 def test_topics_of_types_that_nobody_knows_are_passed_over(tmp_path):
     bag = BagWriter(tmp_path / "odd")
     kind = "odd_msgs/msg/Odd"
-    types = bag.writer._types
+    types = bag.types
     types.register(get_types_from_msg("int32 number", kind))
     bag.write("/odd", kind, T0, types.types[kind](7))
     bag.write("/points", SCAN_TYPE, T0, bag.cloud(T0, "map", [[1.0, 2.0, 3.0]]))
