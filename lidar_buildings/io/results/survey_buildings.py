@@ -175,7 +175,7 @@ def _entry(outline: Outline | None, feature: CityFeature) -> _Entry:
     exterior = np.empty((0, 2)) if outline is None else outline.exterior
     extent = feature.extent
     place = exterior[0] if len(exterior) else np.zeros(2) if extent is None else extent[0, :2]
-    return _Entry(place, _extent_of([exterior]), extent, feature.lod)
+    return _Entry(place, _extent_of([exterior]), extent, str(feature.attributes.get("lod") or ""))
 
 
 def _extent_of(places: Sequence[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
