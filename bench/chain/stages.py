@@ -128,7 +128,7 @@ def as_of_a_run(tile: PointTile) -> PointTile:
     if tile.normalised_intensity is None and tile.intensity is not None:
         intensity = tile.intensity.astype(np.float32)
         strip = np.zeros(len(tile), np.int64) if tile.point_source_id is None else tile.point_source_id
-        _, is_only = last_and_only_returns(len(tile), tile.return_number, tile.number_of_returns)
+        _, is_only = last_and_only_returns(tile.points, tile.return_number, tile.number_of_returns)
         scales = strip_scales(intensity, strip, is_only)
         columns["normalised_intensity"] = normalised_intensity(intensity, strip, scales)
     return tile.with_columns(**columns)

@@ -23,6 +23,7 @@ from bench.common.arguments import parser_of
 from bench.common.clouds import Cloud, data_folder, read_cloud
 from bench.common.tables import table
 from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.interpolation import METHODS
 from lidar_buildings.core.stages.terrain.rasters import make_rasters
 
 #: Name → files.
@@ -36,7 +37,6 @@ CLOUDS = {
     "florida": "terrain/florida.laz",
     "river bank": "terrain/river_bridge.laz",
 }
-METHODS = ("linear", "natural_neighbour")
 #: What is hidden: radius of discs [m], 0 for single points.
 RADII = (0.0, 4.0, 8.0)
 SHARE = 0.1

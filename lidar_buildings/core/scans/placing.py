@@ -18,6 +18,7 @@ from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.scans.transform_tree import (
     MAX_FRAMES,
     SET_BACK,
+    ClockWatch,
     TransformTree,
     frame_name,
     why_no_way,
@@ -35,6 +36,7 @@ UNREADABLE = "scans that cannot be read"
 NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
 TOO_FAST = "steps from pose to pose faster than scan_assembler.max_speed, one of {:,.0f} m/s"
 CLOCK_SET_BACK = "times that the clock was set back"
+TWO_CLOCKS = "messages of a second, earlier clock, left out: two sources on the same topics"
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
 #: Points that are placed at once: each takes a pose.
@@ -77,6 +79,7 @@ class ScanPlacer:
         self._of_before: list[PlacedScan] = []
         self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
         self._last: OrderedDict[str, int] = OrderedDict()
+        self._clocks = ClockWatch()
         self.odometry_child = ""
         self._mounting = self.config.mounting_pose()
         self._mounted = ""
@@ -116,8 +119,8 @@ class ScanPlacer:
         """
         Take a sensor_msgs/PointCloud2; one that came before is left out.
 
-        MessageError if its layout contradicts itself, it has no x, y and z, or no unit makes its times a
-        scan's.
+        MessageError if its layout contradicts itself, it has no x, y and z, no unit makes its times a scan's,
+        or it is of a second clock.
         """
         self.n_scans += 1
         mark = mark_of(message)
@@ -126,6 +129,8 @@ class ScanPlacer:
             return
         stamp, frame = stamp_of(message.header), frame_name(message.header.frame_id)
         is_earlier = stamp < self._last.get(frame, stamp) - SET_BACK
+        if self._is_of_another_clock(is_earlier=is_earlier):
+            raise MessageError(TWO_CLOCKS)
         try:
             scan = read_scan(message, self.config, self.left_out, self._seen)
         except MessageError as error:
@@ -184,9 +189,17 @@ class ScanPlacer:
 
     def _add_pose(self, header: Any, child: str, pose: Pose) -> None:
         stamp = stamp_of(header)
-        if pose.is_valid and self.tree.is_set_back(child, stamp):
+        is_earlier = pose.is_valid and self.tree.is_set_back(child, stamp)
+        if self._is_of_another_clock(is_earlier=is_earlier):
+            return
+        if is_earlier:
             self._set_back(stamp)
         self.tree.add(header.frame_id, child, stamp, pose)
+
+    def _is_of_another_clock(self, *, is_earlier: bool) -> bool:
+        is_of_another = self._clocks.is_of_another(is_earlier=is_earlier)
+        self._messages[TWO_CLOCKS] += is_of_another
+        return is_of_another
 
     def _set_back(self, stamp: int) -> None:
         """Place what waits of the time before the clock was set back, and forget the poses of that time."""

@@ -1,7 +1,8 @@
-"""The tree of frames by /tf, /tf_static and odometry."""
+"""The tree of frames that /tf, /tf_static and odometry tell, and whether their times are of one clock."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,6 +19,8 @@ SET_BACK = 1_000_000_000
 #: A frame as it lies in itself.
 _NO_MOVE = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NO_TIMES = np.empty(0, dtype=np.int64)
+#: A clock that is set back so often within so many messages is none: two senders tell their own times.
+_OFTEN, _MESSAGES = 3, 1_000
 
 
 class TransformTree:
@@ -168,3 +171,29 @@ def why_no_way(frame: str, tree: TransformTree) -> str:
         "it stood still; or scan_assembler.mounting, if fixed to one of those; or "
         "scan_assembler.georeferenced=true (--georeferenced), if the scans are in the map already"
     )
+
+
+class ClockWatch:
+    """Tells clocks that are set back from two clocks whose messages alternate."""
+
+    def __init__(self) -> None:
+        self._n = 0
+        self._set_back: deque[int] = deque(maxlen=_OFTEN)
+        self._later_came = 0
+
+    def is_of_another(self, *, is_earlier: bool) -> bool:
+        """
+        Whether a message is of a second clock: the earlier one, as long as messages of the later one come.
+
+        If there is one clock, a time so much earlier than the last says that it was set back.
+        """
+        self._n += 1
+        if not is_earlier:
+            self._later_came = self._n
+            return False
+        if self._n - self._later_came > _MESSAGES:
+            self._set_back.clear()
+        elif len(self._set_back) == _OFTEN and self._set_back[-1] - self._set_back[0] <= _MESSAGES:
+            return True
+        self._set_back.append(self._n)
+        return False

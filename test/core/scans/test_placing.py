@@ -14,6 +14,7 @@ from lidar_buildings.core.scans.placing import (
     NO_WAY,
     TOO_FAST,
     TWICE,
+    TWO_CLOCKS,
     UNREADABLE,
     WAITED,
     ScanPlacer,
@@ -99,6 +100,29 @@ def test_after_the_clock_was_set_back_poses_of_before_place_nothing(by, is_scan_
     assert sorted(set(drive.end())) == [5.5, 5.94, 6.1, 7.0]
     assert drive.placer.messages == {CLOCK_SET_BACK: 1}
     assert drive.placer.left_out == {NO_POSE: 2}
+
+
+def test_of_two_sources_with_clocks_of_their_own_one_is_left_out_until_the_other_ends():
+    drive = Drive()
+    refused = []
+    for second in np.arange(0.0, 20.0, 0.05):
+        for clock in (0.0, -300.0):
+            drive.pose(second, clock=clock)
+        for clock in (0.0, -300.0) if round(second * 20) % 4 == 1 else ():
+            try:
+                drive.scan(second, clock=clock)
+            except MessageError as error:
+                refused.append(str(error))
+    drive.poses(20.0, 80.0, clock=-300.0)
+    drive.scan(79.0, clock=-300.0)
+    seconds = drive.end()
+    assert min(seconds) < 1.0
+    assert seconds[-1] == 79.0
+    assert len(seconds) > 3 * 98
+    assert len(refused) > 95
+    assert set(refused) == {TWO_CLOCKS}
+    assert drive.placer.messages[CLOCK_SET_BACK] <= 4
+    assert drive.placer.messages[TWO_CLOCKS] > 400 + len(refused) - 10
 
 
 def test_one_stamp_from_the_future_costs_half_a_second_of_poses_at_most():

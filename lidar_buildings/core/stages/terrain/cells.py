@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +12,9 @@ from scipy import ndimage
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
+from lidar_buildings.core.stages.terrain.interpolation import LINEAR, interpolator
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.morphology import square_distances
-from lidar_buildings.core.surfaces.triangulation import triangulate
 
 #: Coordinates are summed as whole multiples of 1/65536 m, so that sums do not depend on the points' order.
 #: Wide margin: 15 µm, and 10⁶ points a cell with coordinates of 10⁵ m stay below 2⁵³.
@@ -128,12 +126,12 @@ class Cells:
         return _levelled(means.points, middles, means.rows, means.columns, padded, width * width)
 
     def elevations_at(
-        self, vertices: CellPoints, chosen: NDArray[np.bool_], *, natural: bool = False
+        self, vertices: CellPoints, chosen: NDArray[np.bool_], method: str = LINEAR
     ) -> NDArray[np.float32]:
         """
         Return elevations at the middles of chosen cells, row by row; NaN if there is no vertex [m].
 
-        In the triangles of the TIN, beyond it that of the nearest vertex; or by `natural` neighbours.
+        `method` is one of `interpolation.METHODS`.
         """
         places = np.flatnonzero(chosen)
         found = np.full(len(places), np.nan, dtype=np.float32)
@@ -141,30 +139,11 @@ class Cells:
             return found
         rows, columns = (np.flatnonzero(chosen.any(axis=axis))[[0, -1]] for axis in (1, 0))
         corners = extent_of(self.window.centres(rows, columns, self.origin))
-        elevations: _Interpolator = triangulate(vertices.points, corners).elevation
-        if natural:
-            elevations = _by_natural_neighbours(vertices.points, elevations)
+        elevations = interpolator(vertices.points, corners, method)
         for start in range(0, len(places), _PLACES):
             some = np.divmod(places[start : start + _PLACES], chosen.shape[1])
             found[start : start + _PLACES] = elevations(self.window.centres(*some, self.origin))
         return found
-
-
-#: Gives the elevations at places, shape (n, 2) → (n,) [m].
-_Interpolator = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-
-
-def _by_natural_neighbours(vertices: NDArray[np.float64], linear: _Interpolator) -> _Interpolator:
-    """Return Sibson's (1981) interpolation, by startinpy of the extra `terrain`; linear beyond the TIN."""
-    tin = import_module("startinpy").DT()
-    origin = np.floor(vertices.min(axis=0))
-    tin.insert(vertices - origin, insertionstrategy="AsIs")
-
-    def elevations(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = tin.interpolate({"method": "NNI", "precompute": False}, places - origin[:2]) + origin[2]
-        return np.where(np.isnan(found), linear(places), found)
-
-    return elevations
 
 
 @kernel

@@ -37,9 +37,9 @@ class RasterConfig(StageConfig):
     )
     dtm_interpolation: str = fixed(
         "linear",
-        "How the ground is closed under buildings and in gaps: in the triangles of the points around, or by "
-        "natural neighbours (wants the extra `terrain`).",
-        choices=("linear", "natural_neighbour"),
+        "How the ground is closed under buildings and in gaps: in the triangles of the points around, by "
+        "natural neighbours (wants the extra `terrain`), inverse distances, or a thin-plate spline.",
+        choices=("linear", "natural_neighbour", "idw", "spline"),
         advanced=True,
     )
 

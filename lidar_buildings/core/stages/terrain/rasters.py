@@ -158,8 +158,7 @@ def make_rasters(
     distance = squared_distance(own, reach)
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     gaps = regions_touching(known & np.isnan(dtm), mine)
-    natural = config.dtm_interpolation == "natural_neighbour"
-    dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, natural=natural)
+    dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, config.dtm_interpolation)
     seen = points if point_spacing is not None else points[kind != LEFT_OUT]
     spacing = given_or_measured(seen, point_spacing)
     gap = min(widest_gap(spacing, resolution), reach)
