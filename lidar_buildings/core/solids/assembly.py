@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -23,16 +22,13 @@ from lidar_buildings.core.solids.half_edges import (
     level_of,
 )
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.plan_graph import OUTSIDE
+from lidar_buildings.core.solids.planar_subdivision import OUTSIDE
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.triangulation import FaceArrays
-from lidar_buildings.core.solids.validity import n_joints
 
 #: Edges of a plan farther than this from the ends of others, and corners of a wall farther from each other,
 #: are clear of what the checks of solids take for one [steps of the grid].
 CLEARANCE = 1.5
-#: The checks of solids take what is nearer than a thousandth of a step for touching.
-_LEAST_GAP = 0.01
 
 
 class RaisedShell(NamedTuple):
@@ -40,10 +36,6 @@ class RaisedShell(NamedTuple):
 
     faces: FaceArrays  #: the ground's first, then the roof's, then the walls
     semantics: tuple[str, ...]  #: what each face is
-    n_plan_faces: int  #: faces of ground and roof
-    #: Whether ground and walls are sound, and roof faces meet along their edges only, as long as each of them
-    #: is sound by itself: see `raised_codes`.
-    is_clean: bool
 
     @property
     def solid(self) -> Solid:
@@ -66,13 +58,11 @@ def assemble(plan: HalfEdges) -> RaisedShell:
     rings = np.array([ring for _, face in faces for ring in face], dtype=np.int64)
     if not len(rings):
         nothing = FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64))
-        return RaisedShell(nothing, (), 0, False)
+        return RaisedShell(nothing, ())
     places = np.empty((len(edges), 3), dtype=np.int64)
     corners = np.empty(len(edges) + 2 * int((np.bincount(edges[:, START]) ** 2).sum()), dtype=np.int64)
     ring_starts = np.empty(len(rings) + len(edges) + 1, dtype=np.int64)
-    n_places, n_walls, is_wide = _raise(
-        vertices, edges, order, around, first, rings, places, corners, ring_starts
-    )
+    n_places, n_walls = _raise(vertices, edges, order, around, first, rings, places, corners, ring_starts)
     n_all = len(rings) + n_walls
     sizes = [len(face) for _, face in faces]
     face_starts = np.concatenate([np.cumsum([0, *sizes]), np.arange(len(rings) + 1, n_all + 1)])
@@ -83,24 +73,7 @@ def assemble(plan: HalfEdges) -> RaisedShell:
         ring_starts[: n_all + 1],
         face_starts,
     )
-    ends = vertices[edges[:, START], :2].reshape(-1, 4).astype(np.float64)
-    is_clean = (
-        plan.is_settled
-        and is_wide
-        and kinds.count(GROUND_SURFACE) == 1
-        and all(_holes_lie_apart(plan, around, first, face) for _, face in faces if len(face) > 1)
-        and n_joints(ends, CLEARANCE) >= 0
-    )
-    return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls), len(faces), is_clean)
-
-
-def _holes_lie_apart(plan: HalfEdges, around: IntArray, first: IntArray, face: list[int]) -> bool:
-    """Whether holes lie inside their exterior and have no vertex in common with it or with each other."""
-    starts = [plan.edges[around[first[ring] : first[ring + 1]], START] for ring in face]
-    if len(np.unique(np.concatenate(starts))) < sum(map(len, starts)):
-        return False
-    exterior, *holes = (plan.vertices[each, :2] for each in starts)
-    return bool(shapely.Polygon(exterior, holes).is_valid)
+    return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls))
 
 
 def _faces(
@@ -198,12 +171,11 @@ def _raise(
     places: IntArray,
     corners: IntArray,
     ring_starts: IntArray,
-) -> tuple[int, int, bool]:
+) -> tuple[int, int]:
     """
     Write the rings of roof and ground, then the walls; number corners in space as they come up.
 
-    Return the numbers of corners in space and of walls, and whether all walls are sound: no edge where roofs
-    cross is left, and no corner lies next to another or to an edge that it does not belong to.
+    Return the numbers of corners in space and of walls.
     """
     stack, levels = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(len(edges), dtype=np.int64)
     for v in range(len(vertices)):
@@ -222,7 +194,6 @@ def _raise(
             if e == vertices[v, EDGE]:
                 break
         stack[v + 1] = n
-    is_wide = True
     rows = np.full(stack[-1], -1)
     n_places, filled, n_rings = 0, 0, 0
     ring_starts[0] = 0
@@ -243,17 +214,7 @@ def _raise(
         low_a, high_a = level_of(edges, e, right), edges[e, LEVEL]
         low_b, high_b = edges[e ^ 1, LEVEL], level_of(edges, e ^ 1, left)
         if low_a > high_a or low_b > high_b or (low_a == high_a and low_b == high_b):
-            is_wide = is_wide and not (
-                (low_a > high_a and low_b < high_b) or (low_a < high_a and low_b > high_b)
-            )
             continue
-        length = math.hypot(vertices[b, X] - vertices[a, X], vertices[b, Y] - vertices[a, Y])
-        tallest = max(abs(high_a - high_b), abs(low_a - low_b))
-        for v in (a, b):
-            for slot in range(stack[v] + 1, stack[v + 1]):
-                # how far a corner lies from an edge of the wall that leaves the next one
-                gap = (levels[slot] - levels[slot - 1]) * length / math.hypot(length, tallest)
-                is_wide = is_wide and levels[slot] - levels[slot - 1] > CLEARANCE and gap > _LEAST_GAP
         # from the foot at the start to the end, up there, back, and down
         for step in range(3):
             v, low, high = (b, low_b, high_b) if step == 1 else (a, low_a, high_a)
@@ -269,7 +230,7 @@ def _raise(
                 filled += 1
         n_rings += 1
         ring_starts[n_rings] = filled
-    return n_places, n_rings - len(rings), is_wide
+    return n_places, n_rings - len(rings)
 
 
 @kernel

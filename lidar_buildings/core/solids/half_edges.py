@@ -15,7 +15,8 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, OUTSIDE, PlanGraph
+from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT
+from lidar_buildings.core.solids.planar_subdivision import OUTSIDE, PlanGraph
 
 #: Columns of vertices: place in steps of the grid, a half-edge that starts there (the first counter-clockwise
 #: from −x on, −1 for none), whether all pieces have to meet there in one elevation.
@@ -188,8 +189,7 @@ class HalfEdges:
     A plan's half-edges, repaired so that a shell can be raised on them.
 
     `vertices` has columns X, Y, EDGE, JOINED, `edges` (two rows for each edge) START, LEFT, CCW, CW, LEVEL;
-    `order` are the half-edges by the places of their starts, then of their ends. `is_settled` says that
-    nothing is left to be repaired.
+    `order` are the half-edges by the places of their starts, then of their ends.
     """
 
     def __init__(self, graph: PlanGraph, planes: FloatArray, ground: int) -> None:
@@ -198,7 +198,7 @@ class HalfEdges:
         self._edges = np.zeros((2 * len(graph.ends), 5), dtype=np.int64)
         self._edges[:, START] = graph.ends.ravel()
         self._edges[:, LEFT] = graph.sides.ravel()
-        self._sizes = np.array([len(self._vertices), len(self._edges), 0])
+        self._sizes = np.array([len(self._vertices), len(self._edges)])
         within = _MERGE_TOLERANCE / GRID
         link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
@@ -211,7 +211,6 @@ class HalfEdges:
                 break
         else:
             self.order = self._orders()[1]
-        self.is_settled = not changed and not self._sizes[2]
 
     @property
     def vertices(self) -> IntArray:
@@ -234,7 +233,7 @@ class HalfEdges:
 
     def _reserve(self) -> None:
         """Make room for all that one round may add."""
-        n_vertices, n_edges = self._sizes[:2].tolist()
+        n_vertices, n_edges = self._sizes.tolist()
         most = n_edges // 2 + n_vertices
         self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
         self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
@@ -253,11 +252,8 @@ def _repair(
 ) -> bool:
     """
     Divide all edges where profiles cross, then draw valleys back; say whether there was anything to do.
-
-    The third size becomes the number of places where something should have been done, but could not.
     """
     changed = False
-    sizes[2] = 0
     most = len(edges)
     fan, moved, value = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most)
     for e in edge_order:
@@ -277,7 +273,6 @@ def _repair(
         new = sizes[0]
         _find_crossing(vertices, planes, a, b, left, right, new)
         if _is_taken(vertices, new):
-            sizes[2] += 1
             continue
         sizes[0] += 1
         vertices[new, JOINED] = 1
@@ -292,7 +287,6 @@ def _repair(
         new = sizes[0]
         find_apex(vertices, edges, v, fan[first], fan[(last + 1) % n], new)
         if _is_taken(vertices, new):
-            sizes[2] += 1
             continue
         sizes[0] += 1
         vertices[new, JOINED] = 0

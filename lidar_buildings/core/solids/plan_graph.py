@@ -9,16 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.neighbours.few_rows import sort_rows
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_of
+from lidar_buildings.core.solids.planar_subdivision import (
+    OUTSIDE,
+    PlanGraph,
+    divide_plane,
+    face_owners,
+    graph_of,
+)
 from lidar_buildings.core.solids.validity import n_joints, weld
 
 
@@ -102,188 +106,6 @@ def _part_above(piece: RoofPiece, floor: float) -> list[RoofPiece]:
     return [*(RoofPiece(rings, piece.plane) for rings in upper), *(RoofPiece(rings, flat) for rings in lower)]
 
 
-class GridRings(NamedTuple):
-    """Rings end to end, without repetitions and spikes."""
-
-    corners: IntArray  #: open rings [steps of the grid], shape (n_corners, 2)
-    starts: IntArray  #: where each ring begins among the corners, shape (n_rings + 1,)
-    #: The piece that lies to the left of each ring: its exterior, counter-clockwise, comes before its holes,
-    #: shape (n_rings,).
-    owner: IntArray
-
-    @property
-    def following(self) -> IntArray:
-        """The next corner along its ring of each corner."""
-        following = np.arange(1, len(self.corners) + 1)
-        following[self.starts[1:] - 1] = self.starts[:-1]
-        return following
-
-    @property
-    def is_exterior(self) -> BoolArray:
-        """Whether each ring is its piece's exterior."""
-        return first_of_each(self.owner)
-
-
-def piece_rings(pieces: Sequence[RoofPiece]) -> GridRings:
-    """Return the rings of pieces; none of a piece whose exterior has no area."""
-    rings = [ring for one in pieces for ring in one.rings]
-    if not rings:
-        return GridRings(np.empty((0, 2), np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
-    owner = np.repeat(np.arange(len(pieces)), [len(one.rings) for one in pieces])
-    starts = np.cumsum([0, *map(len, rings)])
-    return grid_rings(np.concatenate(rings) / GRID, starts, first_of_each(owner), owner)
-
-
-def first_of_each(owner: IntArray) -> BoolArray:
-    """Say of each ring whether its owner is another one than that of the ring before."""
-    is_first = np.ones(len(owner), dtype=np.bool_)
-    is_first[1:] = owner[1:] != owner[:-1]
-    return is_first
-
-
-def grid_rings(
-    corners: FloatArray | IntArray, starts: IntArray, is_exterior: BoolArray, owner: IntArray
-) -> GridRings:
-    """
-    Put rings, in steps of the grid, on it: exteriors counter-clockwise, the holes that follow each clockwise.
-    """
-    corners, starts, owner = np.rint(corners).astype(np.int64), starts.copy(), owner.copy()
-    n_rings = _clean(corners, starts, is_exterior, owner)
-    return GridRings(corners[: starts[n_rings]], starts[: n_rings + 1], owner[:n_rings])
-
-
-@kernel
-def _clean(corners: IntArray, starts: IntArray, is_exterior: BoolArray, owner: IntArray) -> int:
-    """Leave out repetitions, spikes, and rings without area, in place; return how many rings are left."""
-    n_rings, filled, keeps_holes = 0, 0, False
-    begin = starts[0]
-    for number in range(len(owner)):
-        end = starts[number + 1]
-        first = filled
-        for k in range(begin, end):
-            x, y = corners[k, 0], corners[k, 1]
-            if filled > first and corners[filled - 1, 0] == x and corners[filled - 1, 1] == y:
-                continue
-            if filled > first + 1 and corners[filled - 2, 0] == x and corners[filled - 2, 1] == y:
-                filled -= 1  # back along the last edge
-                continue
-            corners[filled, 0], corners[filled, 1] = x, y
-            filled += 1
-        begin, head = end, first
-        while filled - head > 2:
-            is_last = (
-                corners[filled - 1, 0] == corners[head, 0] and corners[filled - 1, 1] == corners[head, 1]
-            )
-            is_tip = corners[filled - 2, 0] == corners[head, 0] and corners[filled - 2, 1] == corners[head, 1]
-            if is_last or is_tip:
-                filled -= 1
-            elif (
-                corners[filled - 1, 0] == corners[head + 1, 0]
-                and corners[filled - 1, 1] == corners[head + 1, 1]
-            ):
-                head += 1
-            else:
-                break
-        if is_exterior[number]:
-            keeps_holes = filled - head > 2
-        if filled - head < 3 or not keeps_holes:
-            filled = first
-            continue
-        doubled_area = 0
-        for k in range(head, filled):
-            after = k + 1 if k + 1 < filled else head
-            doubled_area += (corners[k, 0] - corners[head, 0]) * (corners[after, 1] - corners[head, 1])
-            doubled_area -= (corners[k, 1] - corners[head, 1]) * (corners[after, 0] - corners[head, 0])
-        for k in range(head, filled):
-            corners[first + k - head, 0], corners[first + k - head, 1] = corners[k, 0], corners[k, 1]
-        filled -= head - first
-        if (doubled_area > 0) != is_exterior[number]:
-            for k in range((filled - first) // 2):
-                for axis in range(2):
-                    low, high = corners[first + k, axis], corners[filled - 1 - k, axis]
-                    corners[first + k, axis], corners[filled - 1 - k, axis] = high, low
-        owner[n_rings] = owner[number]
-        n_rings += 1
-        starts[n_rings] = filled
-    return n_rings
-
-
-#: Stands for what lies beside all pieces.
-OUTSIDE = -1
-
-
-class PlanGraph(NamedTuple):
-    """The edges of a coverage."""
-
-    places: IntArray  #: by x, then y [steps of the grid], shape (n_vertices, 2)
-    ends: IntArray  #: rows of the places, the lower first; edges rise, shape (n_edges, 2)
-    #: Number of the piece to the left of each edge and to its right, OUTSIDE for none, shape (n_edges, 2).
-    sides: IntArray
-
-    def joined(self, numbers: IntArray) -> PlanGraph:
-        """Return the graph of pieces of which those of one number are one, without edges between them."""
-        sides = np.append(numbers, OUTSIDE)[self.sides]
-        parted = sides[:, 0] != sides[:, 1]
-        return PlanGraph(self.places, self.ends[parted], sides[parted])
-
-
-def labelled_graph(rings: GridRings) -> PlanGraph | None:
-    """
-    Return the graph of rings, None if two of them claim the same side of an edge.
-
-    Edges between rings of the same piece are left out.
-    """
-    corners = rings.corners
-    if not len(corners):
-        return PlanGraph(corners, corners, corners)
-    places, ends, sides = np.empty_like(corners), np.empty_like(corners), np.empty_like(corners)
-    n, n_edges = _label(corners, rings.starts, rings.owner, places, ends, sides)
-    return None if n_edges < 0 else PlanGraph(places[:n], ends[:n_edges], sides[:n_edges])
-
-
-@kernel
-def _label(corners, starts, owner, places, ends, sides):  # type: ignore[no-untyped-def]
-    """Write places and edges; return how many there are, -1 edges if two rings claim the same side of one."""
-    west, south, north = corners[0, 0], corners[0, 1], corners[0, 1]
-    for k in range(len(corners)):
-        west, south, north = min(west, corners[k, 0]), min(south, corners[k, 1]), max(north, corners[k, 1])
-    size = len(corners)
-    keys, rows, place = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64)
-    for k in range(len(corners)):
-        keys[k], rows[k] = (corners[k, 0] - west) * (north - south + 1) + corners[k, 1] - south, k
-    sort_rows(keys, rows, len(keys))
-    n = 0
-    for k in range(len(keys)):
-        if k == 0 or keys[k] != keys[k - 1]:
-            places[n, 0], places[n, 1] = corners[rows[k], 0], corners[rows[k], 1]
-            n += 1
-        place[rows[k]] = n - 1
-    # Twice the pair of places, and 1 more where the corner's edge runs from the higher to the lower one.
-    ring_of = np.empty(len(corners), np.int64)
-    for ring in range(len(owner)):
-        for k in range(starts[ring], starts[ring + 1]):
-            a, b = place[k], place[k + 1 if k + 1 < starts[ring + 1] else starts[ring]]
-            keys[k], rows[k], ring_of[k] = 2 * (min(a, b) * n + max(a, b)) + (a > b), k, ring
-    sort_rows(keys, rows, len(keys))
-    n_edges, k = 0, 0
-    while k < len(keys):
-        left, right = OUTSIDE, OUTSIDE
-        edge = keys[k] >> 1
-        while k < len(keys) and keys[k] >> 1 == edge:
-            if k > 0 and keys[k] == keys[k - 1]:
-                return n, -1
-            if keys[k] & 1:
-                right = owner[ring_of[rows[k]]]
-            else:
-                left = owner[ring_of[rows[k]]]
-            k += 1
-        if left != right:
-            ends[n_edges, 0], ends[n_edges, 1] = edge // n, edge % n
-            sides[n_edges, 0], sides[n_edges, 1] = left, right
-            n_edges += 1
-    return n, n_edges
-
-
 #: Vertices and edges of a plan that lie nearer to each other than this are brought together [grid steps].
 LEAST_DISTANCE = 3.0
 
@@ -292,15 +114,11 @@ def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGrap
     """
     Return the graph of the pieces, noded anew if they do not match edge by edge; those of one number are one.
     """
-    rings = piece_rings(pieces)
-    by_piece = labelled_graph(rings)
-    if by_piece is not None and len(by_piece.ends):
-        graph = by_piece.joined(numbers)
-        # Edges that keep clear of each other cross nowhere and leave no slits.
-        if _are_clear(by_piece.places[by_piece.ends]) and _are_simple(by_piece, rings):
-            return graph
-        outer = graph.ends[(graph.sides == OUTSIDE).any(axis=1)]
-        if shapely.is_valid(_polygons(rings)).all() and _are_clear(graph.places[outer]):
+    polygons, own = _polygons(pieces)
+    if shapely.is_valid(polygons).all():
+        graph = graph_of(polygons, numbers[own])
+        # Outer edges that keep clear of each other leave no slits.
+        if graph is not None and _are_clear(graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]]):
             return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
 
@@ -309,20 +127,17 @@ def _are_clear(edges: IntArray) -> bool:
     return bool(n_joints(edges.reshape(-1, 4).astype(np.float64), LEAST_DISTANCE) >= 0)
 
 
-def _are_simple(graph: PlanGraph, rings: GridRings) -> bool:
-    """Whether each piece has one ring, which passes no place twice, and all edges of it are in the graph."""
-    # The ring to the left of an edge goes on from its first end, that to the right from its other one.
-    passed = (graph.sides * len(graph.places) + graph.ends)[graph.sides != OUTSIDE]
-    passed.sort()
-    is_all = len(passed) == len(rings.corners) and bool((passed[1:] > passed[:-1]).all())
-    return is_all and bool(rings.is_exterior.all())
-
-
-def _polygons(rings: GridRings) -> NDArray[np.object_]:
-    """Return each piece as a polygon."""
-    ring = np.repeat(np.arange(len(rings.owner)), np.diff(rings.starts))
-    shells = shapely.linearrings(rings.corners.astype(np.float64), indices=ring)
-    return np.asarray(shapely.polygons(shells, indices=np.cumsum(rings.is_exterior) - 1))
+def _polygons(pieces: Sequence[RoofPiece]) -> tuple[NDArray[np.object_], IntArray]:
+    """Return the pieces that have an exterior as polygons [grid steps], and the number of each."""
+    numbers = [k for k, piece in enumerate(pieces) if piece.rings and len(piece.rings[0]) >= 3]
+    if not numbers:
+        return np.empty(0, dtype=object), np.empty(0, dtype=np.int64)
+    rings = [(k, ring) for k in numbers for ring in pieces[k].rings if len(ring) >= 3]
+    owner, sizes = np.array([k for k, _ in rings]), [len(ring) for _, ring in rings]
+    corners = np.rint(np.concatenate([ring for _, ring in rings]) / GRID)
+    lines = shapely.linearrings(corners, indices=np.repeat(np.arange(len(rings)), sizes))
+    polygons = shapely.polygons(lines, indices=np.searchsorted(numbers, owner))
+    return np.asarray(polygons), np.array(numbers)
 
 
 def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float, grid: float) -> PlanGraph:
@@ -330,58 +145,31 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     Return the graph of the faces into which the pieces' rings divide the plan, each given to one piece.
 
     However badly pieces match: vertices, gaps and overlaps narrower than `within` vanish, and all vertices
-    come to lie on multiples of `grid`, through which edges nearer than half of it run (snap rounding, Hobby
-    1999) [grid steps].
+    come to lie on multiples of `grid` [grid steps].
     """
-    rings = piece_rings(pieces)
-    nothing = PlanGraph(rings.corners[:0], rings.corners[:0], rings.corners[:0])
-    if not len(rings.owner):
-        return nothing
-    rings = _snapped(rings, within)
-    if not len(rings.owner):
-        return nothing
-    polygons = _polygons(rings)
-    noded = shapely.union_all(shapely.boundary(polygons), grid_size=grid)
-    faces = shapely.get_parts(shapely.polygonize([noded]))
+    polygons, own = _polygons(pieces)
+    faces = divide_plane(_snapped(polygons, within), grid)
     # Holes stay holes even where they have come to cross their exterior.
-    sound = made_valid(polygons)
-    labels = _labels(faces, sound, numbers[rings.owner[rings.is_exterior]])
-    shells, face = shapely.get_rings(faces[labels != OUTSIDE], return_index=True)
-    corners, ring = shapely.get_coordinates(shells, return_index=True)
-    is_last = np.diff(ring, append=len(shells)) != 0
-    starts = np.append(0, np.cumsum(np.bincount(ring, minlength=len(shells)) - 1))
-    owner = labels[labels != OUTSIDE][face]
-    graph = labelled_graph(grid_rings(corners[~is_last], starts, first_of_each(face), owner))
-    return nothing if graph is None else graph
+    owner = face_owners(faces, made_valid(polygons))
+    covered = owner != OUTSIDE
+    graph = graph_of(faces[covered], numbers[own][owner[covered]])
+    assert graph is not None  # faces of one subdivision overlap nowhere
+    return graph
 
 
-def _snapped(rings: GridRings, within: float) -> GridRings:
-    """Move vertices onto others, or onto edges, that are nearer than `within`."""
-    places, row = np.unique(rings.corners.astype(np.float64), axis=0, return_inverse=True)
-    leader = weld(places, within)
-    kept, starts = places[np.unique(leader)], places[leader[row.reshape(-1)]]
-    steps = starts[rings.following] - starts
-    lines = shapely.linestrings(np.stack([starts, starts + steps], axis=1))
-    edge, near = shapely.STRtree(shapely.points(kept)).query(lines, predicate="dwithin", distance=within)
-    length = np.einsum("ij,ij->i", steps, steps)
-    share = np.einsum("ij,ij->i", kept[near] - starts[edge], steps[edge]) / np.maximum(length[edge], 1e-9)
-    is_end = (kept[near] == starts[edge]).all(axis=1) | (kept[near] == starts[edge] + steps[edge]).all(axis=1)
-    between = (share > 0.0) & (share < 1.0) & ~is_end
-    edge, share, near = edge[between], share[between], near[between]
-    # each corner, and after it what lies next to its edge
-    corners = np.concatenate([starts, kept[near]])
-    shares = np.append(np.zeros(len(starts)), share)
-    order = np.lexsort((*corners.T[::-1], shares, np.append(np.arange(len(starts)), edge)))
-    added = np.append(0, np.cumsum(np.bincount(edge, minlength=len(starts))))
-    full = GridRings(corners[order].astype(np.int64), rings.starts + added[rings.starts], rings.owner)
-    return grid_rings(full.corners, full.starts, full.is_exterior, full.owner)
-
-
-def _labels(faces: NDArray[np.object_], polygons: NDArray[np.object_], owners: IntArray) -> IntArray:
-    """Return the piece that each face belongs to: the first that covers it."""
-    inside = shapely.point_on_surface(faces)
-    hits = shapely.STRtree(polygons).query(inside, predicate="intersects")
-    labels = np.full(len(faces), OUTSIDE)
-    for face, polygon in sorted(hits.T.tolist(), reverse=True):
-        labels[face] = owners[polygon]
-    return labels
+def _snapped(polygons: NDArray[np.object_], within: float) -> NDArray[np.object_]:
+    """Return the edges of polygons, their ends moved onto others, through vertices nearer than `within`."""
+    corners, ring = shapely.get_coordinates(shapely.get_rings(polygons), return_index=True)
+    places, row = np.unique(corners, axis=0, return_inverse=True)
+    leader = weld(places, within)[row.reshape(-1)]
+    edges = np.column_stack([leader[:-1], leader[1:]])[ring[1:] == ring[:-1]]
+    lines, kept = shapely.linestrings(places[edges]), np.unique(leader)
+    points = shapely.points(places[kept])
+    edge, near = shapely.STRtree(points).query(lines, predicate="dwithin", distance=within)
+    along = shapely.line_locate_point(lines[edge], points[near])
+    is_end = (edges[edge] == kept[near, None]).any(axis=1)
+    between = is_end | ((along > 0.0) & (along < shapely.length(lines[edge])))
+    order = np.lexsort((along[between], edge[between]))
+    edge, chain = edge[between][order], places[kept[near[between][order]]]
+    pieces = np.stack([chain[:-1], chain[1:]], axis=1)[edge[1:] == edge[:-1]]
+    return np.asarray(shapely.linestrings(pieces))

@@ -7,18 +7,18 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from lidar_buildings.core.model.array_types import BoolArray, IntArray
+from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
-from lidar_buildings.core.solids.assembly import CLEARANCE, RaisedShell, assemble
+from lidar_buildings.core.solids.assembly import CLEARANCE, assemble
 from lidar_buildings.core.solids.half_edges import HalfEdges
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.plan_graph import (
-    PlanGraph,
     RoofPiece,
     matched_coverage,
     noded_coverage,
     with_minimum_height,
 )
+from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.shell import (
     GROUND_SURFACE,
     ROOF_SURFACE,
@@ -28,17 +28,14 @@ from lidar_buildings.core.solids.shell import (
     ring_edges,
 )
 from lidar_buildings.core.solids.triangulation import (
-    FaceArrays,
     face_arrays,
     fitted_planes,
-    starts_of,
     triangulate,
 )
 from lidar_buildings.core.solids.validity import (
     MAX_PLANE_DISTANCE,
     check_faces,
     check_solid,
-    codes_of_upward_faces,
     folds,
     n_joints,
 )
@@ -81,8 +78,8 @@ def extrusion_codes(outline: Outline, solid: Solid, height: float) -> tuple[int,
 
 #: Codes of faces that are not flat.
 _NON_PLANAR = {203, 204}
-#: If a solid fails its checks, details narrower than the first vanish, on a grid of the second [grid steps].
-_SIMPLER = (10.0, 5.0)
+#: If a solid fails its checks, details narrower than this vanish, on a grid of half of it [grid steps].
+_SIMPLER = (10.0, 20.0)
 
 
 def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
@@ -117,7 +114,7 @@ def checked_roof_solid(
         if not len(graph.ends):
             break
         shell = assemble(HalfEdges(graph, planes, ground))
-        codes = raised_codes(shell)
+        codes = check_faces(shell.faces)
         if not codes:
             return shell.solid, ()
         if _NON_PLANAR.issuperset(codes) and not check_solid(cut := triangulate_non_planar(shell.solid)):
@@ -132,7 +129,8 @@ def checked_roof_solid(
 def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:
     """Yield the plan of numbered pieces, and a simpler one."""
     yield matched_coverage(pieces, numbers)
-    yield noded_coverage(pieces, numbers, *_SIMPLER)
+    for within in _SIMPLER:
+        yield noded_coverage(pieces, numbers, within, 0.5 * within)
 
 
 def triangulate_non_planar(solid: Solid) -> Solid:
@@ -151,39 +149,3 @@ def triangulate_non_planar(solid: Solid) -> Solid:
         faces += [(tuple(part),) for part in parts] or [face]
         semantics += [kind] * (len(parts) or 1)
     return Solid(solid.vertices, tuple(faces), tuple(semantics))
-
-
-def raised_codes(shell: RaisedShell) -> tuple[int, ...]:
-    """
-    Return what `check_solid` does of a raised shell.
-
-    A roof is a function of the plan: where the plan's edges keep clear of each other, its pieces cannot meet
-    elsewhere than along them, walls stand on edges, and all hang together as the plan does. What is left to
-    check are the sloping faces by themselves, as they need not be flat to the millimetre. Only where the plan
-    leaves doubt, or one of them overhangs itself, all is checked.
-    """
-    codes = codes_of_upward_faces(_chosen(shell.faces, _sloping(shell))) if shell.is_clean else None
-    return check_faces(shell.faces) if codes is None else codes
-
-
-def _sloping(shell: RaisedShell) -> BoolArray:
-    """Say of each face whether it is one of the roof's and not level."""
-    faces = shell.faces
-    z = faces.vertices[faces.corners, 2]
-    first = faces.corner_starts[:-1]
-    sloping = np.minimum.reduceat(z, first) < np.maximum.reduceat(z, first)
-    sloping[shell.n_plan_faces :] = False
-    return np.asarray(sloping)
-
-
-def _chosen(faces: FaceArrays, chosen: BoolArray) -> FaceArrays:
-    """Return some of the faces."""
-    per_ring = faces.face_starts[1:] - faces.face_starts[:-1]
-    per_corner = faces.ring_starts[1:] - faces.ring_starts[:-1]
-    rings = chosen.repeat(per_ring)
-    return FaceArrays(
-        faces.vertices,
-        faces.corners[rings.repeat(per_corner)],
-        starts_of(per_corner[rings]),
-        starts_of(per_ring[chosen]),
-    )

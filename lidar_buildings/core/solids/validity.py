@@ -302,10 +302,6 @@ def folds(vertices, triangles, face_of):  # type: ignore[no-untyped-def]
     return folded[:n]
 
 
-#: Twice the area of a triangle in plan that is surely more than nothing [m²].
-_LEAST_AREA = 1e-7
-
-
 def check_solid(solid: Solid) -> tuple[int, ...]:
     """
     Return the codes of everything that is wrong with a solid, rising; empty if it is valid.
@@ -343,22 +339,6 @@ def _check_welded(faces: FaceArrays, leader: IntArray) -> set[int]:
         return codes
     codes, triangles, face_of = _check_flatness(faces)
     return codes or _check_shell(faces, triangles, face_of) | _unused(leader, faces)
-
-
-def codes_of_upward_faces(faces: FaceArrays) -> tuple[int, ...] | None:
-    """
-    Return what is wrong with faces by themselves, None if one is not a function of its plan.
-
-    They look upwards, with rings of three distinct vertices at least.
-    """
-    if not len(faces.corners):
-        return ()
-    codes, triangles, _ = _check_flatness(faces)
-    if codes:
-        return tuple(sorted(codes))
-    a, b, c = faces.vertices[triangles, :2].transpose(1, 0, 2)
-    u, v = b - a, c - a
-    return () if (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > _LEAST_AREA).all() else None
 
 
 def _check_flatness(faces: FaceArrays) -> tuple[set[int], IntArray, IntArray]:
