@@ -4,17 +4,17 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import shapely
 from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from bench.pages.drawing import plt, save
 from bench.scenes import buildings as scenes
-from lidar_buildings.core.solids.output_grid import gridded_outline
+from lidar_buildings.core.solids.output_grid import GRID, gridded_outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.core.solids.triangulation import face_pieces
-from lidar_buildings.core.stages.building_model.cells import cut_into_cells
+from lidar_buildings.core.stages.building_model.cells import cut_into_cells, extend_segments
 from lidar_buildings.core.stages.building_model.model import build_model
-from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
@@ -52,7 +52,7 @@ def draw_lines(axes, points, plane_id, outline):
     cells = cut_into_cells(outline, extend_segments(found, walls))
     axes.scatter(*points[:, :2].T, s=2.0, color=POINTS)
     for polygon in cells.polygons:
-        axes.plot(*np.asarray(polygon.exterior.coords).T, color="black", linewidth=0.7)
+        axes.plot(*(GRID * shapely.get_coordinates(polygon.exterior)).T, color="black", linewidth=0.7)
     for segment in found:
         axes.plot(*segment.T, color=LINES, linewidth=2.4)
     axes.set_title("lines found (red), run on to cut cells", fontsize=10)

@@ -153,7 +153,8 @@ def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float
     owner = face_owners(faces, made_valid(polygons))
     covered = owner != OUTSIDE
     graph = graph_of(faces[covered], numbers[own][owner[covered]])
-    assert graph is not None  # faces of one subdivision overlap nowhere
+    if graph is None:
+        raise RuntimeError("faces of one subdivision overlap")
     return graph
 
 

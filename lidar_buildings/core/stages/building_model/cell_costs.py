@@ -9,7 +9,6 @@ import numpy as np
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.cells import Cells
-from lidar_buildings.core.stages.building_model.noding import in_tiles, tile_of
 
 #: A point counts as so far off its plane at most [m].
 MAX_MISFIT = 1.0
@@ -20,56 +19,6 @@ ABOVE = 0.3
 _AROUND = 5
 #: Most squares of the raster in which points share what they stand for.
 _MAX_SQUARES = 40_000
-
-
-def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
-    """Return the cell that each point lies in, -1 for those beside the outline."""
-    # Lines that end inside a cell part nothing.
-    parts = cells.sides[:, 0] != cells.sides[:, 1]
-    lines = cells.vertices[cells.borders[parts]].reshape(-1, 4)
-    tiles, start, items = in_tiles(lines)
-    return _cells_above(points, lines, cells.sides[parts], tiles, start, items)
-
-
-@kernel
-def _cells_above(points, lines, sides, tiles, start, items):  # type: ignore[no-untyped-def]
-    """
-    Return what lies above the next edge below each point.
-
-    The edges lead east. Above a vertex the steepest of those that leave it counts, whichever tile shows it
-    first. Tiles that none of them touches lie in one cell.
-    """
-    west, south, side, n_columns, n_rows = tiles[0], tiles[1], tiles[2], int(tiles[3]), int(tiles[4])
-    known = np.full(len(start) - 1, -2, np.int64)
-    found = np.empty(len(points), np.int64)
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        column, row = tile_of(x, west, side, n_columns), tile_of(y, south, side, n_rows)
-        cell, highest, steepest, empty = -1, -np.inf, 0.0, -1
-        while row >= 0:
-            tile = column * n_rows + row
-            if start[tile] == start[tile + 1] and highest == -np.inf:
-                if known[tile] != -2:
-                    cell = known[tile]
-                    break
-                empty = tile
-            for at in range(start[tile], start[tile + 1]):
-                e = items[at]
-                ax, bx = lines[e, 0], lines[e, 2]
-                if not ax <= x < bx:
-                    continue
-                ay = lines[e, 1]
-                slope = (lines[e, 3] - ay) / (bx - ax)
-                z = ay + slope * (x - ax)
-                if z <= y and (z > highest or (z == highest and slope > steepest)):
-                    highest, steepest, cell = z, slope, sides[e, 0]
-            if highest >= south + row * side:
-                break
-            row -= 1
-        if empty >= 0:
-            known[empty] = cell
-        found[i] = cell
-    return found
 
 
 def plane_costs(

@@ -1,352 +1,194 @@
 """
-The cells into which lines cut an outline, and the rings round sets of them.
+The cells into which lines cut an outline.
 
-Edge e from its lower to its higher vertex is half-edge 2e, the way back 2e + 1. The rotation of a vertex is
-its half-edges by direction, counter-clockwise.
+Vertices are rounded to the output grid, so that cells are valid as they will be written.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline, ring_walls
-from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
-from lidar_buildings.core.neighbours.union_find import link, root
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.stages.building_model.noding import node_segments
+from lidar_buildings.core.solids.planar_subdivision import (
+    OUTSIDE,
+    divide_plane,
+    face_owners,
+    graph_of,
+    straightened_rings,
+)
+
+#: How far lines may miss one another and still meet [m].
+_SLACK = 1e-6
+#: Segments go on so far behind what they pass: walls and segments that near are at one place [m].
+_PAST = 0.01
+#: So near behind what they pass segments are extended to a wall [m]: the shortest walls are as long.
+_NEAR_WALL = 1.0
 
 
-class Rotation(NamedTuple):
-    """The half-edges round every vertex."""
-
-    first: IntArray  #: where each vertex's half-edges begin in `order`, shape (n_vertices + 1,)
-    order: IntArray  #: numbers of half-edges, shape (n_half_edges,)
-    place: IntArray  #: where each half-edge stands in `order`, shape (n_half_edges,)
-
-
-@kernel
-def enclosed_cells(vertices, edges, enclosed):  # type: ignore[no-untyped-def]
+def extend_segments(segments: FloatArray, walls: FloatArray, n_steps: int = 0) -> FloatArray:
     """
-    Find the faces of a graph that lie inside its outline.
+    Extend segments at both ends to the nearest other segment or wall, steps past it to the one behind.
 
-    Parameters
-    ----------
-    vertices, edges, enclosed : ndarray
-        As returned by `node_segments`.
-
-    Returns
-    -------
-    first, order, place : ndarray
-        The rotation.
-    sides : ndarray of shape (n_edges, 2), int64
-        Face to the left of each edge and to the right, -1 = outside; edges that bound no face have -1 on both
-        sides. Faces rise by the lower corner of the box round them, then by the upper one.
-    doubled : ndarray of shape (n_faces,)
-        Twice the area of each face.
+    Whether a cut is used is decided later; a segment that ends too early would not cut at all. Where steps,
+    the first `n_steps`, lie a little beside one another, each has to run on beside the other to be the one
+    that is chosen. To a wall just behind what they pass all are extended: where planes meet in a point near
+    the eave, nothing else would part them beyond it.
     """
-    first, order, place = _rotation(vertices, edges)
-    face = np.empty(2 * len(edges), np.int64)
-    n = _enclosed(vertices, edges, enclosed, first, order, place, face)
-    largest = np.iinfo(np.int64).max
-    low, high = np.full((n, 2), largest), np.full((n, 2), -largest)
-    for half in range(len(face)):
-        if face[half] >= 0:
-            f, v = face[half], edges[half >> 1, half & 1]
-            for axis in range(2):
-                low[f, axis] = min(low[f, axis], vertices[v, axis])
-                high[f, axis] = max(high[f, axis], vertices[v, axis])
-    keys, rows, number = np.empty(n, np.int64), np.arange(n), np.empty(n, np.int64)
-    for f in range(n):
-        # Vertices rise by x: the first one is the westernmost.
-        keys[f] = ((low[f, 0] - vertices[0, 0]) << 32) + low[f, 1] + (1 << 31) - vertices[0, 1]
-    sort_rows(keys, rows, n)
-    for k in range(n):
-        m, f = k, rows[k]
-        while (
-            m > 0
-            and keys[m - 1] == keys[k]
-            and (high[f, 0], high[f, 1]) < (high[rows[m - 1], 0], high[rows[m - 1], 1])
-        ):
-            rows[m] = rows[m - 1]
-            m -= 1
-        rows[m] = f
-    for k in range(n):
-        number[rows[k]] = k
-    sides, doubled = np.empty_like(edges), np.zeros(n)
-    for half in range(len(face)):
-        f = face[half]
-        sides[half >> 1, half & 1] = -1 if f < 0 else number[f]
-        if f >= 0:
-            a, b = edges[half >> 1, half & 1], edges[half >> 1, 1 - (half & 1)]
-            ax, ay = vertices[a, 0] - low[f, 0], vertices[a, 1] - low[f, 1]
-            bx, by = vertices[b, 0] - low[f, 0], vertices[b, 1] - low[f, 1]
-            doubled[number[f]] += ax * by - ay * bx
-    return first, order, place, sides, doubled
+    extended = np.empty((len(segments), 4))
+    _extend(np.concatenate([segments, walls]).reshape(-1, 4), n_steps, extended)
+    return extended.reshape(-1, 2, 2)
 
 
 @kernel
-def _rotation(vertices, edges):  # type: ignore[no-untyped-def]
-    """Sort the half-edges of a graph round its vertices: see `Rotation`."""
-    order, first = rows_by_group(edges.reshape(-1), len(vertices))
-    place, angle = np.empty(len(order), np.int64), np.empty(len(order))
-    for e in range(len(edges)):
-        a, b = edges[e, 0], edges[e, 1]
-        angle[2 * e] = math.atan2(
-            float(vertices[b, 1] - vertices[a, 1]), float(vertices[b, 0] - vertices[a, 0])
-        )
-        # The way back lies opposite: one rounding for both.
-        angle[2 * e + 1] = angle[2 * e] - math.pi if angle[2 * e] > 0.0 else angle[2 * e] + math.pi
-    for v in range(len(vertices)):
-        for m in range(first[v] + 1, first[v + 1]):
-            half, k = order[m], m
-            while k > first[v] and angle[order[k - 1]] > angle[half]:
-                order[k] = order[k - 1]
-                k -= 1
-            order[k] = half
-    for k in range(len(order)):
-        place[order[k]] = k
-    return first, order, place
+def _extend(obstacles, n_steps, extended):  # type: ignore[no-untyped-def]
+    """Write the extended segments, the first of the obstacles; none is an obstacle to itself."""
+    for i in range(len(extended)):
+        for end in range(2):
+            x, y = obstacles[i, 2 * end], obstacles[i, 2 * end + 1]
+            dx, dy = x - obstacles[i, 2 - 2 * end], y - obstacles[i, 3 - 2 * end]
+            length = np.hypot(dx, dy)
+            if length > 0.0:
+                dx, dy = dx / length, dy / length
+                reach, is_wall = _reach(x, y, dx, dy, i, len(extended), obstacles)
+                x, y = x + reach * dx, y + reach * dy
+                if not is_wall:
+                    fx, fy = x + _PAST * dx, y + _PAST * dy
+                    reach, is_wall = _reach(fx, fy, dx, dy, i, len(extended), obstacles)
+                    if i < n_steps or (is_wall and reach < _NEAR_WALL):
+                        x, y = fx + reach * dx, fy + reach * dy
+            extended[i, 2 * end], extended[i, 2 * end + 1] = x, y
 
 
 @kernel
-def next_half_edge(half, ends, first, order, place, face):  # type: ignore[no-untyped-def]
-    """Return the half-edge that goes on round what lies to the left, by way of borders of faces only."""
-    back = half ^ 1
-    v, k = ends[back], place[back]
-    while True:
-        k = k - 1 if k > first[v] else first[v + 1] - 1
-        onward = order[k]
-        if face[onward] != face[onward ^ 1]:
-            return onward
-
-
-@kernel
-def _enclosed(vertices, edges, enclosed, first, order, place, face):  # type: ignore[no-untyped-def]
-    """Number faces in place; return how many."""
-    ends = edges.reshape(-1)
-    # Until there are faces, half-edges that differ from their twins are those of the graph.
-    for half in range(len(ends)):
-        face[half] = -2 - (half & 1)
-    degree = first[1:] - first[:-1]
-    for begin in range(len(degree)):
-        v = begin
-        while degree[v] == 1:
-            for k in range(first[v], first[v + 1]):
-                half = order[k]
-                if face[half] != face[half ^ 1]:
-                    face[half] = face[half ^ 1] = -1
-                    degree[v] -= 1
-                    v = ends[half ^ 1]
-                    degree[v] -= 1
-                    break
-    walk = np.empty(len(ends), np.int64)
-    area = np.empty(len(ends))
-    n = 0
-    for _ in range(2):
-        walk[:] = -1
-        n = 0
-        for begin in range(len(ends)):
-            if walk[begin] >= 0 or face[begin] == face[begin ^ 1]:
-                continue
-            half, area[n] = begin, 0.0
-            x, y = vertices[ends[begin], 0], vertices[ends[begin], 1]
-            while walk[half] < 0:
-                walk[half] = n
-                a, b = ends[half], ends[half ^ 1]
-                area[n] += (vertices[a, 0] - x) * (vertices[b, 1] - y)
-                area[n] -= (vertices[a, 1] - y) * (vertices[b, 0] - x)
-                half = next_half_edge(half, ends, first, order, place, face)
-            n += 1
-        # Edges with one face on both sides bound nothing.
-        bridges = 0
-        for half in range(0, len(ends), 2):
-            if walk[half] == walk[half + 1] and face[half] != face[half + 1]:
-                face[half] = face[half + 1] = -1
-                bridges += 1
-        if bridges == 0:
-            break
-    # Walks the wrong way round are the outer sides of connected parts: they lie in the face below.
-    parent = np.arange(n)
-    outside = np.zeros(n, np.bool_)
-    done = -1
-    for half in range(len(ends)):
-        w = walk[half]
-        if w <= done or area[w] > 0.0:
+def _reach(x, y, dx, dy, own, n_segments, obstacles):  # type: ignore[no-untyped-def]
+    """
+    Return how far a ray runs to the nearest obstacle [m], and whether there is a wall; 0 where none is met.
+    """
+    nearest, wall = np.inf, np.inf
+    for j in range(len(obstacles)):
+        ax, ay = obstacles[j, 0], obstacles[j, 1]
+        ex, ey = obstacles[j, 2] - ax, obstacles[j, 3] - ay
+        u, v = dx * (ay - y) - dy * (ax - x), dx * (obstacles[j, 3] - y) - dy * (obstacles[j, 2] - x)
+        if j == own or (u > _SLACK and v > _SLACK) or (u < -_SLACK and v < -_SLACK):
             continue
-        done = w
-        below = _below(edges[half >> 1, 0], vertices, edges, walk)
-        if below >= 0:
-            link(parent, w, walk[2 * below])
-        else:
-            outside[w] = True
-    inside = np.zeros(n)
-    for e in range(len(edges)):
-        one, other = walk[2 * e], walk[2 * e + 1]
-        if one >= 0 and enclosed[e] == 0:
-            link(parent, one, other)
-    for e in range(len(edges)):
-        one, other = walk[2 * e], walk[2 * e + 1]
-        if one >= 0 and enclosed[e] != 0:
-            a, b = edges[e, 0], edges[e, 1]
-            length = np.hypot(vertices[b, 0] - vertices[a, 0], vertices[b, 1] - vertices[a, 1])
-            inside[root(parent, one)] += enclosed[e] * length
-            inside[root(parent, other)] -= enclosed[e] * length
-    for w in range(n):
-        if outside[w]:
-            inside[root(parent, w)] = -1.0
-    number = np.full(n, -1, np.int64)
-    count = 0
-    for w in range(n):
-        if area[w] > 0.0 and inside[root(parent, w)] > 0.0:
-            number[w] = count
-            count += 1
-    # The outer side of a part within a face belongs to the face.
-    for half in range(len(ends)):
-        w = walk[half]
-        if w >= 0 and area[w] <= 0.0 and number[w] < 0 and not outside[w]:
-            below = _below(edges[half >> 1, 0], vertices, edges, walk)
-            number[w] = number[walk[2 * below]] if below >= 0 else -1
-            outside[w] = True
-    for half in range(len(ends)):
-        face[half] = number[walk[half]] if walk[half] >= 0 else -1
-    return count
-
-
-@kernel
-def _below(v, vertices, edges, walk):  # type: ignore[no-untyped-def]
-    """Return the nearest edge of a face below a vertex, -1 if there is none."""
-    x, y = vertices[v, 0], vertices[v, 1]
-    best, nearest = -1, -np.inf
-    for e in range(len(edges)):
-        ax, bx = vertices[edges[e, 0], 0], vertices[edges[e, 1], 0]
-        if walk[2 * e] < 0 or not ax <= x < bx:
+        cross, length = dx * ey - dy * ex, np.hypot(ex, ey)
+        if abs(cross) <= 1e-9 * length:
             continue
-        ay, by = vertices[edges[e, 0], 1], vertices[edges[e, 1], 1]
-        at = ay + (by - ay) * (x - ax) / (bx - ax)
-        if at < y and at > nearest:
-            best, nearest = e, at
-    return best
+        t = ((ax - x) * ey - (ay - y) * ex) / cross
+        u = ((ax - x) * dy - (ay - y) * dx) / cross
+        slack = _SLACK / max(length, _SLACK)
+        if u < -slack or u > 1.0 + slack or t < -_SLACK:
+            continue
+        nearest = min(nearest, max(t, 0.0))
+        if j >= n_segments:
+            wall = min(wall, max(t, 0.0))
+    return (nearest, wall <= nearest + _PAST) if nearest < np.inf else (0.0, True)
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
     """A coverage of an outline by cells that share whole edges."""
 
+    polygons: NDArray[np.object_]  #: by the lower corner of the box round each [steps of the grid]
     vertices: FloatArray  #: by rising x, then y; multiples of the output grid [m], shape (n_vertices, 2)
     borders: IntArray  #: rows of the two vertices of every edge, the lower one first, shape (n_borders, 2)
     #: The cell to the left of each edge and that to the right, -1 = none, shape (n_borders, 2).
     sides: IntArray
     areas: FloatArray  #: [m²], shape (n_cells,)
-    corners: IntArray  #: rows of the outline's own vertices
-    _units: IntArray
-    _rotation: Rotation
 
     def __len__(self) -> int:
         """Return the number of cells."""
         return len(self.areas)
-
-    @property
-    def polygons(self) -> NDArray[np.object_]:
-        """The cells as polygons."""
-        every = np.ones(len(self.vertices), dtype=np.bool_)
-        rings = self.rings_of(np.arange(len(self)), every)
-        return np.array([shapely.Polygon(group[0], group[1:]) for group in rings], dtype=object)
-
-    def rings_of(self, face: IntArray, kept: BoolArray) -> list[tuple[FloatArray, ...]]:
-        """
-        Return the rings of faces, each of the cells with its number, that show the vertices that are kept.
-        """
-        number = np.append(face, -1)[self.sides].reshape(-1)
-        rings = rings_round(self._units, self.borders, self._rotation, number, kept)
-        return [tuple(self.vertices[rows] for rows in group) for group in rings]
 
 
 def cut_into_cells(outline: Outline, segments: FloatArray) -> Cells:
     """
     Cut an outline, valid and on the output grid, along segments.
 
-    The lines are noded with snap rounding on the output grid, so that the cells are valid as they will be
-    written. Segments that end inside do not cut: see `extend_segments`.
+    Segments that end inside do not cut: see `extend_segments`.
     """
-    units, borders, enclosed, corners = node_segments(ring_walls(outline.rings), segments)
-    first, order, place, sides, doubled = enclosed_cells(units, borders, enclosed)
+    steps = shapely.transform(outline.polygon, lambda xy: np.rint(xy / GRID))
+    lines = shapely.linestrings(segments / GRID)
+    faces = divide_plane(np.append(lines, steps.boundary), 1.0) if len(segments) else np.array([steps])
+    faces = faces[face_owners(faces, np.array([steps])) != OUTSIDE]
+    faces = faces[np.lexsort(shapely.bounds(faces).T[::-1])]
+    graph = graph_of(faces, np.arange(len(faces)))
+    if graph is None:
+        raise RuntimeError("faces of one subdivision overlap")
     scale = round(1.0 / GRID)
-    areas, rotation = 0.5 * doubled / scale**2, Rotation(first, order, place)
-    return Cells(units / scale, borders, sides, areas, corners, units, rotation)
+    return Cells(faces, graph.places / scale, graph.ends, graph.sides, shapely.area(faces) / scale**2)
 
 
-def rings_round(
-    vertices: IntArray, edges: IntArray, rotation: Rotation, face: IntArray, kept: BoolArray
-) -> list[list[IntArray]]:
+#: A vertex nearer to the line through its neighbours than this is no corner [steps of the grid].
+_STRAIGHT = 4.0
+
+
+def face_rings(cells: Cells, face: IntArray, outline: Outline) -> list[tuple[FloatArray, ...]]:
     """
-    Return the rings round faces or sets of them: per face its outer ring, counter-clockwise, then its holes.
+    Return the rings of faces, each of the cells with its number, without vertices where no edge bends.
 
-    `face` is the one to the left of each half-edge, -1 = none; rings show the vertices that are `kept`. They
-    are simple, begin at their first vertex, and are rows of vertices; a face without a ring of three has
-    none.
+    The outline keeps its own vertices, whatever lies around them. A face has its outer ring first, open [m];
+    none if it has no corners: the solid closes such gaps.
     """
-    ends = edges.reshape(-1)
-    corners = np.empty(len(ends), dtype=np.int64)
-    ring = np.zeros((len(ends) + 1, 3), dtype=np.int64)
-    n = _walk_round(vertices, ends, *rotation, face, kept, corners, ring)
-    rings: list[list[IntArray]] = [[] for _ in range(int(face.max(initial=-1)) + 1)]
-    outer = [-1] * len(rings)
-    for k, (start, owner, area) in enumerate(ring[:n].tolist()):
-        own = corners[start : ring[k + 1, 0]]
-        if area > 0:
-            outer[owner] = len(rings[owner])
-        rings[owner].append(own)
-    return [[group.pop(k), *group] if k >= 0 else [] for group, k in zip(rings, outer, strict=True)]
+    faces = [shapely.coverage_union_all(cells.polygons[face == k]) for k in range(face.max(initial=-1) + 1)]
+    kept = np.rint(np.concatenate(outline.rings) / GRID).astype(np.int64)
+    rings = straightened_rings(np.array(faces, dtype=object), kept, _STRAIGHT)
+    return [tuple(ring / round(1.0 / GRID) for ring in group) for group in rings]
+
+
+def cells_of_points(cells: Cells, points: FloatArray) -> IntArray:
+    """Return the cell that each point lies in, -1 for those beside the outline."""
+    return _cells_above(points, cells.vertices[cells.borders].reshape(-1, 4), cells.sides)
+
+
+#: Most columns in which edges are looked up.
+_MOST_COLUMNS = 1000
 
 
 @kernel
-def _walk_round(vertices, ends, first, order, place, face, kept, corners, ring):  # type: ignore[no-untyped-def]
-    """Write all rings, and where each begins, its face and twice its area; return how many there are."""
-    done = np.zeros(len(ends), np.bool_)
-    at = np.full(len(first), -1, np.int64)
-    stack = np.empty(len(ends) + 1, np.int64)
-    n = 0
-    for begin in range(len(ends)):
-        if done[begin] or face[begin] < 0 or face[begin] == face[begin ^ 1]:
+def _cells_above(points, lines, sides):  # type: ignore[no-untyped-def]
+    """
+    Return what lies above the next edge below each point; edges lead east.
+
+    Above a vertex the steepest of those that leave it counts.
+    """
+    west, east = np.inf, -np.inf
+    for e in range(len(lines)):
+        west, east = min(west, lines[e, 0]), max(east, lines[e, 2])
+    n_columns = min(len(lines), _MOST_COLUMNS)
+    width = (east - west) / n_columns
+    spans, n = np.empty((len(lines), 2), np.int64), 0
+    for e in range(len(lines)):
+        spans[e, 0] = min(int((lines[e, 0] - west) / width), n_columns - 1)
+        spans[e, 1] = min(int((lines[e, 2] - west) / width), n_columns - 1)
+        n += spans[e, 1] - spans[e, 0] + 1
+    edge, column, n = np.empty(n, np.int64), np.empty(n, np.int64), 0
+    for e in range(len(lines)):
+        for k in range(spans[e, 0], spans[e, 1] + 1):
+            edge[n], column[n] = e, k
+            n += 1
+    rows, first = rows_by_group(column, n_columns)
+    own_lines = lines[edge[rows]]
+    found = np.full(len(points), -1, np.int64)
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        if not west <= x < east:
             continue
-        half, depth = begin, 0
-        while True:
-            v = ends[half]
-            if at[v] >= 0:
-                # The walk has come back to a vertex: what lies between is a ring of its own.
-                low, count = at[v], 0
-                for k in range(low, depth):
-                    at[stack[k]] = -1
-                    if kept[stack[k]]:
-                        stack[low + count] = stack[k]
-                        count += 1
-                depth = low
-                if count >= 3:
-                    lowest = low
-                    for k in range(low, low + count):
-                        lowest = k if stack[k] < stack[lowest] else lowest
-                    start, area = ring[n, 0], 0
-                    x, y = vertices[stack[lowest], 0], vertices[stack[lowest], 1]
-                    for k in range(count):
-                        a = stack[low + (lowest - low + k) % count]
-                        b = stack[low + (lowest - low + k + 1) % count]
-                        corners[start + k] = a
-                        area += (vertices[a, 0] - x) * (vertices[b, 1] - y)
-                        area -= (vertices[a, 1] - y) * (vertices[b, 0] - x)
-                    ring[n, 1], ring[n, 2], ring[n + 1, 0] = face[begin], area, start + count
-                    n += 1
-            if done[half]:
-                break
-            done[half] = True
-            at[v], stack[depth] = depth, v
-            depth += 1
-            half = next_half_edge(half, ends, first, order, place, face)
-    return n
+        own, highest, steepest = min(int((x - west) / width), n_columns - 1), -np.inf, 0.0
+        for k in range(first[own], first[own + 1]):
+            ax, ay, bx, by = own_lines[k]
+            if not ax <= x < bx or min(ay, by) > y or max(ay, by) < highest:
+                continue
+            slope = (by - ay) / (bx - ax)
+            z = ay + slope * (x - ax)
+            if z <= y and (z > highest or (z == highest and slope > steepest)):
+                highest, steepest, found[i] = z, slope, sides[edge[rows[k]], 0]
+    return found

@@ -16,18 +16,19 @@ from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, 
 from lidar_buildings.core.solids.plan_graph import cut_at
 from lidar_buildings.core.stages.building_model.cell_costs import (
     ABOVE,
-    cells_of_points,
     plane_costs,
     point_weights,
 )
-from lidar_buildings.core.stages.building_model.cells import Cells, cut_into_cells
+from lidar_buildings.core.stages.building_model.cells import (
+    Cells,
+    cells_of_points,
+    cut_into_cells,
+    extend_segments,
+    face_rings,
+)
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.noding import extend_segments
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
-
-#: A vertex nearer to the line through its neighbours than this is no corner [m].
-_STRAIGHT = 0.004
 
 
 def join_equal_cells(cells: Cells, labels: IntArray) -> IntArray:
@@ -77,48 +78,6 @@ def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no
             step, length = 0.0, 0.0
     flatten(parent)
     return parent
-
-
-def face_rings(cells: Cells, face: IntArray) -> list[tuple[FloatArray, ...]]:
-    """
-    Return the rings of faces, without vertices in the middle of straight edges.
-
-    The outline keeps its own vertices, whatever lies around them. A face has its outer ring
-    counter-clockwise, then its holes clockwise, open; none if it has no corners: the solid closes such gaps.
-    """
-    sides = np.append(face, -1)[cells.sides]
-    borders = cells.borders[sides[:, 0] != sides[:, 1]]
-    kept = np.ones(len(cells.vertices), dtype=np.bool_)
-    fixed = np.zeros(len(cells.vertices), dtype=np.bool_)
-    fixed[cells.corners] = True
-    _drop_straight(cells.vertices, borders, fixed, kept)
-    return cells.rings_of(face, kept)
-
-
-@kernel
-def _drop_straight(vertices, borders, fixed, kept):  # type: ignore[no-untyped-def]
-    """Clear `kept` of the vertices to leave out, one after the other by rising x, then y."""
-    ends = borders.reshape(-1)
-    rows, first = rows_by_group(ends, len(vertices))
-    near = ends[rows ^ 1]
-    for here in range(len(vertices)):
-        at = first[here]
-        if first[here + 1] - at != 2 or fixed[here]:
-            continue
-        one, other = near[at], near[at + 1]
-        meet = False
-        for k in range(first[one], first[one + 1]):
-            meet |= near[k] == other
-        if meet:
-            continue
-        dx, dy = vertices[other, 0] - vertices[one, 0], vertices[other, 1] - vertices[one, 1]
-        off = dx * (vertices[here, 1] - vertices[one, 1]) - dy * (vertices[here, 0] - vertices[one, 0])
-        if abs(off) <= _STRAIGHT * np.hypot(dx, dy):
-            kept[here] = False
-            for v, beyond in ((one, other), (other, one)):
-                for k in range(first[v], first[v + 1]):
-                    if near[k] == here:
-                        near[k] = beyond
 
 
 def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
@@ -184,15 +143,20 @@ def partition_outline(
     costs = plane_costs(points, weights, cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
-    return _faces(cells, labels, cell, planes, config.min_part_step)
+    return _faces(cells, labels, cell, planes, outline, config.min_part_step)
 
 
 def _faces(
-    cells: Cells, labels: IntArray, cell: IntArray, planes: FloatArray, min_part_step: float
+    cells: Cells,
+    labels: IntArray,
+    cell: IntArray,
+    planes: FloatArray,
+    outline: Outline,
+    min_part_step: float,
 ) -> list[RoofFacePatch]:
     """Join the cells of one plane."""
     face = join_equal_cells(cells, labels)
-    rings = face_rings(cells, face)
+    rings = face_rings(cells, face, outline)
     own = np.empty((len(rings), 3))
     own[face] = planes[labels]
     part = parts_of_one_height(cells, face, own, min_part_step).tolist()

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
-from lidar_buildings.core.solids.planar_subdivision import divide_plane, face_owners
+from lidar_buildings.core.solids.planar_subdivision import divide_plane, face_owners, straightened_rings
 
 #: Walls facing each other under a larger angle are no common wall.
 MAX_ANGLE_DEG = 15.0
@@ -293,51 +293,22 @@ def _merged(
     )
     is_one = shapely.get_type_id(merged) == shapely.GeometryType.POLYGON
     is_one &= ~shapely.is_empty(merged)
-    rings, ring_of = shapely.get_rings(merged[is_one], return_index=True)
     known = _known_places(polygons)
-    cells = [_cells(shapely.get_coordinates(ring)[:-1]) for ring in rings]
-    dropped = _straight(cells, set(_cells(kept)))
+    steps = shapely.transform(merged[is_one], lambda xy: np.rint(xy / GRID))
+    rings = straightened_rings(steps, np.rint(kept / GRID).astype(np.int64), MAX_BEND)
     result = np.full(len(polygons), None, dtype=object)
-    parts: list[list[list[tuple[float, float]]]] = [[] for _ in range(is_one.sum())]
-    for ring, building in zip(cells, ring_of, strict=True):
-        ring = [cell for cell in ring if cell not in dropped]
-        if len(ring) >= 3:
-            parts[building].append([known.get(cell, (cell[0] * GRID, cell[1] * GRID)) for cell in ring])
-    for building, own in zip(np.flatnonzero(is_one), parts, strict=True):
-        result[building] = shapely.Polygon(own[0], own[1:]) if own else None
+    for building, own in zip(np.flatnonzero(is_one), rings, strict=True):
+        parts = [[known.get((x, y), (x * GRID, y * GRID)) for x, y in ring.tolist()] for ring in own]
+        result[building] = shapely.Polygon(parts[0], parts[1:]) if parts else None
     return result
 
 
-def _cells(places: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Return the grid cells that places are the middle of, or nearest to."""
-    return [(x, y) for x, y in np.rint(places / GRID).astype(np.int64).tolist()]
-
-
 def _known_places(polygons: NDArray[np.object_]) -> dict[tuple[int, int], tuple[float, float]]:
-    """Return the coordinates of the outlines' vertices by cell; of several in a cell the least."""
+    """Return the coordinates of the outlines' vertices by place on the grid; of several the least."""
     places = shapely.get_coordinates(polygons)
     places = places[np.lexsort(places.T[::-1])][::-1]
-    return {cell: (x, y) for cell, (x, y) in zip(_cells(places), places.tolist(), strict=True)}
-
-
-def _straight(rings: list[list[tuple[int, int]]], kept: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Return the vertices, but for those kept, that lie between the same two on a line in all rings."""
-    neighbours: dict[tuple[int, int], set[tuple[int, int]]] = {}
-    for ring in rings:
-        for before, cell, after in zip(ring[-1:] + ring[:-1], ring, ring[1:] + ring[:1], strict=True):
-            neighbours.setdefault(cell, set()).update((before, after))
-    straight: set[tuple[int, int]] = set()
-    for cell in sorted(neighbours):
-        if cell in kept or len(neighbours[cell]) != 2:
-            continue
-        first, second = sorted(neighbours[cell])
-        (x, y), (u, v) = (first[0] - cell[0], first[1] - cell[1]), (second[0] - cell[0], second[1] - cell[1])
-        bend = abs(x * v - y * u) / max(np.hypot(u - x, v - y), 1.0)
-        if bend <= MAX_BEND and x * u + y * v < 0:
-            straight.add(cell)
-            neighbours[first] = neighbours[first] - {cell} | {second}
-            neighbours[second] = neighbours[second] - {cell} | {first}
-    return straight
+    steps = np.rint(places / GRID).astype(np.int64).tolist()
+    return {(x, y): (u, v) for (x, y), (u, v) in zip(steps, places.tolist(), strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
