@@ -393,7 +393,7 @@ class FrameSearch:
         return self._found
 
     def doubts(self, place: MapPlace, placer: ScanPlacer) -> list[str]:
-        """Return how later fixes contradict the place that the first ones gave: once, and if it gets worse."""
+        """Return how later fixes contradict the place that the first ones gave; again if it gets worse."""
         if place.level is None and not place.said:
             return []
         self._fixes.pair(placer)

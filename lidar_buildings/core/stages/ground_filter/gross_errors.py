@@ -1,16 +1,23 @@
-"""Gross errors: points far below the surface (multipath) and alone far above it (birds)."""
+"""Gross errors: points far below the surface (multipath) and alone far above it (birds, clouds)."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, cells_in_row, rows_by_cell, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
+from lidar_buildings.core.stages.ground_filter.layers import (
+    Layers,
+    columns_in_row,
+    high_end,
+    low_end,
+    rise,
+    split_into_layers,
+)
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
 #: A low error lies further than this below what surrounds it, a high one than that from everything else [m].
@@ -46,9 +53,10 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
 
 
 def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
-    layers = split_into_layers(cloud)
+    layers = split_into_layers(cloud, LOW_GAP)
     low = find_low_layers(layers)
-    high = find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size))
+    high = find_cloud_layers(layers, low)
+    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size))
     noise = np.zeros(len(low), dtype=np.uint8)
     noise[high] = PointClass.HIGH_NOISE
     noise[low] = PointClass.LOW_NOISE
@@ -69,108 +77,6 @@ def _column_cells(cloud: CellGrid) -> int:
         if occupied >= BLOCK_CELLS or side >= MAX_COLUMN * BLOCK_CELLS:
             return int(min(max(round(side / np.sqrt(occupied)), 1), MAX_COLUMN))
         side *= 2
-
-
-class Layers(NamedTuple):
-    """What the search for gross errors looks at instead of points."""
-
-    points: NDArray[np.float64]  #: sorted by column, and by z within it [m], shape (n_points, 3)
-    #: Layer j holds the points begin[j] to begin[j + 1] (exclusive), shape (n_layers + 1,).
-    begin: NDArray[np.int64]
-    #: Column k holds the layers first[k] to first[k + 1] (exclusive), rising, shape (n_columns + 1,).
-    first: NDArray[np.int64]
-    column: NDArray[np.int64]  #: the column that each layer stands in, shape (n_layers,)
-    numbers: NDArray[np.int64]  #: the columns' numbers, row by row; see `CellGrid`, shape (n_columns,)
-    width: int  #: by how much the number of a column's northern neighbour is higher
-    size: float  #: side of a column [m]
-    #: The terrain's rise over run along x and y; see `terrain_gradient`, shape (n_columns, 2).
-    gradient: NDArray[np.float64]
-
-
-def split_into_layers(cloud: CellGrid) -> Layers:
-    """Split each column where two points on top of one another are more than `LOW_GAP` apart."""
-    starts = np.ones(len(cloud.points), dtype=np.bool_)
-    starts[1:] = np.diff(cloud.points[:, 2]) > LOW_GAP
-    starts[cloud.first[:-1]] = True
-    begin = np.append(np.flatnonzero(starts), len(cloud.points))
-    first = np.searchsorted(begin, cloud.first)
-    column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
-    gradient = terrain_gradient(cloud.points[cloud.first[:-1]], cloud.size)
-    return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
-
-
-@kernel
-def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
-    """Return the columns (start, stop) within `reach` of column k's place, in the row `step` north of it."""
-    row, column = divmod(layers.numbers[k], layers.width)
-    return cells_in_row(layers.numbers, layers.width, row + step, column, reach)
-
-
-@kernel
-def rise(layers, k, east, north):  # type: ignore[no-untyped-def]
-    """Return by how much the terrain at column k would rise over steps of a column, if it were plane [m]."""
-    return layers.size * (east * layers.gradient[k, 0] + north * layers.gradient[k, 1])
-
-
-@kernel
-def low_end(layers, layer):  # type: ignore[no-untyped-def]
-    """Return the elevation of a layer's lowest point [m]."""
-    return layers.points[layers.begin[layer], 2]
-
-
-@kernel
-def high_end(layers, layer):  # type: ignore[no-untyped-def]
-    """Return the elevation of a layer's highest point [m]."""
-    return layers.points[layers.begin[layer + 1] - 1, 2]
-
-
-# Chosen with `bench.ground.noise`.
-#: Cells along a block's side.
-GRADIENT_CELLS = 8
-#: The share of a block's cells whose lowest points lie below the elevation taken for it.
-LOW_SHARE = 0.25
-#: Blocks on each side that take part in the plane through a block.
-GRADIENT_REACH = 2
-#: With fewer blocks around than this a block counts as level.
-MIN_BLOCKS = 6
-#: Blocks whose variance across a line is less than this share of that along it tell no slope across.
-MIN_SPREAD = 1e-3
-
-
-def terrain_gradient(lowest: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """
-    Return the terrain's rise over run along x and y in each cell, shape (n_cells, 2), from its lowest point.
-
-    Each block of cells has the elevation below which a quarter of its cells reach. The plane of least squares
-    through the blocks around counts as far as it explains how they differ.
-    """
-    blocks = sort_by_cell(lowest, GRADIENT_CELLS * cell)
-    n = np.diff(blocks.first)
-    nodes = blocks.points[blocks.first[:-1] + (LOW_SHARE * n).astype(np.int64)]
-    others = _blocks_around(blocks)
-    known = (others >= 0)[..., None]
-    n_known = known.sum(axis=1, keepdims=True)
-    away = np.where(known, nodes[others] - nodes[:, None], 0.0)
-    away = known * (away - away.sum(axis=1, keepdims=True) / n_known)
-    products = np.swapaxes(away, 1, 2) @ away
-    rise, variance = products[:, :2, 2:], products[:, 2:, 2:]
-    slope = np.linalg.pinv(products[:, :2, :2], MIN_SPREAD, hermitian=True) @ rise
-    explained = np.divide(
-        (slope * rise).sum(axis=1, keepdims=True), variance, out=np.zeros_like(variance), where=variance > 0.0
-    )
-    gradient = np.empty((len(lowest), 2))
-    gradient[blocks.rows] = np.repeat(((n_known >= MIN_BLOCKS) * explained * slope)[..., 0], n, axis=0)
-    return gradient
-
-
-def _blocks_around(blocks: CellGrid) -> NDArray[np.int64]:
-    """Return the blocks within reach of each, itself among them, −1 where there is none."""
-    across = np.arange(-GRADIENT_REACH, GRADIENT_REACH + 1)
-    column = (blocks.numbers % blocks.n_columns)[:, None, None] + across
-    wanted = blocks.numbers[:, None, None] + across[:, None] * blocks.n_columns + across
-    found = np.minimum(np.searchsorted(blocks.numbers, wanted), len(blocks.numbers) - 1)
-    is_there = (blocks.numbers[found] == wanted) & (column >= 0) & (column < blocks.n_columns)
-    return np.where(is_there, found, -1).reshape(len(blocks.numbers), -1)
 
 
 # Chosen with `bench.ground.noise` and the scenes of the tests.
@@ -483,3 +389,72 @@ def _is_in_the_air(layers, group, state, gap, group_of):  # type: ignore[no-unty
                 j -= 1
             n_lower += j >= first and high_end(layers, j) < low - LOWER_SHARE * gap
     return n_lower >= max(MIN_LOWER, len(group))
+
+
+# Chosen with the clouds and towers of `test_noise.py`.
+#: Side of the blocks that are looked at, in columns.
+BLOCK_COLUMNS = 24
+#: Empty air between the surface and what is above it [m]; wide margin: no mast lacks points over so much.
+CLOUD_GAP = 200.0
+#: Share of a cloud's columns in which the surface is seen as well: towers hide what is below them.
+TRANSPARENT = 0.5
+
+
+def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """
+    Return which layers belong to clouds, block by block.
+
+    In two divisions into blocks, one shifted against the other: the corner of a tower that one cuts off
+    looks like a small cloud, but not in both. Layers known as low gross errors do not count.
+    """
+    if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
+        return np.zeros(len(layers.column), dtype=np.bool_)
+    side = BLOCK_COLUMNS * layers.size
+    lowest = layers.points[layers.begin[:-1]]
+    shifted = lowest + np.array([0.5 * side, 0.5 * side, 0.0])
+    clouds = _clouds_of_blocks(layers, errors, lowest, side)
+    return clouds & _clouds_of_blocks(layers, errors, shifted, side)
+
+
+def _clouds_of_blocks(
+    layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
+) -> NDArray[np.bool_]:
+    clouds = np.zeros(len(layers.column), dtype=np.bool_)
+    blocks = sort_by_cell(lowest, side)
+    _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
+    return clouds
+
+
+@kernel
+def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-untyped-def]
+    """
+    Mark what lies above the lowest gap of each block that divides surface and clouds.
+
+    `rising` holds the layers block by block, in each by their lowest point.
+    """
+    for block in range(len(first) - 1):
+        top = np.inf
+        for i in range(first[block], first[block + 1]):
+            layer = rising[i]
+            if errors[layer]:
+                continue
+            if low_end(layers, layer) - top > CLOUD_GAP and _is_transparent(
+                layers, errors, rising[first[block] : first[block + 1]], low_end(layers, layer)
+            ):
+                for j in range(i, first[block + 1]):
+                    clouds[rising[j]] = True
+                break
+            top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
+
+
+@kernel
+def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
+    n_upper, n_both = 0, 0
+    for layer in block:
+        if errors[layer] or low_end(layers, layer) < split:
+            continue
+        lowest = layers.first[layers.column[layer]]
+        if layer == lowest or low_end(layers, layer - 1) < split:
+            n_upper += 1
+            n_both += layer > lowest and not errors[layer - 1]
+    return n_both >= TRANSPARENT * n_upper

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
 from lidar_buildings.core.model.point_array import checked_column, checked_points
@@ -147,7 +148,7 @@ def select_roofs(
         raise ValueError(f"dark_limit = {dark_limit!r}: must be a normalised intensity")
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
-    is_last, is_only = last_and_only_returns(len(points), return_number, number_of_returns)
+    is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
     is_open = _is_of(OPEN)[classes]
     spacing = given_or_measured(points, point_spacing)
     is_low = (height < LOW_SHARE * config.min_height) & ~_is_of(NOISE)[classes]
@@ -287,22 +288,33 @@ def _open_classes(
     return classes, facade.astype(np.uint8)
 
 
+#: Returns of a pulse this near one another came from one surface: scanners that record a first and a last
+#: return of every pulse give the same echo twice, some centimetres apart [m].
+SAME_ECHO = 0.3
+#: So many of the nearest points are searched for that echo.
+N_NEAREST = 4
+
+
 def last_and_only_returns(
-    n_points: int, return_number: ArrayLike | None, number_of_returns: ArrayLike | None
+    points: NDArray[np.float64], return_number: ArrayLike | None, number_of_returns: ArrayLike | None
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """
     Tell which points are the last return of their pulse, and which are its only one.
 
-    Every point counts as the only one if either column is missing, or no pulse has a single return: some
-    scanners record a first and a last return of every pulse.
+    Where no pulse has a single return, the scanner recorded two of every pulse. A point then counts as the
+    only return if another return number lies next to it. Every point does if either column is missing.
     """
-    everyone = np.ones(n_points, dtype=bool)
+    n = len(points)
     if return_number is None or number_of_returns is None:
-        return everyone, everyone
-    number = checked_column("return_number", return_number, n_points, np.int64)
-    of = checked_column("number_of_returns", number_of_returns, n_points, np.int64)
+        return np.ones(n, dtype=bool), np.ones(n, dtype=bool)
+    number = checked_column("return_number", return_number, n, np.int64)
+    of = checked_column("number_of_returns", number_of_returns, n, np.int64)
     is_only = of <= 1
-    return (number >= of) | is_only, is_only if is_only.any() else everyone
+    if n and not is_only.any():
+        near = cKDTree(points).query(points, N_NEAREST, distance_upper_bound=SAME_ECHO)[1]
+        is_other = np.append(number, -1)[near] != number[:, None]
+        is_only = (is_other & (near < n)).any(axis=1)
+    return (number >= of) | is_only, is_only
 
 
 #: Lowest vegetation [m] (Mancera-Taboada and others, 2012): what is lower stays unclassified.

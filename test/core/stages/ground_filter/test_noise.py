@@ -188,3 +188,15 @@ def test_where_nearly_everything_is_an_error_something_is_left():
     surface = ground(0.05)
     below = random.uniform((0, 0, -60), (SIZE, SIZE, -3), (100 * len(surface), 3))
     assert (noise_of(np.vstack((surface, below))) == 0).any()
+
+
+def test_a_cloud_is_found_and_a_tower_is_none():
+    points = ground(4.0)
+    tower = (np.abs(points[:, :2] - (15.0, 55.0)) < 10.0).all(axis=1)
+    points[tower, 2] += 260.0
+    random = np.random.default_rng(4)
+    cloud = random.uniform((35, 10, 380), (65, 40, 410), (1500, 3))
+    classes = noise_of(np.vstack((points, cloud)))
+    # Where a block shows tower and cloud at once there is not enough air between them.
+    assert (classes[len(points) :] == HIGH).mean() > 0.95
+    assert not classes[: len(points)].any()

@@ -11,19 +11,27 @@ from lidar_buildings.core.stages.roof_selection.selection import last_and_only_r
 
 def test_without_numbers_every_return_is_the_only_one():
     for numbers in ((None, None), (np.array([1, 2]), None), (None, np.array([2, 2]))):
-        assert np.array(last_and_only_returns(2, *numbers)).all()
+        assert np.array(last_and_only_returns(np.zeros((2, 3)), *numbers)).all()
 
 
 def test_numbers_say_which_returns_are_last_and_only():
-    last, only = last_and_only_returns(4, np.array([1, 1, 2, 3]), np.array([1, 3, 3, 3]))
+    points = np.zeros((4, 3))
+    last, only = last_and_only_returns(points, np.array([1, 1, 2, 3]), np.array([1, 3, 3, 3]))
     assert last.tolist() == [True, False, False, True]
     assert only.tolist() == [True, False, False, False]
 
 
-def test_where_no_pulse_has_a_single_return_every_one_counts_as_such():
-    last, only = last_and_only_returns(4, np.array([1, 2, 1, 2]), np.full(4, 2))
-    assert last.tolist() == [False, True, False, True]
-    assert only.all()
+def test_an_echo_recorded_as_first_and_as_last_is_the_only_one():
+    points = np.array([[0.0, 0.0, 5.0], [0.02, 0.01, 4.95], [3.0, 0.0, 9.0], [3.0, 0.0, 1.0]])
+    last, only = last_and_only_returns(points, np.array([1, 2, 1, 2]), np.full(4, 2))
+    assert last.tolist() == [True, True, False, True]
+    assert only.tolist() == [True, True, False, False]
+
+
+def test_where_single_returns_are_known_nothing_else_is_taken_for_one():
+    points = np.array([[0.0, 0.0, 5.0], [0.02, 0.01, 4.95], [9.0, 9.0, 9.0]])
+    only = last_and_only_returns(points, np.array([1, 2, 1]), np.array([2, 2, 1]))[1]
+    assert only.tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize("density", [1.0, 8.0])
