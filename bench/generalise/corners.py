@@ -19,8 +19,8 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface
-from lidar_buildings.evaluation.scores.corners import match_corners
-from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe, score_wireframes
+from lidar_buildings.evaluation.scores.models import Wireframe, roof_wireframe, score_wireframes
+from lidar_buildings.evaluation.scores.outlines import match_corners
 from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
 from lidar_buildings.pipeline.config import PipelineConfig
 

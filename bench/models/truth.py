@@ -16,8 +16,7 @@ from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.core.stages.plane_fitting.fitting import RoofPlanes, fit_roof_planes
 from lidar_buildings.evaluation.scores.cells import Figures
-from lidar_buildings.evaluation.scores.models import score_models
-from lidar_buildings.evaluation.scores.wireframe import n_corners
+from lidar_buildings.evaluation.scores.models import n_corners, score_models
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: The finest level; the others come in its place.

@@ -15,8 +15,12 @@ from bench.outlines.chain import STEPS, Chain, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.peers import run_peer
 from lidar_buildings.evaluation.readers.metric_polygons import read_metric_polygons
-from lidar_buildings.evaluation.scores.corners import score_corners, score_directions
-from lidar_buildings.evaluation.scores.outlines import MIN_IOU, score_outlines
+from lidar_buildings.evaluation.scores.outlines import (
+    MIN_IOU,
+    score_corners,
+    score_directions,
+    score_outlines,
+)
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Headings of what `quality_cells` gives.

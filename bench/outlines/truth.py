@@ -15,8 +15,7 @@ from bench.outlines.peers import run_peer
 from bench.scenes.outlines import OutlineScene
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.evaluation.scores.cells import Figures
-from lidar_buildings.evaluation.scores.corners import score_directions
-from lidar_buildings.evaluation.scores.outlines import boundary_distances
+from lidar_buildings.evaluation.scores.outlines import boundary_distances, score_directions
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: A building counts as found, and a courtyard, from this intersection over union on.

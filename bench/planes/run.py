@@ -60,7 +60,7 @@ def row_of(name: str, scores: Sequence[PlaneScore], seconds: float) -> list[str]
 def roof_rows(roofs: Sequence[KnownRoof], scores: Sequence[PlaneScore]) -> list[list[str]]:
     """Lines of single roofs."""
     return [
-        [roof.name, str(score.n_points), str(score.n_reference), str(score.n_result)]
+        [roof.name, str(score.n_points), str(score.n_planes_reference), str(score.n_planes_result)]
         + [percent(v) for v in (score.precision, score.recall, score.f1, score.weighted_coverage)]
         for roof, score in zip(roofs, scores, strict=True)
     ]
@@ -93,8 +93,8 @@ def _virtual_row(name: str, cases: Sequence[tuple[PlaneScore, list[float]]]) -> 
     angles = [angle for _, several in cases for angle in several] or [np.nan]
     counts = (
         len(scores),
-        sum(score.n_found == score.n_reference for score in scores),
-        sum(score.n_result > score.n_reference for score in scores),
+        sum(score.n_planes_found == score.n_planes_reference for score in scores),
+        sum(score.n_planes_result > score.n_planes_reference for score in scores),
     )
     means = (float(np.mean([getattr(s, n) for s in scores])) for n in ("f1", "weighted_coverage"))
     return [

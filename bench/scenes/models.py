@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bench.scenes.kit import scan_rows
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.evaluation.scores.wireframe import Wireframe, roof_wireframe
+from lidar_buildings.evaluation.scores.models import Wireframe, roof_wireframe
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation.building import Building, building_of, face_over, shell_of
 

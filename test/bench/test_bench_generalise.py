@@ -4,7 +4,7 @@ import pytest
 from bench.common.clouds import Cloud
 from bench.generalise import corners, ground, run
 from bench.generalise.disturbances import KINDS, disturbances
-from lidar_buildings.evaluation.scores.wireframe import roof_wireframe
+from lidar_buildings.evaluation.scores.models import roof_wireframe
 from lidar_buildings.pipeline.config import PipelineConfig
 
 CHANCE = np.random.default_rng(5)

@@ -59,64 +59,56 @@ class CellPlan:
         return sets_of_pairs(len(chosen), cell, self.neighbours[place, cell])
 
 
-class Surfaces:
-    """
-    What one survey saw in the cells of a plan; to be looked at when all points are added.
+class Surfaces(NamedTuple):
+    """What one survey saw in each cell of a plan, elevations [m] of shape (n_cells,)."""
 
-    Shapes are (n_cells,), elevations in [m]: the least, greatest and mean (`roof`) of points of roofs, NaN
-    where there is none; the least and greatest of what is neither roof nor ground; the mean of `ground`.
-    """
+    roof: NDArray[np.float64]  #: mean of points of roofs, NaN where there is none
+    roof_low: NDArray[np.float64]  #: the least and greatest of these, infinite the wrong way round for none
+    roof_high: NDArray[np.float64]
+    other_low: NDArray[np.float64]  #: those of what is neither roof nor ground
+    other_high: NDArray[np.float64]
+    ground: NDArray[np.float64]  #: mean of ground, NaN where there is none
 
-    def __init__(self, plan: CellPlan) -> None:
-        n = len(plan.cells)
-        self._plan = plan
-        self._counts, self._sums = np.zeros((2, 2, n))
-        self.roof_low, self.other_low = np.full((2, n), np.inf)
-        self.roof_high, self.other_high = np.full((2, n), -np.inf)
+    def moved(self, rise: float) -> Surfaces:
+        """Return what was seen, moved upwards [m]."""
+        return Surfaces(*(one + rise for one in self))
 
-    def add(
-        self, points: NDArray[np.float64], classes: NDArray[np.uint8], is_facade: NDArray[np.bool_]
-    ) -> None:
-        """Take points [m], their classes, and which of those of buildings are façade."""
-        keys = keys_of(points[:, :2], self._plan.size)
-        cell = np.searchsorted(self._plan.cells, keys)
-        cell[cell == len(self._plan.cells)] = 0
-        is_seen = (self._plan.cells[cell] == keys) & ~np.isin(classes, _NOISE)
-        is_roof = is_seen & (classes == PointClass.BUILDING) & ~is_facade
-        is_ground = is_seen & np.isin(classes, _GROUND)
-        for kind, rows in enumerate((is_roof, is_ground)):
-            at = cell[rows]
-            self._counts[kind] += np.bincount(at, minlength=len(self._counts[kind]))
-            self._sums[kind] += np.bincount(at, points[rows, 2], len(self._counts[kind]))
-        is_other = is_seen & ~is_roof & ~is_ground & ~is_facade
-        for low, high, rows in (
-            (self.roof_low, self.roof_high, is_roof),
-            (self.other_low, self.other_high, is_other),
-        ):
-            np.minimum.at(low, cell[rows], points[rows, 2])
-            np.maximum.at(high, cell[rows], points[rows, 2])
+    def around(self, plan: CellPlan, kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the least and greatest elevation of a kind in a cell and those next to it."""
+        low, high = getattr(self, f"{kind}_low"), getattr(self, f"{kind}_high")
+        return plan.about(low, np.inf).min(axis=0), plan.about(high, -np.inf).max(axis=0)
 
-    @cached_property
-    def roof(self) -> NDArray[np.float64]:
-        """Mean elevation of roofs."""
-        return self._mean(0)
-
-    @cached_property
-    def ground(self) -> NDArray[np.float64]:
-        """Mean elevation of ground."""
-        return self._mean(1)
-
-    def _mean(self, kind: int) -> NDArray[np.float64]:
-        counts = self._counts[kind]
-        return np.where(counts > 0, self._sums[kind] / np.maximum(counts, 1.0), np.nan)
+    def slope(self, plan: CellPlan) -> NDArray[np.float64]:
+        """Return the slope of roofs that go on straight to all sides; NaN elsewhere."""
+        about, steps = plan.about(self.roof, np.nan), []
+        for before, after in ((about[1], about[7]), (about[3], about[5])):
+            bend = np.abs(before + after - 2.0 * self.roof)
+            steps.append(np.where(bend <= _MAX_BEND, 0.5 * (after - before), np.nan))
+        return np.hypot(*steps) / plan.size
 
 
 def see(plan: CellPlan, chunks: Iterable[tuple[NDArray[Any], ...]]) -> Surfaces:
-    """Return what a survey saw, of chunks of points, classes and façade marks."""
-    found = Surfaces(plan)
+    """Return what a survey saw, of chunks of points [m], classes, and façade marks of those of buildings."""
+    n = len(plan.cells)
+    counts, sums = np.zeros((2, 2, n))
+    ends = [(np.full(n, np.inf), np.full(n, -np.inf)) for _ in range(2)]
     for points, classes, facade in chunks:
-        found.add(points, classes, facade.astype(bool))
-    return found
+        keys = keys_of(points[:, :2], plan.size)
+        cell = np.searchsorted(plan.cells, keys)
+        cell[cell == n] = 0
+        is_facade = facade.astype(bool)
+        is_seen = (plan.cells[cell] == keys) & ~np.isin(classes, _NOISE)
+        is_roof = is_seen & (classes == PointClass.BUILDING) & ~is_facade
+        is_ground = is_seen & np.isin(classes, _GROUND)
+        for kind, rows in enumerate((is_roof, is_ground)):
+            counts[kind] += np.bincount(cell[rows], minlength=n)
+            sums[kind] += np.bincount(cell[rows], points[rows, 2], n)
+        is_other = is_seen & ~is_roof & ~is_ground & ~is_facade
+        for (low, high), rows in zip(ends, (is_roof, is_other), strict=True):
+            np.minimum.at(low, cell[rows], points[rows, 2])
+            np.maximum.at(high, cell[rows], points[rows, 2])
+    roof, ground = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
+    return Surfaces(roof, *ends[0], *ends[1], ground)
 
 
 #: What becomes of a cell.
@@ -184,7 +176,7 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     around, nor anything else at its height: what is only classified otherwise is no change, and what one
     survey has not seen, behind a wall, is not told.
     """
-    before, after = _Seen.of(old, 0.0), _Seen.of(new, -offset)
+    before, after = old, new.moved(-offset)
     state, height = np.full(len(plan.cells), UNSEEN, dtype=np.int8), np.zeros(len(plan.cells))
     for one, other, kind, sign in ((after, before, BUILT, 1.0), (before, after, REMOVED, -1.0)):
         has_roof = np.isfinite(one.roof)
@@ -209,35 +201,6 @@ def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, lim
     for kind in (BUILT, REMOVED, HIGHER, LOWER):
         _drop_small(plan, state, kind, limits.area / plan.size**2)
     return CellChanges(plan, state, height, limits.area)
-
-
-class _Seen(NamedTuple):
-    """What one survey saw in each cell; NaN or infinite where nothing."""
-
-    roof: NDArray[np.float64]
-    roof_low: NDArray[np.float64]
-    roof_high: NDArray[np.float64]
-    other_low: NDArray[np.float64]
-    other_high: NDArray[np.float64]
-    ground: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, seen: Surfaces, shift: float) -> _Seen:
-        """Take what a survey saw, moved upwards by a shift [m]."""
-        return cls(*(getattr(seen, name) + shift for name in cls._fields))
-
-    def around(self, plan: CellPlan, kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the least and greatest elevation of a kind in a cell and those next to it."""
-        low, high = getattr(self, f"{kind}_low"), getattr(self, f"{kind}_high")
-        return plan.about(low, np.inf).min(axis=0), plan.about(high, -np.inf).max(axis=0)
-
-    def slope(self, plan: CellPlan) -> NDArray[np.float64]:
-        """Return the slope of roofs that go on straight to all sides; NaN elsewhere."""
-        about, steps = plan.about(self.roof, np.nan), []
-        for before, after in ((about[1], about[7]), (about[3], about[5])):
-            bend = np.abs(before + after - 2.0 * self.roof)
-            steps.append(np.where(bend <= _MAX_BEND, 0.5 * (after - before), np.nan))
-        return np.hypot(*steps) / plan.size
 
 
 def _gap(

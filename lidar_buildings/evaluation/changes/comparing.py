@@ -234,25 +234,17 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
     polygons = np.concatenate([side.polygons for side in sides])
     if not len(polygons):
         return Comparison(*sides, [], ([], []), 0.0, 0.0, _SMALLEST_CELL)
-    cell = _cell_size(sides)
+    spacing = max(_median(side, "point_spacing") for side in sides)
+    cell = max(_SMALLEST_CELL, math.ceil(_CELL_SPACINGS * spacing / _CELL_STEP) * _CELL_STEP)
     shift = _OUTLINE_SIGMAS * math.hypot(*(_median(side, "outline_sigma") for side in sides))
     plan = CellPlan.around(polygons, cell, _MARGIN)
     before, after = (see(plan, read_class_chunks(path)) for path in (old, new))
     offset, scatter = offset_of(before, after)
-    limits = Limits(
-        max(config.min_height, _SURE * scatter),
-        config.min_area,
-        config.min_storey,
-        shift + _CELL_SHARE * cell,
-    )
+    least = max(config.min_height, _SURE * scatter)
+    limits = Limits(least, config.min_area, config.min_storey, shift + _CELL_SHARE * cell)
     cells = judge_cells(plan, before, after, offset, limits)
     changes, words = judge_buildings(cells, (sides[0].polygons, sides[1].polygons), scatter)
     return Comparison(*sides, changes, words, offset, scatter, cell)
-
-
-def _cell_size(sides: tuple[MetricPolygons, MetricPolygons]) -> float:
-    spacing = max(_median(side, "point_spacing") for side in sides)
-    return max(_SMALLEST_CELL, math.ceil(_CELL_SPACINGS * spacing / _CELL_STEP) * _CELL_STEP)
 
 
 def _median(side: MetricPolygons, name: str) -> float:
@@ -294,12 +286,8 @@ def compare_command(options: argparse.Namespace) -> int:
     print(f"unchanged single cells of {found.cell:g} m scatter by {found.scatter:.3f} m")
     print("buildings: " + (", ".join(f"{n} {word}" for word, n in sorted(totals.items())) or "none"))
     for row in rows:
-        print(_line(row))
+        names = [f"{side} {row[f'{side}_id']}" for side in ("old", "new") if row[f"{side}_id"] is not None]
+        size = f"{row['area']:.0f} m², {row['height_change']:+.2f} ± {row['height_sigma']:.3f} m"
+        print(f"  {row['change']:13s} {size:28s} {100 * row['share']:3.0f} % of it   {', '.join(names)}")
     print(f"  {path}")
     return 0
-
-
-def _line(row: dict[str, Any]) -> str:
-    names = [f"{side} {row[f'{side}_id']}" for side in ("old", "new") if row[f"{side}_id"] is not None]
-    size = f"{row['area']:.0f} m², {row['height_change']:+.2f} ± {row['height_sigma']:.3f} m"
-    return f"  {row['change']:13s} {size:28s} {100 * row['share']:3.0f} % of it   {', '.join(names)}"

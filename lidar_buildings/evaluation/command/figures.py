@@ -17,51 +17,12 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.command.score import BUILDING, LODS, ScoreOptions
+from lidar_buildings.evaluation.readers import labelled_points
 from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model
-from lidar_buildings.evaluation.readers.labelled_points import (
-    EDGES,
-    LabelledPoints,
-    has_clouds,
-    read_label_pairs,
-    read_labels,
-    read_plane_labels,
-    read_roof_points,
-)
+from lidar_buildings.evaluation.readers.labelled_points import EDGES, LabelledPoints, has_clouds, read_labels
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
-from lidar_buildings.evaluation.scores.cells import (
-    REFERENCE_GROUND,
-    CellSet,
-    Confusion,
-    Figures,
-    cells_of_points,
-    cells_of_polygons,
-    confusion_of,
-    named,
-    ratio,
-    score_buildings,
-    score_ground,
-)
-from lidar_buildings.evaluation.scores.corners import score_corners, score_directions
-from lidar_buildings.evaluation.scores.edges import (
-    NO_ROOF,
-    alpha_of_spacing,
-    fewest_points,
-    reference_edges,
-    roofs_of_points,
-    roofs_of_polygons,
-    score_edges,
-)
-from lidar_buildings.evaluation.scores.models import same_roof_type, score_model_points, score_models
-from lidar_buildings.evaluation.scores.outlines import (
-    MIN_IOU,
-    covered_share,
-    limits_of,
-    merge_touching,
-    score_outlines,
-    valid_polygons,
-    within,
-)
-from lidar_buildings.evaluation.scores.planes import planes_of_colours, score_planes
+from lidar_buildings.evaluation.scores import cells, edges, models, outlines, planes
+from lidar_buildings.evaluation.scores.cells import CellSet, Confusion, Figures, confusion_of, named, ratio
 
 
 def _members(agreement: Confusion, *names: str) -> Figures:
@@ -70,8 +31,12 @@ def _members(agreement: Confusion, *names: str) -> Figures:
 
 def ground_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
     """Compare ground point by point."""
-    cloud = _in_area(read_label_pairs(result, reference), options.area)
-    found = score_ground(*cloud.labels, reference_ground=options.reference_classes or REFERENCE_GROUND)
+    cloud = labelled_points.read_label_pairs(result, reference)
+    _check_same_system(cloud.crs, "", options.area)
+    inside = _is_inside(cloud.points, options.area)
+    mine, theirs = (labels[inside] for labels in cloud.labels)
+    ground = options.reference_classes or cells.REFERENCE_GROUND
+    found = cells.score_ground(mine, theirs, reference_ground=ground)
     counts = {"n_points": found.total, "n_ground": found.hits + found.misses}
     return counts | _members(found, "type_1_error", "type_2_error", "total_error", "kappa")
 
@@ -84,19 +49,19 @@ def building_figures(result: Path, reference: Path, options: ScoreOptions) -> Fi
         theirs, their_crs = _cells_of(reference, wanted[1], options, is_reference=True)
         _check_same_system(my_crs, their_crs, options.area)
         return _cell_figures(mine, theirs, options)
-    cloud = read_label_pairs(result, reference)
+    cloud = labelled_points.read_label_pairs(result, reference)
     masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
-    cells = [cells_of_points(cloud.points, mask, options.cell) for mask in masks]
+    mine, theirs = (cells.cells_of_points(cloud.points, mask, options.cell) for mask in masks)
     _check_same_system(cloud.crs, "", options.area)
     inside = _is_inside(cloud.points, options.area)
     points = confusion_of(masks[0][inside], masks[1][inside])
-    figures = _cell_figures(cells[0], cells[1], options) | {"n_points": points.total}
+    figures = _cell_figures(mine, theirs, options) | {"n_points": points.total}
     return figures | named("point", _members(points, "recall", "precision", "f1", "iou"))
 
 
 def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) -> Figures:
     area = None if options.area is None else options.area.polygons
-    found = score_buildings(result, reference, cell=options.cell, area=area)
+    found = cells.score_buildings(result, reference, cell=options.cell, area=area)
     return {"cell": options.cell} | _members(found, "recall", "precision", "iou")
 
 
@@ -106,15 +71,10 @@ def _cells_of(
     """Return the building cells of a cloud or of polygons, and the name of their reference system."""
     if not has_clouds(path):
         layer = read_metric_polygons(path)
-        return cells_of_polygons(layer.polygons, options.cell), layer.crs
+        return cells.cells_of_polygons(layer.polygons, options.cell), layer.crs
     cloud = read_labels(path, prefer_truth=is_reference)
-    return cells_of_points(cloud.points, np.isin(cloud.labels[0], list(classes)), options.cell), cloud.crs
-
-
-def _in_area(cloud: LabelledPoints, area: MetricPolygons | None) -> LabelledPoints:
-    _check_same_system(cloud.crs, "", area)
-    inside = _is_inside(cloud.points, area)
-    return LabelledPoints(cloud.points[inside], tuple(one[inside] for one in cloud.labels), cloud.crs)
+    is_building = np.isin(cloud.labels[0], list(classes))
+    return cells.cells_of_points(cloud.points, is_building, options.cell), cloud.crs
 
 
 def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
@@ -129,16 +89,16 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> Figure
     # Façades are of class 6, too, but have no label.
     labelled = np.isin(cloud.labels[0], BUILDING) & (cloud.labels[2] == 0)
     inside = _is_inside(cloud.points, options.area)
-    rows = np.flatnonzero((roof != NO_ROOF) & labelled)
+    rows = np.flatnonzero((roof != edges.NO_ROOF) & labelled)
     spacing = measure_spacing(cloud.points[rows])
-    alpha, kept = alpha_of_spacing(spacing), inside[rows]
-    truth = reference_edges(cloud.points[rows], roof[rows], alpha)[kept]
+    alpha, kept = edges.alpha_of_spacing(spacing), inside[rows]
+    truth = edges.reference_edges(cloud.points[rows], roof[rows], alpha)[kept]
     return {
         "alpha": alpha,
         "spacing": spacing,
-        "n_unlabelled": int(np.count_nonzero((roof != NO_ROOF) & inside & ~labelled)),
+        "n_unlabelled": int(np.count_nonzero((roof != edges.NO_ROOF) & inside & ~labelled)),
         "n_roofs": len(np.unique(roof[rows[kept]])),
-        **score_edges(cloud.labels[1][rows[kept]] == 1, truth),
+        **edges.score_edges(cloud.labels[1][rows[kept]] == 1, truth),
     }
 
 
@@ -160,13 +120,15 @@ def _roofs_of_reference(
         cloud = read_labels(result, prefer_truth=False, beside=EDGES)
         layer = read_metric_polygons(reference)
         _check_same_system(cloud.crs, layer.crs, options.area)
-        return cloud, roofs_of_polygons(cloud.points, layer.polygons)
-    cloud = read_label_pairs(result, reference, beside=EDGES)
+        return cloud, edges.roofs_of_polygons(cloud.points, layer.polygons)
+    cloud = labelled_points.read_label_pairs(result, reference, beside=EDGES)
     _check_same_system(cloud.crs, "", options.area)
     rows = np.flatnonzero(np.isin(cloud.labels[3], list(options.reference_classes or BUILDING)))
     points, spacing = cloud.points[rows], measure_spacing(cloud.points[rows])
-    roof = np.full(len(cloud.points), NO_ROOF, dtype=np.int64)
-    roof[rows] = roofs_of_points(points, 2.0 * alpha_of_spacing(spacing), min_points=fewest_points(spacing))
+    roof = np.full(len(cloud.points), edges.NO_ROOF, dtype=np.int64)
+    roof[rows] = edges.roofs_of_points(
+        points, 2.0 * edges.alpha_of_spacing(spacing), min_points=edges.fewest_points(spacing)
+    )
     return cloud, roof
 
 
@@ -174,28 +136,19 @@ def plane_figures(result: Path, reference: Path, options: ScoreOptions) -> Figur
     """Compare the planes of all clouds together; planes of different clouds are different ones."""
     sides: tuple[list[NDArray[np.int64]], ...] = ([], [])
     n_planes = [0, 0]
-    for cloud in read_plane_labels(result, reference):
+    for cloud in labelled_points.read_plane_labels(result, reference):
         _check_same_system(cloud.crs, "", options.area)
         inside = _is_inside(cloud.points, options.area)
-        theirs = planes_of_colours(cloud.points, cloud.reference) if cloud.by_colour else cloud.reference
-        for side, planes in enumerate((cloud.result[inside], theirs[inside])):
-            numbers = np.unique(planes[planes > 0])
-            numbered = np.searchsorted(numbers, planes) + 1 + n_planes[side]
-            sides[side].append(np.where(planes > 0, numbered, planes))
+        theirs = (
+            planes.planes_of_colours(cloud.points, cloud.reference) if cloud.by_colour else cloud.reference
+        )
+        for side, plane in enumerate((cloud.result[inside], theirs[inside])):
+            numbers = np.unique(plane[plane > 0])
+            numbered = np.searchsorted(numbers, plane) + 1 + n_planes[side]
+            sides[side].append(np.where(plane > 0, numbered, plane))
             n_planes[side] += len(numbers)
-    score = score_planes(*(np.concatenate([*side, np.empty(0, dtype=np.int64)]) for side in sides))
-    return {
-        "n_clouds": len(sides[0]),
-        "n_points": score.n_points,
-        "n_planes_result": score.n_result,
-        "n_planes_reference": score.n_reference,
-        "n_planes_found": score.n_found,
-        "precision": score.precision,
-        "recall": score.recall,
-        "f1": score.f1,
-        "weighted_coverage": score.weighted_coverage,
-        "coverage": score.coverage,
-    }
+    score = planes.score_planes(*(np.concatenate([*side, np.empty(0, dtype=np.int64)]) for side in sides))
+    return {"n_clouds": len(sides[0])} | {name: one for name, one in vars(score).items() if name != "iou"}
 
 
 def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
@@ -204,19 +157,22 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> Fig
     _check_same_system(sides[0].crs, sides[1].crs, options.area)
     area = None if options.area is None else options.area.polygons
     mine, theirs = (side.polygons for side in sides)
-    covered = covered_share(mine, theirs, area=area)
+    covered = outlines.covered_share(mine, theirs, area=area)
     if options.merge_touching:
-        mine, theirs = merge_touching(mine), merge_touching(theirs)
-    score = score_outlines(mine, theirs, area=area)
-    found = np.flatnonzero(score["iou_per_reference"] >= MIN_IOU)
-    pairs = valid_polygons(mine)[score["partner_per_reference"][found]], valid_polygons(theirs)[found]
+        mine, theirs = outlines.merge_touching(mine), outlines.merge_touching(theirs)
+    score = outlines.score_outlines(mine, theirs, area=area)
+    found = np.flatnonzero(score["iou_per_reference"] >= outlines.MIN_IOU)
+    pairs = (
+        outlines.valid_polygons(mine)[score["partner_per_reference"][found]],
+        outlines.valid_polygons(theirs)[found],
+    )
     tolerance = options.corner_tolerance
     return {
         **score,
         "covered_share": covered,
         "corner_tolerance": tolerance,
-        **named("corner", score_corners(mine, theirs, tolerance=tolerance, area=area)),
-        **named("angle", score_directions(*pairs, limits=limits_of(area))),
+        **named("corner", outlines.score_corners(mine, theirs, tolerance=tolerance, area=area)),
+        **named("angle", outlines.score_directions(*pairs, limits=outlines.limits_of(area))),
     }
 
 
@@ -226,23 +182,23 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> Figur
     figures = _own_figures(mine.buildings, options.lod)
     solids = [building.finest(options.lod)[1] for building in mine.buildings]
     if has_clouds(reference) and not holds_city_model(reference):
-        points, crs = read_roof_points(reference, options.reference_classes or BUILDING)
+        points, crs = labelled_points.read_roof_points(reference, options.reference_classes or BUILDING)
         _check_same_system(mine.crs, crs, options.area)
-        score = score_model_points(solids, points[_is_inside(points, options.area)])
+        score = models.score_model_points(solids, points[_is_inside(points, options.area)])
         return {**figures, "n_roof_points": score.pop("n_points"), **named("point", score)}
     theirs = read_city_model(reference)
     _check_same_system(mine.crs, theirs.crs, options.area)
     area = None if options.area is None else options.area.polygons
     true = [building.finest(max(building.solids, default=""))[1] for building in theirs.buildings]
     tolerance = options.corner_tolerance
-    score = score_models(solids, true, tolerance=tolerance, area=area)
+    score = models.score_models(solids, true, tolerance=tolerance, area=area)
     partners = score["partner_per_reference"].tolist()
     types = [
         (mine.buildings[k].attributes.get("roof_type"), building.attributes)
         for k, building in zip(partners, theirs.buildings, strict=True)
         if k >= 0
     ]
-    same = [same_roof_type(found, told) for found, told in types if found and told.get("roof_type")]
+    same = [models.same_roof_type(found, told) for found, told in types if found and told.get("roof_type")]
     return {
         **figures,
         "roof_tolerance": tolerance,
@@ -254,7 +210,6 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> Figur
 def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> Figures:
     """Return the share of buildings per level of detail, and of valid solids."""
     levels = Counter(building.finest(lod)[0] for building in buildings)
-    # Far from the origin of coordinates planes and areas would lose their last digits.
     valid = [
         not check_solid(_near_origin(solid))
         for building in buildings
@@ -271,23 +226,22 @@ def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> Figures:
 
 
 def _near_origin(solid: Solid) -> Solid:
-    """Return a solid moved by whole metres to the origin, back on the grid that it was read from."""
+    """Return a solid moved by whole metres to the origin: far from it planes and areas lose digits."""
     shift = np.floor(solid.vertices.min(axis=0, initial=np.inf)) if len(solid.vertices) else np.zeros(3)
     return Solid(np.round(solid.vertices - shift, 6), solid.faces, solid.semantics)
 
 
 def _is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
-    return within(points, None if area is None else shapely.union_all(area.polygons))
+    return outlines.within(points, None if area is None else shapely.union_all(area.polygons))
 
 
 def _check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:
     """Refuse sides in different reference systems; one that does not say its own is trusted."""
-    systems = [
-        crs for crs in (result, reference, "" if area is None else area.crs) if crs.startswith("EPSG:")
-    ]
-    if len(set(systems)) > 1:
+    given = (result, reference, "" if area is None else area.crs)
+    systems = {crs: None for crs in given if crs.startswith("EPSG:")}
+    if len(systems) > 1:
         raise InputError(
-            f"the result, the reference and the area of interest are in {', '.join(dict.fromkeys(systems))}: "
+            f"the result, the reference and the area of interest are in {', '.join(systems)}: "
             "transform them to one reference system"
         )
 

@@ -16,7 +16,8 @@ from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
-from lidar_buildings.evaluation.scores.wireframe import unit_normal
+from lidar_buildings.evaluation.readers.metric_polygons import files_of
+from lidar_buildings.evaluation.scores.models import unit_normal
 from lidar_buildings.io.models.cityjson import faces_of_shell
 
 #: What a folder is searched for: the output of a run, the truth of a simulated survey, then any of this kind.
@@ -67,31 +68,20 @@ def read_city_model(path: Path) -> CityModel:
     """
     buildings: list[CityBuilding] = []
     crs = ""
-    for file in _files_of(path):
+    for file in files_of(path, IN_FOLDER, lambda: path.rglob(SEQUENCE), "a file with building models"):
         header: dict[str, Any] = {}
         try:
             for document in _documents(file):
                 header = header or document
                 transform = document.get("transform", header.get("transform", {}))
-                crs = crs or _crs_of(document)
+                match = _EPSG.search(document.get("metadata", {}).get("referenceSystem", ""))
+                crs = crs or (f"EPSG:{match[1] or match[2]}" if match else "")
                 vertices = _vertices(document, transform) * _unit_of(crs)
                 buildings.extend(_buildings(document.get("CityObjects", {}), vertices))
         except (ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
             why = f"{type(error).__name__}: {error}"  # a UnicodeDecodeError's repr holds the whole file
             raise InputError(f"{file}: cannot be read as CityJSON: {why}") from error
     return CityModel(tuple(buildings), crs)
-
-
-def _files_of(path: Path) -> list[Path]:
-    if path.is_dir():
-        named = [path / name for name in IN_FOLDER if (path / name).is_file()]
-        found = named[:1] or sorted(path.rglob(SEQUENCE))
-        if not found:
-            raise InputError(f"{path}: contains no {SEQUENCE}: give a file with building models")
-        return found
-    if not path.is_file():
-        raise InputError(f"{path}: no such file or folder: check the path")
-    return [path]
 
 
 def _documents(file: Path) -> Iterator[dict[str, Any]]:
@@ -110,11 +100,6 @@ def _documents(file: Path) -> Iterator[dict[str, Any]]:
 def _vertices(document: dict[str, Any], transform: dict[str, Any]) -> NDArray[np.float64]:
     rows = np.array(document["vertices"], dtype=np.float64).reshape(-1, 3)
     return rows * transform.get("scale", (1.0,) * 3) + transform.get("translate", (0.0,) * 3)
-
-
-def _crs_of(document: dict[str, Any]) -> str:
-    match = _EPSG.search(document.get("metadata", {}).get("referenceSystem", ""))
-    return f"EPSG:{match[1] or match[2]}" if match else ""
 
 
 def _unit_of(crs: str) -> NDArray[np.float64]:

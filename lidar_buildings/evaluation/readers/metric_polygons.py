@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,8 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     ``truth.gpkg``. InputError if there is no such file, no layer of polygons in it, or a coordinate is not
     finite.
     """
-    parts, columns, systems = zip(*map(read_polygons, _files_of(path)), strict=True)
+    files = files_of(path, IN_FOLDER, lambda: path.glob(IN_BLOCKS), "a file with polygons")
+    parts, columns, systems = zip(*map(read_polygons, files), strict=True)
     attributes = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
     flat = shapely.force_2d(np.concatenate(parts))
     if not np.isfinite(shapely.bounds(flat)).all():
@@ -50,12 +52,15 @@ def read_metric_polygons(path: Path) -> MetricPolygons:
     return MetricPolygons(shapely.transform(flat, lambda xy: xy * unit), name, attributes, unit)
 
 
-def _files_of(path: Path) -> list[Path]:
+def files_of(
+    path: Path, names: tuple[str, ...], others: Callable[[], Iterable[Path]], wanted: str
+) -> list[Path]:
+    """Return a file, or of a folder the first of some names, else the others; InputError if there is none."""
     if path.is_dir():
-        named = [path / name for name in IN_FOLDER if (path / name).is_file()]
-        found = named[:1] or sorted(path.glob(IN_BLOCKS))
+        named = [path / name for name in names if (path / name).is_file()]
+        found = named[:1] or sorted(others())
         if not found:
-            raise InputError(f"{path}: contains no {' or '.join(IN_FOLDER)}: give a file with polygons")
+            raise InputError(f"{path}: contains no {' or '.join(names)}: give {wanted}")
         return found
     if not path.is_file():
         raise InputError(f"{path}: no such file or folder: check the path")

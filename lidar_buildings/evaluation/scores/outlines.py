@@ -1,4 +1,4 @@
-"""How well outlines agree with a reference: as objects, as area, and along boundaries."""
+"""How well outlines agree with a reference: as objects, as area, along boundaries, by corners and walls."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
+from lidar_buildings.core.model.outline import ring_walls
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.scores.cells import Figures, mean, named, percentile, ratio
 
@@ -51,9 +54,7 @@ def cut_to(
 
 
 def simplified(polygons: NDArray[Any], tolerance: float = STRAIGHT) -> NDArray[Any]:
-    """
-    Return valid polygons without vertices on straight walls, within a tolerance (Douglas & Peucker, 1973).
-    """
+    """Return valid polygons without vertices on straight walls, within a tolerance (Douglas-Peucker)."""
     return np.asarray(shapely.simplify(polygons, tolerance, preserve_topology=True), dtype=object)
 
 
@@ -85,17 +86,13 @@ def merge_touching(buildings: ArrayLike) -> NDArray[Any]:
     other for at least half a metre. Those that meet at a corner only stay apart. Gaps in a block are closed.
     """
     given = valid_polygons(buildings)
-    block = sets_of_pairs(len(given), *_touching_pairs(given))
+    one, other = shapely.STRtree(given).query(given, predicate="dwithin", distance=TOUCHING)
+    one, other = one[one != other], other[one != other]
+    near = shapely.intersection(shapely.boundary(given[one]), shapely.buffer(given[other], TOUCHING))
+    shares_wall = shapely.length(near) >= MIN_WALL
+    block = sets_of_pairs(len(given), one[shares_wall], other[shares_wall])
     members = [given[block == number] for number in np.unique(block)]
     return np.array([one[0] if len(one) == 1 else _closed(one) for one in members], dtype=object)
-
-
-def _touching_pairs(polygons: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    one, other = shapely.STRtree(polygons).query(polygons, predicate="dwithin", distance=TOUCHING)
-    one, other = one[one != other], other[one != other]
-    near = shapely.intersection(shapely.boundary(polygons[one]), shapely.buffer(polygons[other], TOUCHING))
-    shares_wall = shapely.length(near) >= MIN_WALL
-    return one[shares_wall], other[shares_wall]
 
 
 def _closed(members: NDArray[Any]) -> Any:
@@ -129,13 +126,14 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
     theirs, theirs_inside = cut_to(whole[1], limits)
     partner, iou = match_outlines(mine, theirs)
     mine_counted = np.isin(np.arange(len(mine)), partner) | (mine_inside >= MIN_INSIDE)
-    n_result = int(np.count_nonzero(mine_counted))
     counted = (partner >= 0) | (theirs_inside >= MIN_INSIDE)
     found = np.flatnonzero(iou >= MIN_IOU)
     pairs = mine[partner[found]], theirs[found]
     unions = shapely.union_all(mine), shapely.union_all(theirs)
+    # Nothing is measured where either covers nothing.
+    covered = (np.array([one], dtype=object)[: 0 if any(u.is_empty for u in unions) else 1] for one in unions)
     common, mine_area, theirs_area = unions[0].intersection(unions[1]).area, unions[0].area, unions[1].area
-    n_reference = int(np.count_nonzero(counted))
+    n_result, n_reference = int(np.count_nonzero(mine_counted)), int(np.count_nonzero(counted))
     return {
         "n_result": n_result,
         "n_reference": n_reference,
@@ -149,7 +147,7 @@ def score_outlines(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike |
         "area_correctness": ratio(common, mine_area),
         "area_iou": ratio(common, mine_area + theirs_area - common),
         **named("boundary", boundary_distances(*pairs, limits=limits)),
-        **named("boundary_of_unions", _distances_of_unions(unions, limits)),
+        **named("boundary_of_unions", boundary_distances(*covered, limits=limits)),
         "n_vertices_result": _n_vertices(whole[0][mine_counted]),
         "n_vertices_reference": _n_vertices(simplified(whole[1][counted])),
         "partner_per_reference": partner,
@@ -206,25 +204,15 @@ def boundary_distances(
     for mine, theirs in zip(shapely.boundary(result), shapely.boundary(reference), strict=True):
         for one, other in ((mine, theirs), (theirs, mine)):
             shapely.prepare(other)
+            vertices = shapely.points(shapely.get_coordinates(one))
             along.append(shapely.distance(_off_cut(_samples(one), cut), other))
-            corners.append(
-                shapely.distance(_off_cut(shapely.points(shapely.get_coordinates(one)), cut), other)
-            )
+            corners.append(shapely.distance(_off_cut(vertices, cut), other))
     distance, at_corner = np.concatenate(along), np.concatenate(corners)
     return {
         "mean": mean(distance),
         "percentile_95": percentile(distance, 95),
         "hausdorff": max(percentile(distance, 100), float(at_corner.max(initial=0.0))),
     }
-
-
-def _distances_of_unions(
-    unions: tuple[shapely.Geometry, shapely.Geometry], limits: shapely.Geometry | None
-) -> Figures:
-    """Measure the distances between the boundaries of what both sides cover; NaN if either covers nothing."""
-    n_compared = 0 if any(one.is_empty for one in unions) else 1
-    mine, theirs = (np.array([one], dtype=object)[:n_compared] for one in unions)
-    return boundary_distances(mine, theirs, limits=limits)
 
 
 def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
@@ -238,3 +226,162 @@ def _samples(boundary: shapely.Geometry) -> NDArray[Any]:
 
 def _off_cut(samples: NDArray[Any], cut: shapely.Geometry | None) -> NDArray[Any]:
     return samples if cut is None else samples[~shapely.dwithin(samples, cut, ON_CUT)]
+
+
+#: How far a corner may lie from the one that it stands for: two spacings of dense surveys, one of sparse [m].
+DEFAULT_TOLERANCE = 1.0
+#: A vertex that turns less is part of a curve or of a wall that is not quite straight [deg].
+MIN_TURN_DEG = 10.0
+
+
+def score_corners(
+    result: ArrayLike,
+    reference: ArrayLike,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    area: ArrayLike | None = None,
+) -> Figures:
+    """
+    Match corners one to one, as `match_corners` does, and count what is left on either side.
+
+    Polygons are one a building, invalid ones are repaired; only corners inside an area count, where one is
+    given.
+    """
+    limits = limits_of(area)
+    corners = (corners_of(valid_polygons(side)) for side in (result, reference))
+    mine, theirs = (own[within(own, limits)] for own in corners)
+    _, _, distances = match_corners(mine, theirs, tolerance)
+    return {
+        "n_result": len(mine),
+        "n_reference": len(theirs),
+        "n_matched": len(distances),
+        "precision": ratio(len(distances), len(mine)),
+        "recall": ratio(len(distances), len(theirs)),
+        "mean_distance": mean(distances),
+    }
+
+
+def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
+    """
+    Return the vertices at which simplified valid outlines turn by more than ten degrees, ring after ring.
+
+    Courtyards' corners included; where buildings touch, every one's own.
+    """
+    corners = [ring[_turns(ring) > math.radians(MIN_TURN_DEG)] for ring in open_rings(simplified(polygons))]
+    return np.concatenate([*corners, np.empty((0, 2))])
+
+
+def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    after = np.roll(ring, -1, axis=0) - ring
+    before = np.roll(after, 1, axis=0)
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
+
+
+def match_corners(
+    result: NDArray[np.float64], reference: NDArray[np.float64], tolerance: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """
+    Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
+
+    Returned are the rows of both, and the distances.
+    """
+    if not (len(result) and len(reference)):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
+    near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
+    # What is within reach of one another falls apart into small groups, each solved on its own.
+    groups = sets_of_pairs(len(result) + len(reference), near["i"], near["j"] + len(result))
+    order = np.argsort(groups[near["i"]], kind="stable")
+    cuts = np.flatnonzero(np.diff(groups[near["i"][order]])) + 1
+    pairs = [_assigned(near[rows], tolerance) for rows in np.split(order, cuts) if len(rows)]
+    found = np.concatenate([*pairs, np.empty((0, 3))])
+    return found[:, 0].astype(np.int64), found[:, 1].astype(np.int64), found[:, 2]
+
+
+def _assigned(near: NDArray[np.void], tolerance: float) -> NDArray[np.float64]:
+    """Solve one group of possible pairs; return rows of (result, reference, distance)."""
+    mine, i = np.unique(near["i"], return_inverse=True)
+    theirs, j = np.unique(near["j"], return_inverse=True)
+    # No pair costs more than all the distances that it could save, so that as many as possible are made.
+    cost = np.full((len(mine), len(theirs)), 2 * tolerance * (1 + min(len(mine), len(theirs))))
+    cost[i, j] = near["v"]
+    rows, columns = linear_sum_assignment(cost)
+    kept = cost[rows, columns] <= tolerance
+    rows, columns = rows[kept], columns[kept]
+    return np.column_stack([mine[rows], theirs[columns], cost[rows, columns]])
+
+
+#: Step between samples along a wall: finer than any point spacing resolves [m].
+WALL_STEP = 0.25
+#: A wall stands for a wall of the reference if at least half of it is no further away than this [m].
+DEFAULT_REACH = 1.0
+
+
+def score_directions(
+    result: NDArray[Any],
+    reference: NDArray[Any],
+    *,
+    reach: float = DEFAULT_REACH,
+    limits: shapely.Geometry | None = None,
+) -> Figures:
+    """
+    Compare the directions of walls, outline by outline, every metre with the same weight; rows are partners.
+
+    A result's wall belongs to the reference's wall that is the nearest to most of its length, within `reach`
+    [m]. Only walls with their middle inside the limits count, where they are given.
+    """
+    angles, lengths = [np.empty(0)], [np.empty(0)]
+    for mine, theirs in zip(result, simplified(reference), strict=True):
+        walls = _walls(mine)
+        walls = walls[within(walls.mean(axis=1), limits)]
+        angles.append(_angles(walls, _walls(theirs), reach))
+        lengths.append(np.hypot(*(walls[:, 1] - walls[:, 0]).T))
+    angle, length = np.concatenate(angles), np.concatenate(lengths)
+    matched = np.isfinite(angle)
+    return {
+        "median_deg": _weighted_quantile(angle[matched], length[matched], 0.5),
+        "percentile_95_deg": _weighted_quantile(angle[matched], length[matched], 0.95),
+        "matched_share": ratio(float(length[matched].sum()), float(length.sum())),
+    }
+
+
+def _walls(polygon: shapely.Geometry) -> NDArray[np.float64]:
+    ends = ring_walls(open_rings(np.array([polygon], dtype=object)))
+    return ends[(ends[:, 0] != ends[:, 1]).any(axis=1)]
+
+
+def _angles(mine: NDArray[np.float64], theirs: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Return the angle of each wall to the one that it stands for [deg], NaN where there is none."""
+    angle = np.full(len(mine), np.nan)
+    if not (len(mine) and len(theirs)):
+        return angle
+    owner, spots = spots_along(mine, WALL_STEP)
+    tree = shapely.STRtree(shapely.linestrings(theirs))
+    (sample, wall), distance = tree.query_nearest(
+        shapely.points(spots), return_distance=True, all_matches=False
+    )
+    order = np.argsort(sample)
+    nearest, distance = wall[order], distance[order]
+    share_near = np.bincount(owner, distance <= reach) / np.bincount(owner)
+    partner = _most_frequent(owner, nearest)
+    own, other = (np.arctan2(*(walls[:, 1] - walls[:, 0]).T[::-1]) for walls in (mine, theirs))
+    difference = np.rad2deg(own - other[partner])
+    folded = np.abs((difference + 90.0) % 180.0 - 90.0)
+    return np.where(share_near >= 0.5, folded, np.nan)
+
+
+def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the most frequent value of every owner 0, 1, …; the smallest of those that are."""
+    pairs, count = np.unique(np.column_stack((owner, value)), axis=0, return_counts=True)
+    order = np.lexsort((pairs[:, 1], -count, pairs[:, 0]))
+    first = np.unique(pairs[order, 0], return_index=True)[1]
+    return np.asarray(pairs[order, 1][first], dtype=np.int64)
+
+
+def _weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], share: float) -> float:
+    """Return the smallest value that this share of the weight does not exceed; NaN of nothing."""
+    if not len(values):
+        return math.nan
+    order = np.argsort(values)
+    reached = np.cumsum(weights[order]) >= share * weights.sum() * (1 - 1e-12)
+    return float(values[order][reached.argmax()])

@@ -28,16 +28,16 @@ class PlaneScore:
     """Agreement of two divisions of points into planes, see `doc/scores.md`; a share of nothing is NaN."""
 
     n_points: int
-    n_result: int
-    n_reference: int
-    n_found: int
+    n_planes_result: int
+    n_planes_reference: int
+    n_planes_found: int
     precision: float
     recall: float
     f1: float
     weighted_coverage: float
     coverage: float
     #: That largest intersection over union of each of the reference's planes, by rising number, shape
-    #: (n_reference,).
+    #: (n_planes_reference,).
     iou: NDArray[np.float64]
 
 
@@ -58,9 +58,9 @@ def score_planes(result: ArrayLike, reference: ArrayLike) -> PlaneScore:
     best = iou.max(axis=1, initial=0.0)
     return PlaneScore(
         n_points=int(counted.sum()),
-        n_result=n_result,
-        n_reference=n_reference,
-        n_found=n_found,
+        n_planes_result=n_result,
+        n_planes_reference=n_reference,
+        n_planes_found=n_found,
         precision=ratio(n_found, n_result),
         recall=ratio(n_found, n_reference),
         f1=ratio(2 * n_found, n_result + n_reference),

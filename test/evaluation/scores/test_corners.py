@@ -7,8 +7,7 @@ import shapely
 from shapely import box
 from shapely.affinity import translate
 
-from lidar_buildings.evaluation.scores.corners import corners_of, score_corners
-from lidar_buildings.evaluation.scores.outlines import valid_polygons
+from lidar_buildings.evaluation.scores.outlines import corners_of, score_corners, valid_polygons
 
 
 def found_corners(*polygons):

@@ -8,7 +8,7 @@ import shapely
 from shapely import box
 from shapely.affinity import rotate
 
-from lidar_buildings.evaluation.scores.corners import score_directions
+from lidar_buildings.evaluation.scores.outlines import score_directions
 
 
 def angles(result, reference, **options):

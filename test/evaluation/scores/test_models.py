@@ -7,15 +7,17 @@ import shapely
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
-from lidar_buildings.evaluation.scores.corners import match_corners
-from lidar_buildings.evaluation.scores.models import same_roof_type, score_model_points, score_models
-from lidar_buildings.evaluation.scores.wireframe import (
+from lidar_buildings.evaluation.scores.models import (
     footprints,
     n_corners,
     ridge_errors,
     roof_elevations,
     roof_wireframe,
+    same_roof_type,
+    score_model_points,
+    score_models,
 )
+from lidar_buildings.evaluation.scores.outlines import match_corners
 from lidar_buildings.simulation import roof_shapes as shapes
 from lidar_buildings.simulation.building import shell_of
 

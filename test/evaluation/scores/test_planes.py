@@ -11,7 +11,12 @@ def test_equal_divisions_score_one_whatever_the_numbers():
     score = score_planes(np.array([0, 7, 3, 9])[reference], reference)
     assert (score.precision, score.recall, score.f1) == (1.0, 1.0, 1.0)
     assert score.weighted_coverage == score.coverage == 1.0
-    assert (score.n_points, score.n_result, score.n_reference, score.n_found) == (60, 3, 3, 3)
+    assert (score.n_points, score.n_planes_result, score.n_planes_reference, score.n_planes_found) == (
+        60,
+        3,
+        3,
+        3,
+    )
 
 
 def test_figures_are_those_worked_out_by_hand():
@@ -29,7 +34,7 @@ def test_figures_are_those_worked_out_by_hand():
 
 def test_an_overlap_of_one_half_counts_and_only_once():
     score = score_planes(np.repeat([1, 2], [5, 5]), np.ones(10, dtype=int))
-    assert (score.n_found, score.n_result, score.n_reference) == (1, 2, 1)
+    assert (score.n_planes_found, score.n_planes_result, score.n_planes_reference) == (1, 2, 1)
 
 
 def test_points_of_no_plane_count_against_the_result_but_unknown_ones_do_not():

@@ -8,7 +8,7 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.model import Level, build_model
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
-from lidar_buildings.evaluation.scores.wireframe import ridge_errors, roof_wireframe
+from lidar_buildings.evaluation.scores.models import ridge_errors, roof_wireframe
 
 
 def modelled(scene, order=None):
