@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped
@@ -20,7 +21,7 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, FlowControlConfig, MapFr
 from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.ros.markers import model_markers
-from lidar_buildings.ros.polygons import outlines_of, ring_messages, roof_rings
+from lidar_buildings.ros.polygons import outlines_of, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, MAP, MAP_RINGS
 from lidar_buildings.ros.stage_node import StageNode, publish_all
 from lidar_buildings.ros.stamps import header_of
@@ -54,7 +55,7 @@ class ModelBuilder(StageNode):
         self._numbers: Withdrawals[int] = Withdrawals()
         self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
         self.take_tiles((_POINTS, _OUTLINES, _QUALITY), self.work, self.publish, agree_on_buildings)
-        self.subscribe_texts(String, _QUALITY, CLOUD, qualities_of)
+        self.subscribe_texts(_QUALITY, CLOUD, qualities_of)
         self.subscribe_rings(_OUTLINES, outlines_of)
         self.subscribe_tiles(_POINTS)
 
@@ -78,8 +79,9 @@ class ModelBuilder(StageNode):
     def publish(self, stamp: int, models: Sequence[TileModel]) -> None:
         """Publish one tile's models."""
         publish_all(self._features, self._feature_messages(stamp, models))
-        faces = ((one.building_id, face) for one in models for face in one.model.roof_faces)
-        publish_all(self._roof_faces, ring_messages(stamp, roof_rings(faces)))
+        faces = {one.building_id: tuple(chain.from_iterable(one.model.roof_faces)) for one in models}
+        rings = {number: of_building for number, of_building in faces.items() if of_building}
+        publish_all(self._roof_faces, ring_messages(stamp, rings))
         solids = {one.building_id: one.model.solids.values() for one in models}
         self._markers.publish(model_markers(stamp, solids, self._numbers.of(stamp, solids)))
         self.summary.passed_on(0)

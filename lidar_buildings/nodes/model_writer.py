@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
 from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
-from lidar_buildings.ros.stage_node import StageNode
+from lidar_buildings.ros.stage_node import StageNode, reason_of
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.text_messages import closed_tile, is_withdrawal
 from lidar_buildings.ros.tile_intake import Parts, agree_on_buildings
@@ -54,7 +55,8 @@ class ModelWriter(StageNode):
 
     def __init__(self, *, read: Sequence[InputFile] = (), **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
-        self.n_saved, self.n_finished, self.n_clouds_left, self.last_words = 0, 0, 0, ""
+        self.n_saved = self.n_finished = self.n_clouds_left = 0
+        self.last_words = ""
         config = self.parameters[ModelWriterConfig]
         with self.starting():
             self._survey = SurveyFolder(config, read)
@@ -78,7 +80,7 @@ class ModelWriter(StageNode):
         self.take_tiles(self._topics, self.work, self.publish, self._fits)
         for topic in self._topics:
             if topic == _MODELS:
-                self.subscribe_texts(String, topic, BUILDING, self._read_feature)
+                self.subscribe_texts(topic, BUILDING, self._read_feature)
             elif topic in (_TRACED, _OUTLINES):
                 self.subscribe_rings(topic, outlines_of)
             else:
@@ -123,15 +125,15 @@ class ModelWriter(StageNode):
         self.summary.passed_on(len(products.core))
         self.summary.counts["buildings"] += products.n_buildings
         self._report_done(stamp)
-        if not self._has_loaded:
+        if not self._has_loaded:  # what files need, in a time when nothing else is to be done
             self._has_loaded = True
-            self.submit_here(self._load_writers)
+            self.submit_here(import_module, "lidar_buildings.report.page_file")
+            self.submit_here(self._survey.folder.load_writers)
 
     def _write(self, parts: Parts, features: tuple[str, ...]) -> TileProducts:
         """Write the fragment of a tile; in the node's thread."""
         clouds = [one for one in parts.values() if isinstance(one, PointTile)]
-        given = clouds[0], self.parameters[ModelWriterConfig], self._survey.frame
-        rasterise = partial(rasterise_tile, *given)
+        rasterise = partial(rasterise_tile, clouds[0], self.parameters[ModelWriterConfig], self._survey.frame)
         rasters = rasterise() if self.pool is None else self.pool.submit(rasterise).result()
         if self._survey.is_live and any(one.source is None or one.index is None for one in clouds):
             # points of somebody else, of which there are no files
@@ -150,12 +152,6 @@ class ModelWriter(StageNode):
             self.call_soon(lambda: self.fail(failure))
             raise
         return products
-
-    def _load_writers(self) -> None:
-        """Import what files need, in a time when nothing else is to be done."""
-        import lidar_buildings.report.page_file  # noqa: F401
-
-        self._survey.folder.load_writers()
 
     def _read_feature(self, message: String) -> tuple[int, bool] | None:
         """Take a building's model; InputError if a feature is not one of a building."""
@@ -209,12 +205,9 @@ class ModelWriter(StageNode):
         if not self._survey.is_live:
             response.message = "only live surveys can be saved on request"
             return response
-        try:
-            self.submit_here(self._make_files).result()
-        except Exception as error:
-            response.message = " ".join(str(error).split())
-        else:
-            response.success, response.message = True, self.last_words
+        error = self.submit_here(self._make_files).exception()
+        response.success = error is None
+        response.message = self.last_words if error is None else reason_of(error)
         return response
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -242,7 +235,7 @@ class ModelWriter(StageNode):
         while not work.done():
             spin_once(_TICK)
         if (error := work.exception()) is not None:
-            self.get_logger().error(f"no files were written: {' '.join(str(error).split())}")
+            self.get_logger().error(f"no files were written: {reason_of(error)}")
         else:
             self.get_logger().info(self.last_words)
 
@@ -286,7 +279,7 @@ class ModelWriter(StageNode):
                 self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else ExitStatus.DONE
                 self.outcome.set_result(work.result())
         elif self._survey.is_live:
-            self.warn(f"no files were written: {' '.join(str(error).split())}")
+            self.warn(f"no files were written: {reason_of(error)}")
         else:
             self.fail(error)
 

@@ -1,8 +1,4 @@
-"""
-Which nodes of a graph run on which machine, and how many of one kind share their tiles. It needs no ROS.
-
-A launch of ROS 2 starts processes of its own host alone: started on each, it takes its nodes.
-"""
+"""Which machine runs which nodes, by a launch of its own, and which nodes share tiles. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -18,25 +14,17 @@ from lidar_buildings.core.model.parameters import flat_names
 from lidar_buildings.core.model.replicas import MAX_REPLICAS
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
-#: Nodes that may have replicas.
-REPLICABLE = tuple(stage.node for stage in STAGE_TABLE)
-
 
 def replicas_of(text: str) -> dict[str, int]:
-    """
-    Return node → how many share its tiles, of ``roof_selector:2,model_builder:2``.
-
-    ParameterError if a node cannot have replicas, or a number is none.
-    """
+    """Return node → how many share its tiles, of ``roof_selector:2,model_builder:2``; else ParameterError."""
     found: dict[str, int] = {}
+    replicable = [stage.node for stage in STAGE_TABLE]
     for word in filter(None, (one.strip() for one in text.split(","))):
         node, _, number = word.partition(":")
-        if node not in REPLICABLE:
-            raise ParameterError(f"replicas: {word}: the node must be one of {', '.join(REPLICABLE)}")
+        if node not in replicable:
+            raise ParameterError(f"replicas: {word}: the node must be one of {', '.join(replicable)}")
         if not number.isdecimal() or not 1 <= int(number) <= MAX_REPLICAS:
-            raise ParameterError(
-                f"replicas: {word}: must be NODE:NUMBER with a number from 1 to {MAX_REPLICAS}"
-            )
+            raise ParameterError(f"replicas: {word}: must be NODE:NUMBER, from 1 to {MAX_REPLICAS}")
         found[node] = int(number)
     return found
 
@@ -73,15 +61,12 @@ def nodes_of(machine: str, path: str | Path, nodes: Collection[str]) -> set[str]
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError) as error:
-        raise InputError(
-            f"{path}: cannot be read ({' '.join(str(error).split())}): check the file"
-        ) from error
+        raise InputError(f"{path}: cannot be read ({' '.join(str(error).split())})") from error
     if not isinstance(content, dict) or not all(isinstance(one, list) for one in content.values()):
         raise InputError(f"{path}: must have a list of nodes for each machine, as 'disks: [tile_player]'")
     if machine not in content:
-        raise ParameterError(
-            f"machine: {machine}: {path} has {', '.join(map(str, content))}: give machine:=NAME"
-        )
+        has = ", ".join(map(str, content))
+        raise ParameterError(f"machine: {machine}: {path} has {has}: give machine:=NAME")
     counts = Counter(str(node) for of_machine in content.values() for node in of_machine)
     if unknown := sorted(counts.keys() - set(nodes)):
         raise ParameterError(f"{path}: {unknown[0]}: the graph has {', '.join(nodes)}")

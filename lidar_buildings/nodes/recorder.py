@@ -19,8 +19,6 @@ from lidar_buildings.ros.stage_node import StageNode
 
 #: Period of the search for topics that the graph does not have of itself [s].
 _SEARCH = 0.1
-#: Quality of service of topics that sensors publish as they like, reliably or not.
-_OF_SENSORS = "SENSOR"
 #: After so long without a message all that was sent has come [s]; wide margin over the way of a message.
 _SILENCE = 0.2
 #: A message that was under way for so long is worth a warning [s].
@@ -45,11 +43,10 @@ class Recorder(StageNode):
         self.summary.gauges.append(self._gauges)
         for name in config.topics:
             for topic in topics_called(name):
-                if topic.qos != _OF_SENSORS:
+                if topic.qos != "SENSOR":  # sensors publish as they like, reliably or not
                     self._subscribe(name, topic.type.replace("/", "/msg/"), getattr(qos, topic.qos))
+        self._search = self.create_timer(_SEARCH, self.on_search)
         self.on_search()
-        if self._sought:
-            self._search = self.create_timer(_SEARCH, self.on_search)
 
     @property
     def is_silent(self) -> bool:
@@ -59,11 +56,10 @@ class Recorder(StageNode):
     def on_search(self) -> None:
         """Subscribe to topics of others as soon as somebody publishes them, as reliably as they are sent."""
         for name in sorted(self._sought):
-            publishers = self.get_publishers_info_by_topic(name)
-            if publishers:
+            if publishers := self.get_publishers_info_by_topic(name):
                 profiles = [one.qos_profile for one in publishers]
                 self._subscribe(name, publishers[0].topic_type, _common(profiles))
-        if not self._sought and hasattr(self, "_search"):
+        if not self._sought:
             self._search.cancel()
 
     def destroy_node(self) -> None:
@@ -89,8 +85,11 @@ class Recorder(StageNode):
         self.recording.declare(recorded, kind, played)
 
         def take(data: bytes, info: dict[str, int]) -> None:
-            if not (several and not is_latched and _HEADER in data[:64]):
-                self._record(recorded, data, info)
+            if several and not is_latched and _HEADER in data[:64]:
+                return
+            self.recording.add(recorded, info["received_timestamp"] or time.time_ns(), data)
+            if name != DIAGNOSTICS:
+                self._last_heard = time.monotonic()
 
         wanted = QoSProfile(
             reliability=profile.reliability, durability=profile.durability, history=HistoryPolicy.KEEP_ALL
@@ -98,11 +97,6 @@ class Recorder(StageNode):
         self.create_subscription(
             message_type, name, take, wanted, raw=True, event_callbacks=qos.SILENT_SUBSCRIPTION
         )
-
-    def _record(self, name: str, data: bytes, info: dict[str, int]) -> None:
-        self.recording.add(name, info["received_timestamp"] or time.time_ns(), data)
-        if name != f"/{DIAGNOSTICS}":
-            self._last_heard = time.monotonic()
 
     def _on_written(self, name: str, received: int) -> None:
         """Tell how late messages are written, and what is wrong; called by the thread that writes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
@@ -14,6 +15,7 @@ from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_srvs.srv import Trigger
 
 from lidar_buildings.io.tiling.live_feed import LiveFeed
+from lidar_buildings.io.tiling.live_files import Recorded
 from lidar_buildings.nodes.configs import ScanAssemblerConfig
 from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.table import NODE_TABLE
@@ -23,10 +25,8 @@ from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
 from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
 from lidar_buildings.ros.stamps import FRAME_ID
 
-#: A warning of lost scans is repeated no sooner [s].
-_REMIND = 10.0
-#: After so long it is told that no scan has come [s].
-_PATIENCE = 10.0
+#: A warning of lost scans is repeated no sooner, and after so long it is told that none has come [s].
+_REMIND = _PATIENCE = 10.0
 #: Type of the messages that scanners publish.
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
@@ -43,10 +43,8 @@ class ScanAssembler(TileSender):
             self.tiles: LiveFeed = LiveFeed(config, config, config.given_frame())
         self._n_flushed = self._n_lost = 0
         self._told: set[str] = set()
-        self._has_looked = False
-        self._has_frame = False
-        self.summary.gauges.append(self.tiles.counts)
-        self.summary.gauges.append(lambda: {"scans_lost": self._n_lost})
+        self._has_looked = self._has_frame = False
+        self.summary.gauges.append(lambda: {**self.tiles.counts(), "scans_lost": self._n_lost})
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -55,14 +53,19 @@ class ScanAssembler(TileSender):
 
     def on_tick(self) -> None:
         """Tell where the map lies and what is wrong, send what is due, and say when a flush is done."""
-        self._tell_of_problems()
+        self.summary.problem = self.tiles.obstacle  # as long as nothing can be written
+        for problem in [*self.tiles.problems, self.tiles.obstacle]:
+            if problem and problem not in self._told:
+                self._told.add(problem)
+                self.get_logger().error(problem)
+                self.summary.warned(problem)
         if not self._has_looked and self._time > _PATIENCE:
             self._has_looked = True
             if not any(self.tiles.counts().values()):  # by a topic or a bag
                 self.warn(f"so far {missing_scans(self)}")
         if not self._has_frame and self.tiles.frame is not None:
             self._has_frame = True
-            self._tell_place()
+            self._tell_place(self.tiles.recorded)
             self.publish_frame(self.tiles.frame)
         super().on_tick()
         n_flushed = self.tiles.n_flushed
@@ -127,34 +130,24 @@ class ScanAssembler(TileSender):
         self.create_subscription(NavSatFix, "fix", feed.add_fix, SENSOR, **options)
         if find_spec("tf2_msgs") is not None:
             kind = import_module("tf2_msgs.msg").TFMessage
-            self.create_subscription(
-                kind, "/tf_static", lambda one: feed.add_transforms(one, is_static=True), LATCHED_HISTORY
-            )
-            self.create_subscription(
-                kind, "/tf", lambda one: feed.add_transforms(one, is_static=False), SENSOR
-            )
+            for topic, is_static, profile in (("/tf_static", True, LATCHED_HISTORY), ("/tf", False, SENSOR)):
+                self.create_subscription(
+                    kind, topic, partial(feed.add_transforms, is_static=is_static), profile
+                )
         else:
             self.get_logger().info("tf2_msgs is not installed: poses come by odometry only")
         losses = SubscriptionEventCallbacks(message_lost=self.on_lost)
         self.create_subscription(PointCloud2, "scan", self.on_scan, SENSOR, event_callbacks=losses, **options)
 
-    def _tell_place(self) -> None:
+    def _tell_place(self, recorded: Recorded | None) -> None:
         """Say where satellites lay the map, and where the poses' frame lies in that of our topics."""
-        recorded = self.tiles.recorded
-        if recorded is not None and recorded.given.said:
+        if recorded is None:
+            return
+        if recorded.given.said:
             self.get_logger().info(recorded.given.said)
-        if recorded is not None and (where := recorded.where_target_lies(FRAME_ID)):
+        if where := recorded.where_target_lies(FRAME_ID):
             tell = self.warn if recorded.target == FRAME_ID else self.get_logger().info
             tell(where)
-
-    def _tell_of_problems(self) -> None:
-        """Log each problem once; as long as nothing can be written, diagnostics say so."""
-        self.summary.problem = self.tiles.obstacle
-        for problem in [*self.tiles.problems, self.tiles.obstacle]:
-            if problem and problem not in self._told:
-                self._told.add(problem)
-                self.get_logger().error(problem)
-                self.summary.warned(problem)
 
 
 def missing_scans(node: Node) -> str:

@@ -47,7 +47,10 @@ class SurveyFolder:
         self._bags = bags_among(config.input)
         if self._bags and not config.placed:
             raise ParameterError("model_writer.placed is empty: bags need the folder of tile_player.placed")
-        self.settings = _settings(config.settings)
+        try:
+            self.settings = dict(json.loads(config.settings or "{}"))
+        except (ValueError, TypeError) as error:
+            raise ParameterError(f"model_writer.settings is not a JSON object: {error}") from error
         self._read = {(one.path, one.state): one for one in read}
         self._problems: list[str] = []
         self.folder: OutputFolder | None = None
@@ -125,16 +128,6 @@ class SurveyFolder:
         )
 
 
-def _settings(text: str) -> dict[str, Any]:
-    try:
-        settings = json.loads(text or "{}")
-    except ValueError as error:
-        raise ParameterError(f"model_writer.settings is not JSON: {error}") from error
-    if not isinstance(settings, dict):
-        raise ParameterError("model_writer.settings must be a JSON object")
-    return settings
-
-
 def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
     if not config.footprints:
         return None
@@ -145,9 +138,7 @@ def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | N
 
 
 def placed_inputs(folder: Path) -> list[InputFile]:
-    """
-    Return a live source's clouds by name; its folder need not be there, and unreadable ones have no points.
-    """
+    """Return a live source's clouds by name, none without its folder; unreadable ones have no points."""
     return [InputFile(path, _point_count(path)) for path in sorted(folder.glob(PLACED_CLOUDS))]
 
 

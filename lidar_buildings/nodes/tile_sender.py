@@ -78,9 +78,8 @@ class TileSender(StageNode):
         self._tile_failed = self.create_publisher(Header, "tile_failed", LATCHED_HISTORY)
         self._map_units = self.create_publisher(Vector3Stamped, "map_units", LATCHED)
         self._map_origin = self.create_publisher(PointStamped, "map_origin", LATCHED)
-        self.create_service(Trigger, "~/pause", self.on_pause)
-        self.create_service(Trigger, "~/resume", self.on_resume)
-        self.create_service(Trigger, "~/step", self.on_step)
+        for name, callback in (("pause", self.on_pause), ("resume", self.on_resume), ("step", self.on_step)):
+            self.create_service(Trigger, f"~/{name}", callback)
         self.create_subscription(
             String, NODE_STATE, self.on_state, LISTENER_QOS, event_callbacks=SILENT_SUBSCRIPTION
         )
@@ -218,11 +217,7 @@ class TileSender(StageNode):
                 self._publish(tile)
 
     def _has_listeners(self) -> bool:
-        """
-        Whether topics have their subscribers, nodes that share tiles are all there, and one ends tiles.
-
-        They know of each other, too.
-        """
+        """Whether topics have subscribers, replicas are all there, one node ends tiles, and all have met."""
         wanted = Counter(self.sending.wait_for)
         what = ""
         if missing := [topic for topic, n in wanted.items() if self.count_subscribers(topic) < n]:
@@ -237,9 +232,7 @@ class TileSender(StageNode):
         return self._ledger.is_settled(self._seen, self.count_subscribers, len(self._done))
 
     def _send(self, tile: PointTile) -> None:
-        """
-        Send a tile for the first time; what nodes have from this one's life before is only listed again.
-        """
+        """Send a tile for the first time; what nodes have from this one's life before is listed alone."""
         self._next, self._steps = None, max(0, self._steps - 1)
         latest = self._ledger.latest(tile.stamp) if self._ledger.limit else None
         if latest is not None and latest >= tile.stamp:

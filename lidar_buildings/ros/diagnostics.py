@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
@@ -40,14 +40,6 @@ class TileReport:
     warnings: list[str] = field(default_factory=list)  #: what was wrong but did not keep the tile
     counts: dict[str, int] = field(default_factory=dict)  #: what the node counted beside points, by name
     started: float = field(default_factory=time.perf_counter)
-
-
-class Summary(NamedTuple):
-    """How a node gets on: level, a few words, and numbers by name."""
-
-    level: int
-    message: str
-    values: dict[str, float]
 
 
 class NodeSummary:
@@ -114,8 +106,8 @@ class NodeSummary:
         """Return a count of `state`, in any thread."""
         return self._totals[name] + self.counts[name]
 
-    def state(self) -> Summary:
-        """Return how the node is."""
+    def state(self) -> tuple[int, str, dict[str, float]]:
+        """Return how the node is: level, a few words, and numbers by name."""
         values: dict[str, float] = {
             **self._totals,
             "tiles_in_hand": len(self._in_hand),
@@ -128,19 +120,16 @@ class NodeSummary:
         for gauges in self.gauges:
             with suppress(RuntimeError):  # of a mapping to which another thread has just added something
                 values.update(gauges())
-        return Summary(*self._level(values), values)
-
-    def _level(self, values: Mapping[str, float]) -> tuple[int, str]:
         if self.problem:
-            return ERROR, self.problem
+            return ERROR, self.problem, values
         for level in (ERROR, WARN):
             since, text = self._trouble.get(level, (0.0, ""))
             if text and self._now() - since < _RECENT:
-                return level, text
+                return level, text, values
         silence = values.get("silence", 0.0)
         if values.get("tiles_in_flight") and silence > _STALE:
-            return WARN, f"no news of the tiles in flight for {silence:.0f} s"
-        return OK, f"working on tile {min(self._in_hand)}" if self._in_hand else "idle"
+            return WARN, f"no news of the tiles in flight for {silence:.0f} s", values
+        return OK, f"working on tile {min(self._in_hand)}" if self._in_hand else "idle", values
 
 
 class Diagnostics:
@@ -175,10 +164,10 @@ class Diagnostics:
 
     def publish_summary(self) -> None:
         """Say how the node gets on."""
-        state = self.summary.state()
-        values = {name: f"{value:.3f}".rstrip("0").rstrip(".") for name, value in state.values.items()}
+        level, text, numbers = self.summary.state()
+        values = {name: f"{value:.3f}".rstrip("0").rstrip(".") for name, value in numbers.items()}
         header = Header(stamp=self._node.get_clock().now().to_msg())
-        self._publish(header, state.level, SUMMARY, state.message, values)
+        self._publish(header, level, SUMMARY, text, values)
 
     def _publish(self, header: Header, level: int, suffix: str, text: str, values: dict[str, str]) -> None:
         status = DiagnosticStatus(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from uuid import uuid4
 
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.replicas import ReplicaConfig
@@ -28,13 +29,13 @@ class StatePublisher:
     """
     Publishes what its node has of each tile; the node's life begins with this.
 
-    `is_stage` says whether tiles go through the node, `matched` returns how many subscriptions of which
-    topics it has found, `n_done` is how many tiles it has reported as done.
+    `is_stage` says whether tiles go through the node, `outputs` are its publishers that others wait for,
+    `n_done` is how many tiles it has reported as done.
     """
 
-    def __init__(self, node: Node, kind: str, share: ReplicaConfig, matched: Callable[[], Mapping[str, int]]):
+    def __init__(self, node: Node, kind: str, share: ReplicaConfig, outputs: Sequence[Publisher]) -> None:
         self.is_stage, self.n_done = False, 0
-        self._node, self._kind, self._share, self._matched = node, kind, share, matched
+        self._node, self._kind, self._share, self._outputs = node, kind, share, outputs
         self._life, self._sequence = uuid4().hex, 0
         self._tiles: OrderedDict[int, TileState] = OrderedDict()
         self._publisher = node.create_publisher(String, TOPIC, LATCHED)
@@ -53,7 +54,7 @@ class StatePublisher:
             self._share.replica,
             self._share.replicas,
             self.n_done,
-            self._matched(),
+            {one.topic_name: one.get_subscription_count() for one in self._outputs},
         )
         self._publisher.publish(String(data=state.text()))
 

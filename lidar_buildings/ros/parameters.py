@@ -42,11 +42,7 @@ def config_value(value: Any) -> Any:
 def parameter_overrides(
     configs: Mapping[str, type[StageConfig]], settings: Mapping[str, Mapping[str, Any]]
 ) -> list[Parameter]:
-    """
-    Return a node's start values from ``{stage: {name: value}}``, for its keyword `parameter_overrides`.
-
-    Stages that the node does not have are left out.
-    """
+    """Return a node's start values from ``{stage: {name: value}}``; other nodes' stages are left out."""
     return [
         Parameter(name, value=ros_value(settings[stage][one.name]))
         for name, (stage, one) in parameter_names(configs).items()
@@ -55,9 +51,7 @@ def parameter_overrides(
 
 
 def descriptor_of(config_field: Field[Any]) -> ParameterDescriptor:
-    """
-    Return what ROS tools show of a parameter: description, unit, inclusive range, whether it can change.
-    """
+    """Return what ROS tools show of a parameter: description, unit, inclusive range, if it can change."""
     spec = spec_of(config_field)
     unit = f" [{spec.unit}]" if spec.unit else ""
     descriptor = ParameterDescriptor(
@@ -87,16 +81,15 @@ class NodeParameters:
     """
 
     def __init__(self, node: Node, configs: Mapping[str, type[StageConfig]]) -> None:
-        self._node = node
-        given = _undeclared(node)
+        self._name = node.get_name()
         self._fields = parameter_names(configs)
-        members = self._members(self._by_name(given))
+        members = self._members(self._start_values(node))
         self._configs = {stage: kind(**members.get(stage, {})) for stage, kind in configs.items()}
         for name, (stage, one) in self._fields.items():
             value = ros_value(getattr(self._configs[stage], one.name))
             node.declare_parameter(name, value, descriptor_of(one), ignore_override=True)
         node.add_on_set_parameters_callback(self._on_set)
-        node.add_post_set_parameters_callback(self._after_set)
+        node.add_post_set_parameters_callback(lambda new: self._configs.update(self._changed(new)))
 
     def __getitem__(self, config: type[Config]) -> Config:
         """Return a stage's config as it is now."""
@@ -106,37 +99,31 @@ class NodeParameters:
         """Return ``{stage: {name: value}}``."""
         return {stage: asdict(config) for stage, config in self._configs.items()}
 
+    def _start_values(self, node: Node) -> dict[str, Any]:
+        """Return the start values by our names, which are left to be declared; refuse a wrong one."""
+        known = spellings(self._fields)
+        for name, (stage, one) in self._fields.items():
+            known |= {f"{stage}.{one.name}": name, f"{stage}.{ADVANCED}{one.name}": name}
+        given = {}
+        for name, one in node.get_parameters_by_prefix("").items():
+            if name in _BUILT_IN or name.startswith("qos_overrides."):
+                continue
+            if name not in known:
+                near = get_close_matches(name, known, n=1)
+                hint = f"did you mean {known[near[0]]}?" if near else f"there are {', '.join(self._fields)}"
+                raise ParameterError(f"{self._name}.{name}: there is no such parameter ({hint})")
+            node.undeclare_parameter(name)
+            given[known[name]] = one.value
+        return given
+
     def _members(self, given: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         """Return ``{stage: {name: value}}`` of values by the parameters' names, or refuse one."""
         members: dict[str, dict[str, Any]] = {}
         for name, value in given.items():
             stage, one = self._fields[name]
-            members.setdefault(stage, {})[one.name] = self._checked(name, value)
+            path = f"{self._name}.{name}"[: -len(one.name) - 1]
+            members.setdefault(stage, {})[one.name] = checked_value(path, one, config_value(value))
         return members
-
-    def _by_name(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return our parameters among the start values; refuse an unknown name and suggest the nearest."""
-        known = {
-            **{
-                f"{stage}.{spelling}": name
-                for name, (stage, one) in self._fields.items()
-                for spelling in (one.name, f"{ADVANCED}{one.name}")
-            },
-            **spellings(self._fields),
-        }
-        for name in given:
-            if name in known or name in _BUILT_IN or name.startswith("qos_overrides."):
-                continue
-            near = get_close_matches(name, known, n=1)
-            hint = f"did you mean {known[near[0]]}?" if near else f"there are {', '.join(self._fields)}"
-            raise ParameterError(f"{self._node.get_name()}.{name}: there is no such parameter ({hint})")
-        return {known[name]: value for name, value in given.items() if name in known}
-
-    def _checked(self, name: str, value: Any) -> Any:
-        """Return a value as the config holds it, or refuse it under its full name."""
-        _, one = self._fields[name]
-        path = f"{self._node.get_name()}.{name}"[: -len(one.name) - 1]
-        return checked_value(path, one, config_value(value))
 
     def _on_set(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
@@ -145,20 +132,7 @@ class NodeParameters:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _after_set(self, parameters: list[Parameter]) -> None:
-        """Use the new values from the next tile on."""
-        self._configs.update(self._changed(parameters))
-
     def _changed(self, parameters: list[Parameter]) -> dict[str, StageConfig]:
         """Return the configs that new values make, which check them against one another."""
         members = self._members({one.name: one.value for one in parameters if one.name in self._fields})
         return {stage: replace(self._configs[stage], **new) for stage, new in members.items()}
-
-
-def _undeclared(node: Node) -> dict[str, Any]:
-    """Return the start values that a node has declared by itself, and leave their names to be declared."""
-    given = {name: one.value for name, one in node.get_parameters_by_prefix("").items()}
-    for name in given:
-        if name not in _BUILT_IN and not name.startswith("qos_overrides."):
-            node.undeclare_parameter(name)
-    return given

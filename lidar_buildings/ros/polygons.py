@@ -9,7 +9,7 @@ vertices and another id says that there is no such building any more.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
@@ -41,12 +41,11 @@ def ring_message(stamp: int, building_id: int, ring: Ring) -> PolygonInstanceSta
 
 def outline_rings(outlines: Iterable[BuildingOutline]) -> Rings:
     """Return the rings of a tile's outlines, at the elevation of the ground if it is known."""
-    return {one.building_id: tuple(_raised(ring, one) for ring in one.outline.rings) for one in outlines}
-
-
-def _raised(ring: Ring, outline: BuildingOutline) -> Ring:
-    ground = outline.ground_elevation
-    return np.insert(ring, 2, 0.0 if ground is None else ground or _NOT_ZERO, axis=1)
+    found = {}
+    for one in outlines:
+        ground = 0.0 if one.ground_elevation is None else one.ground_elevation or _NOT_ZERO
+        found[one.building_id] = tuple(np.insert(ring, 2, ground, axis=1) for ring in one.outline.rings)
+    return found
 
 
 def ring_messages(stamp: int, rings: Rings) -> Iterator[PolygonInstanceStamped]:
@@ -109,11 +108,3 @@ def outlines_of(rings: Rings) -> tuple[BuildingOutline, ...]:
             outline = Outline(exterior[:, :2], tuple(hole[:, :2] for hole in holes))
             outlines.append(BuildingOutline(number, outline, float(exterior[0, 2]) or None))
     return tuple(outlines)
-
-
-def roof_rings(faces: Iterable[tuple[int, Sequence[Ring]]]) -> Rings:
-    """Return the rings of a tile's roof faces, given as (building id, rings of a face)."""
-    found: dict[int, tuple[Ring, ...]] = {}
-    for number, rings in faces:
-        found[number] = (*found.get(number, ()), *rings)
-    return found

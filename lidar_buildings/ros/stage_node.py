@@ -19,6 +19,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 from lidar_buildings.core.freed_memory import give_memory_back
 from lidar_buildings.core.model.errors import LidarBuildingsError
@@ -71,10 +72,9 @@ class StageNode(Node):
             self.parameters = NodeParameters(self, configs)
         self._diagnostics = Diagnostics(self, self.parameters.as_dict)
         self.summary = self._diagnostics.summary
-        shares = ReplicaConfig.stage in configs
-        self._share = self.parameters[ReplicaConfig] if shares else ReplicaConfig()
+        self._share = self.parameters[ReplicaConfig] if ReplicaConfig.stage in configs else ReplicaConfig()
         self._outputs: list[Publisher] = []
-        self.state = StatePublisher(self, name, self._share, self._matched)
+        self.state = StatePublisher(self, name, self._share, self._outputs)
         self._infos: TileInfos  # of nodes that take tiles
         self._join = TileJoin(())
         self._in_hand: dict[int, TileReport] = {}
@@ -109,7 +109,7 @@ class StageNode(Node):
             except Exception as error:
                 if not self.context.ok():
                     raise
-                text = f"{topic}: {_reason(error)}: ignoring the message"
+                text = f"{topic}: {reason_of(error)}: ignoring the message"
                 self.get_logger().error(text)
                 self.summary.warned(text)
 
@@ -124,9 +124,6 @@ class StageNode(Node):
         """Create a publisher of what other nodes wait for; the state says who listens to it."""
         self._outputs.append(self.create_publisher(kind, topic, qos))
         return self._outputs[-1]
-
-    def _matched(self) -> dict[str, int]:
-        return {one.topic_name: one.get_subscription_count() for one in self._outputs}
 
     # work beside the executor
 
@@ -174,10 +171,9 @@ class StageNode(Node):
         """
         Have `work` called with a tile's parts of these topics, and `publish` with the stamp and its result.
 
-        Each topic has still to be subscribed to. What either raises ends that tile alone; what `publish`
-        returns are counts for `diagnostics`. A tile of which something reaches beyond the sides that
-        `clipped` returns is held back until the source has sent a larger revision, or says that there is no
-        more.
+        Each topic has still to be subscribed to. What either raises ends that tile alone; `publish` returns
+        counts for `diagnostics`. A result that reaches beyond the sides that `clipped` returns is held back
+        until the source has sent a larger revision, or says that there is no more.
         """
         self._join = TileJoin(topics, fits)
         self._work_on, self._publish_result, self._clipped = work, publish, clipped
@@ -219,8 +215,7 @@ class StageNode(Node):
             try:
                 part = read(message)
             except Exception as error:
-                if self.context.ok():
-                    self._fail_tile(TileReport(stamp), error)
+                self._fail_tile(TileReport(stamp), error)
                 return
             if part is not None:
                 self.add_part(stamp, topic, part)
@@ -228,23 +223,19 @@ class StageNode(Node):
         self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
 
     def subscribe_texts(
-        self, kind: Any, topic: str, qos: QoSProfile, read: Callable[[Any], tuple[int, Any] | None]
+        self, topic: str, qos: QoSProfile, read: Callable[[String], tuple[int, Any] | None]
     ) -> None:
-        """Take what `read` makes of messages without a header, with the stamp of its tile."""
+        """Take what `read` makes of texts, which have no header, with the stamp of its tile."""
 
-        def on_message(message: Any) -> None:
+        def on_message(message: String) -> None:
             found = read(message)
             if found is not None and not self.drops(found[0], topic):
                 self.add_part(found[0], topic, found[1])
 
-        self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
+        self.create_subscription(String, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
 
     def drops(self, stamp: int, topic: str) -> bool:
-        """
-        Whether a topic's part of a tile is dropped.
-
-        The tile is that of a replica, is in hand, or the source says that it is over.
-        """
+        """Whether a part of a tile is dropped: the tile is a replica's, in hand, or over for the source."""
         return not self._share.takes(stamp) or self.state.has_in_hand(stamp) or self._infos.is_over(stamp)
 
     def is_ready(self) -> str:
@@ -341,7 +332,7 @@ class StageNode(Node):
         self._held_back.pop(report.stamp, None)
         if not self.context.ok():
             return
-        failure = _reason(error)
+        failure = reason_of(error)
         self.get_logger().error(f"tile {report.stamp}: {failure}: the tile is not passed on")
         self._diagnostics.end_tile(report, failure)
         self.state.set(report.stamp, FAILED, reason=failure)
@@ -363,7 +354,7 @@ class StageNode(Node):
 
     def fail(self, error: BaseException) -> None:
         """End the node: it cannot go on."""
-        self.summary.problem = _reason(error)
+        self.summary.problem = reason_of(error)
         self._diagnostics.publish_summary()
         if not self.outcome.done():
             self.outcome.set_exception(error)
@@ -381,7 +372,7 @@ def publish_all(publisher: Publisher, messages: Iterable[Any]) -> None:
         publisher.publish(message)
 
 
-def _reason(error: BaseException) -> str:
+def reason_of(error: BaseException) -> str:
     """Say in one line what went wrong."""
     words = " ".join(str(error).split())
     return words if isinstance(error, LidarBuildingsError) else f"{type(error).__name__}: {words}"

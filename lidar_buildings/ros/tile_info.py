@@ -98,12 +98,12 @@ class TileInfos:
         if self._node.count_publishers(TOPIC) > 0:
             self._seen = time.monotonic()
             return False
-        if is_promised and time.monotonic() - self._seen < _PATIENCE:
+        if not is_promised:
+            return True
+        if time.monotonic() - self._seen < _PATIENCE:
             return False
-        if is_promised:
-            self._node.get_logger().warning(
-                f"tile {stamp}: {TOPIC} has no publisher: limits and spacing are measured from its points"
-            )
+        text = f"tile {stamp}: {TOPIC} has no publisher: limits and spacing are measured from its points"
+        self._node.get_logger().warning(text)
         return True
 
     def is_over(self, stamp: int) -> bool:
@@ -143,7 +143,5 @@ def _bounds_of(said: Any) -> Bounds | None:
         pairs = zip((-math.inf, -math.inf, math.inf, math.inf), said, strict=True)
         west, south, east, north = (none if limit is None else float(limit) for none, limit in pairs)
     except (TypeError, ValueError):
-        raise ValueError(
-            f"bounds = {said!r}: must be four numbers, or null where there is no limit"
-        ) from None
+        raise ValueError(f"bounds = {said!r}: must be four numbers, null for no limit") from None
     return NONE.opened((west, south, east, north))

@@ -69,22 +69,21 @@ class NodeState(NamedTuple):
     @classmethod
     def of(cls, said: Any) -> NodeState:
         """Return what JSON says; ValueError, TypeError or LookupError if it is no state."""
-        tiles = {
+        found = {name: kind(said[name]) for name, kind in _KINDS.items() if name in said}
+        found["tiles"] = {
             int(stamp): TileState(str(status), tuple(map(str, missing)), str(reason))
             for stamp, (status, missing, reason) in said.get("tiles", {}).items()
         }
-        return cls(
-            str(said["node"]),
-            str(said["life"]),
-            int(said["sequence"]),
-            tiles,
-            bool(said.get("is_stage", True)),
-            str(said.get("kind") or said["node"]),
-            int(said.get("replica", 0)),
-            int(said.get("replicas", 1)),
-            int(said.get("n_done", 0)),
-            {str(topic): int(n) for topic, n in said.get("matched", {}).items()},
-        )
+        found["matched"] = {str(topic): int(n) for topic, n in said.get("matched", {}).items()}
+        return cls(**found)
+
+
+#: Members of a state that are text or numbers.
+_KINDS: dict[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("node", "life", "kind"), str),
+    **dict.fromkeys(("sequence", "replica", "replicas", "n_done"), int),
+    "is_stage": bool,
+}
 
 
 @dataclass

@@ -9,7 +9,6 @@ from lidar_buildings.ros.polygons import (
     outlines_of,
     ring_message,
     ring_messages,
-    roof_rings,
 )
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
@@ -83,8 +82,7 @@ def test_roof_faces_keep_their_heights_their_holes_and_their_building():
     lower = np.column_stack([SQUARE, np.full(4, 3.0)])
     upper = np.column_stack([SQUARE + 20.0, np.arange(4.0)])
     hole = np.column_stack([HOLE, np.full(4, 3.0)])
-    faces = [(8, (lower, hole)), (8, (upper,)), (9, (lower,))]
-    rings = roof_rings(faces)
+    rings = {8: (lower, hole, upper), 9: (lower,)}
     torn = list(ring_messages(STAMP, rings))[:3]
     found = collected([*torn, *ring_messages(STAMP, rings)])
     assert {number: len(of_building) for number, of_building in found.items()} == {8: 3, 9: 1}
