@@ -25,7 +25,7 @@ from lidar_buildings.commands.run_options import (
     add_run_arguments,
     add_settings,
 )
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus
 
 #: What ends a command as Ctrl-C does: of schedulers and containers, and of a terminal that is closed.
 _ENDING = (signal.SIGTERM, signal.SIGHUP)

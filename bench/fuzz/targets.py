@@ -19,8 +19,7 @@ from lidar_buildings.core.model.map_frame import MAX_COORDINATE
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.core.scans.cloud_layout import columns_of
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import ScanPlacer
-from lidar_buildings.core.scans.waiting import MAX_POINTS
+from lidar_buildings.core.scans.placing import MAX_POINTS, ScanPlacer
 
 Target = Callable[[np.random.Generator], str]
 OK = "accepted"

@@ -11,8 +11,7 @@ from bench.pages.drawing import plt, save
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.surfaces.brightness import brightness_raster
-from lidar_buildings.core.surfaces.intensity import normalised_intensity, strip_scales
+from lidar_buildings.core.surfaces.intensity import brightness_raster, normalised_intensity, strip_scales
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 from lidar_buildings.simulation import simulate_survey

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import CLASS_NAMES
-from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by

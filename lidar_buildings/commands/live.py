@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
-from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, InputError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.bags.bag import CLOUD, FIX, POINT, VECTOR, Bag, BagMessage
 from lidar_buildings.io.bags.bag_inputs import NO_SCAN, BagConfig

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from lidar_buildings.commands.versions import check_versions
-from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, ParameterError
 from lidar_buildings.nodes.table import NODE_TABLE
 
 

@@ -16,8 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from lidar_buildings.commands.run_request import RunRequest, request_of
-from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among

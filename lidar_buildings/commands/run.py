@@ -17,8 +17,7 @@ from lidar_buildings.commands.progress import RunOutcome, outcome_as_json, tell_
 from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
-from lidar_buildings.core.model.errors import LidarBuildingsError, ParameterError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, ParameterError
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url

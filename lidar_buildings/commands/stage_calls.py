@@ -23,7 +23,7 @@ from lidar_buildings.core.stages.roof_selection.roof_patches import plane_votes
 from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.relief import relief
-from lidar_buildings.core.surfaces.brightness import brightness_raster
+from lidar_buildings.core.surfaces.intensity import brightness_raster
 from lidar_buildings.core.surfaces.plane_adjustment import common_point
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_models import build_models

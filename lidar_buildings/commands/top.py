@@ -10,8 +10,7 @@ import sys
 import time
 from contextlib import suppress
 
-from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError
 
 #: Period of the blocks [s].
 _PERIOD = 1.0

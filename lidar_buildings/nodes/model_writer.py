@@ -14,8 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.model.errors import LidarBuildingsError, OutputError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, OutputError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile

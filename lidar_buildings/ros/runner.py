@@ -16,8 +16,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from lidar_buildings.core.kernel_cache import start_compiling
-from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.model.exit_status import ExitStatus
+from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.stage_node import StageNode
 

@@ -1,4 +1,6 @@
-"""The few errors that this package raises for what a user can cause."""
+"""The few errors that this package raises for what a user can cause, and what an exit status says."""
+
+from enum import IntEnum
 
 
 class LidarBuildingsError(Exception):
@@ -19,3 +21,12 @@ class ParameterError(LidarBuildingsError, ValueError):
 
 class MessageError(InputError):
     """A message does not hold what its topic promises; the message says which field and what is allowed."""
+
+
+class ExitStatus(IntEnum):
+    """How a process ended; 1 is left to unexpected exceptions."""
+
+    DONE = 0
+    WRONG_USE = 2  #: wrong usage, unreadable input, or an output that is missing for that
+    TILE_FAILED = 3  #: a tile failed; the rest is done
+    INTERRUPTED = 130

@@ -16,8 +16,6 @@ from lidar_buildings.core.model.errors import ParameterError
 
 #: Area of the smallest building in plan [m²]: the default of all stages.
 SMALLEST_BUILDING = 12.0
-#: Area of the smallest building in plan [m²]: the default of all stages.
-SMALLEST_BUILDING = 12.0
 #: Stands before the name of a parameter that few users turn.
 ADVANCED = "advanced."
 
@@ -56,9 +54,7 @@ class ParameterSpec:
 
 
 def parameter(default: Any, description: str, **spec: Any) -> Any:
-    """
-    Declare a config field with its default, whose type is the parameter's, and what `ParameterSpec` holds.
-    """
+    """Declare a config field: its default, whose type is the parameter's, and what `ParameterSpec` holds."""
     return field(default=default, metadata={"spec": ParameterSpec(description, **spec)})
 
 
@@ -84,7 +80,6 @@ class StageConfig:
     is_of_node: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Check every value."""
         for config_field in fields(self):
             value = checked_value(self.stage, config_field, getattr(self, config_field.name))
             object.__setattr__(self, config_field.name, value)
@@ -99,7 +94,6 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     spec = spec_of(config_field)
     path = f"{stage}.{config_field.name}"
     kind: Any = type(config_field.default)
-    wrong = ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")
     if kind is float and type(value) is int:
         value = float(value)
     if kind is tuple:
@@ -107,18 +101,15 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     if type(value) is not kind:
         raise ParameterError(f"{path} = {value!r}: must be of type {kind.__name__}")
     if kind is str:
-        if spec.choices and value not in spec.choices:
-            raise wrong
-        return value
-    if kind is bool:
-        return value
-    if not spec.holds(value):
-        raise wrong
+        is_allowed = not spec.choices or value in spec.choices
+    else:
+        is_allowed = kind is bool or spec.holds(value)
+    if not is_allowed:
+        raise ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")
     return value
 
 
 def _checked_texts(path: str, value: Any, spec: ParameterSpec) -> tuple[str, ...]:
-    """Return a list of texts as a tuple."""
     if not isinstance(value, (list, tuple)) or any(type(text) is not str for text in value):
         raise ParameterError(f"{path} = {value!r}: must be a list of texts")
     if spec.choices and not set(value) <= set(spec.choices):

@@ -49,36 +49,27 @@ def _ends(low: NDArray[Any], high: NDArray[Any]) -> NDArray[Any]:
     return np.array([[one.min() for one in low.T], [one.max() for one in high.T]])
 
 
-def checked_column(name: str, column: ArrayLike, n_points: int, dtype: Any) -> NDArray[Any]:
+def checked_column(name: str, values: ArrayLike, n_points: int, dtype: Any) -> NDArray[Any]:
     """
     Return one value per point as a contiguous array of `dtype`.
 
     ValueError if there is not exactly one value per point, one is not a number, or whole numbers are wanted
     and one is broken or out of their range.
     """
-    array = np.asarray(column)
+    array = np.asarray(values)
     if array.shape != (n_points,):
         raise ValueError(f"{name} has shape {array.shape}: must be ({n_points},)")
     if array.dtype.kind == "f" and np.isnan(array).any():
         raise ValueError(f"{name}[{int(np.argmax(np.isnan(array)))}] = nan: must be a number")
-    if array.dtype.kind in "iuf" and np.dtype(dtype).kind in "iu":
-        return _as_whole(name, array, np.dtype(dtype))
-    return np.ascontiguousarray(array, dtype=dtype)
-
-
-def _as_whole(name: str, array: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return numbers as whole ones of `dtype`, none of them changed."""
-    if np.can_cast(array.dtype, dtype):
-        return np.ascontiguousarray(array, dtype=dtype)
     with np.errstate(invalid="ignore"):
-        whole = np.ascontiguousarray(array, dtype=dtype)
-    changed = whole != array
-    if changed.any():
-        row, limits = int(np.argmax(changed)), np.iinfo(dtype)
+        column = np.ascontiguousarray(array, dtype=dtype)
+    is_whole = array.dtype.kind in "iuf" and column.dtype.kind in "iu"
+    if is_whole and not np.can_cast(array.dtype, column.dtype) and (changed := column != array).any():
+        row, limits = int(np.argmax(changed)), np.iinfo(column.dtype)
         raise ValueError(
             f"{name}[{row}] = {array[row]}: must be a whole number within {limits.min} to {limits.max}"
         )
-    return whole
+    return column
 
 
 def checked_columns(n_points: int, **columns: ArrayLike | None) -> dict[str, NDArray[Any] | None]:

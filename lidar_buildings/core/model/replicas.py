@@ -37,7 +37,6 @@ class ReplicaConfig(StageConfig):
     )
 
     def __post_init__(self) -> None:
-        """Check every value."""
         super().__post_init__()
         if self.replica >= self.replicas:
             raise ParameterError(

@@ -43,11 +43,9 @@ class Sides(NamedTuple):
         return None if left == _OUTMOST else left
 
     def __bool__(self) -> bool:
-        """Whether it holds on any side."""
         return any(tuple(self))
 
     def __or__(self, other: Sides) -> Sides:
-        """Return on which sides either holds."""
         return Sides(*(one or another for one, another in zip(self, other, strict=True)))
 
 

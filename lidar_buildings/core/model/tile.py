@@ -138,7 +138,6 @@ class PointTile:
             object.__setattr__(self, name, column)
 
     def __len__(self) -> int:
-        """Return the number of points."""
         return len(self.points)
 
     @property
@@ -183,9 +182,7 @@ class PointTile:
         return tile
 
     def joined(self, other: PointTile) -> PointTile:
-        """
-        Return the tile with another one's points after its own; ValueError if that lacks one of its columns.
-        """
+        """Return the tile with another one's points after its own; ValueError if that lacks a column."""
         missing = sorted(self.columns.keys() - other.columns.keys())
         if missing:
             raise ValueError(f"other lacks {', '.join(missing)}: must have the columns of the tile")

@@ -14,8 +14,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 #: Rows a block: large enough to hide the hand-over, small enough to share out evenly.
 BLOCK = 8192
-#: How the threads that do blocks are called.
-_NAME = "row-blocks"
 _thread = threading.local()
 _are_cores_free: Callable[[], bool] = lambda: True  # noqa: E731
 _lock = threading.Lock()
@@ -38,11 +36,6 @@ def n_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def n_waiting_threads() -> int:
-    """Return the number of threads that do blocks, which wait as long as nobody calls `for_row_blocks`."""
-    return sum(thread.name.startswith(_NAME) for thread in threading.enumerate())
 
 
 def for_row_blocks(kernel: Callable[[int, int], object], n_rows: int, block: int = BLOCK) -> None:
@@ -69,7 +62,7 @@ def _threads() -> ThreadPoolExecutor | None:
     global _pool
     with _lock:
         if _pool is None and n_cores() > 1:
-            _pool = ThreadPoolExecutor(n_cores(), thread_name_prefix=_NAME, initializer=work_alone)
+            _pool = ThreadPoolExecutor(n_cores(), thread_name_prefix="row-blocks", initializer=work_alone)
         return _pool
 
 

@@ -1,6 +1,4 @@
-"""
-The pattern that a scanner leaves on a surface: the direction of its lines, the spacing along and across them.
-"""
+"""The pattern that a scanner leaves on a surface: direction of its lines, spacing along and across them."""
 
 from __future__ import annotations
 
@@ -210,9 +208,7 @@ def _follow(pulses, cells, asking, runs, group, is_probe, spacing, by_time, sums
     """
     Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to the nearest neighbours, group by group.
 
-    The two nearest count in full and farther ones less and less, so that on a lattice, where many are
-    equally near, all of them count. Sums are of whole numbers: the same in whatever order points come. With
-    `axis` known, write instead each probe's mean distance to the nearest neighbours along its line.
+    Farther ones count less. With `axis` known, write instead each probe's mean step along its line.
     """
     near = np.empty((64, 3))
     for one in range(len(asking)):
@@ -272,11 +268,7 @@ def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
 
 @kernel
 def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
-    """
-    Write a point's neighbours (dx, dy, squared distance in time or in plan) to `near`.
-
-    Returns how many there are and the second smallest distance, infinite where there is none.
-    """
+    """Write neighbours (dx, dy, squared distance) to `near`; return how many, and the second distance."""
     count, nearest, second = 0, np.inf, np.inf
     same = (SAME_PULSE * spacing) ** 2
     points = pulses.points
@@ -320,9 +312,7 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
 
 @kernel
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
-    """
-    Return the mean distance along an axis of the nearest neighbours that lie on it [spacings], NaN if none.
-    """
+    """Return the mean distance along an axis of the nearest neighbours on it [spacings], NaN if none."""
     total, count = 0, 0
     for k in range(len(near)):
         dx, dy = near[k, 0], near[k, 1]

@@ -75,7 +75,6 @@ def taken_points(columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
 
 
 def _layout_of(cloud: Cloud, wanted: Collection[str]) -> np.dtype[Any]:
-    """Return the dtype of one point, of the wanted fields alone."""
     offsets: dict[str, int] = {}
     formats: dict[str, np.dtype[Any]] = {}
     for one in cloud.fields:

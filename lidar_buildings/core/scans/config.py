@@ -64,7 +64,6 @@ class ScanConfig(StageConfig):
     )
 
     def __post_init__(self) -> None:
-        """Check every value."""
         super().__post_init__()
         self.mounting_pose()
         self.antenna_place()

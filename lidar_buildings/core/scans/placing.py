@@ -1,18 +1,20 @@
-"""Scans as they come, placed in the map as soon as the poses of their points are known."""
+"""Scans as they come, and satellites' antennas, placed in the map as soon as their poses are known."""
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
-from collections.abc import Iterator
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.motion import place_points
-from lidar_buildings.core.scans.scan import PlacedScan, Scan, mark_of, read_scan, stamp_of
+from lidar_buildings.core.scans.scan import PlacedScan, Scan, is_alike, joined, mark_of, read_scan, stamp_of
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.scans.transform_tree import (
@@ -23,7 +25,6 @@ from lidar_buildings.core.scans.transform_tree import (
     frame_name,
     why_no_way,
 )
-from lidar_buildings.core.scans.waiting import WaitingScans
 
 #: Why points are left out, in words; those of `scan` beside.
 NO_POSE = "no pose at their time"
@@ -43,6 +44,67 @@ _KEPT_POSES = 10_000_000_000
 _BATCH = 1_000_000
 #: Scans among which one that comes twice is found: minutes to an hour.
 _MAX_MARKS = 10_000
+
+
+#: Points that may wait: a second of the fastest scanners, half a minute of others; 0.5 GB.
+MAX_POINTS = 10_000_000
+#: Scans that may wait, however small.
+MAX_SCANS = 50_000
+
+
+class WaitingScans:
+    """Scans that wait, with `n_points` points, those of each frame in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._by_frame: dict[str, deque[tuple[int, Scan]]] = {}
+        self._n_came = self._n_scans = self.n_points = 0
+
+    @property
+    def are_too_many(self) -> bool:
+        """Whether the first has to go; a single one may be as large as it is."""
+        return self._n_scans > 1 and (self.n_points > MAX_POINTS or self._n_scans > MAX_SCANS)
+
+    @property
+    def oldest(self) -> Scan | None:
+        """The scan that has waited longest, None if none waits."""
+        return min((queue[0] for queue in self._by_frame.values()), default=(0, None), key=itemgetter(0))[1]
+
+    def add(self, scan: Scan) -> None:
+        """Let a scan wait."""
+        self._by_frame.setdefault(scan.frame, deque()).append((self._n_came, scan))
+        self._n_came += 1
+        self._n_scans += 1
+        self.n_points += len(scan.times)
+
+    def take_joined(self, is_due: Callable[[Scan], bool]) -> Scan | None:
+        """Remove and return as one the next scans that are due, of one frame and with the same columns."""
+        scans: list[Scan] = []
+        while (scan := self.take(is_due, lambda one: not scans or is_alike(one, scans[0]))) is not None:
+            scans.append(scan)
+        return joined(scans) if scans else None
+
+    def take(
+        self,
+        is_due: Callable[[Scan], bool] = lambda scan: True,
+        is_wanted: Callable[[Scan], bool] = lambda scan: True,
+    ) -> Scan | None:
+        """
+        Remove and return the first scan that is due, None if none is, or that one is not wanted.
+
+        None passes another of its frame.
+        """
+        for _, frame in sorted((queue[0][0], frame) for frame, queue in self._by_frame.items()):
+            queue = self._by_frame[frame]
+            if is_due(queue[0][1]):
+                if not is_wanted(queue[0][1]):
+                    return None
+                _, scan = queue.popleft()
+                if not queue:
+                    del self._by_frame[frame]
+                self._n_scans -= 1
+                self.n_points -= len(scan.times)
+                return scan
+        return None
 
 
 class ScanPlacer:
@@ -271,3 +333,42 @@ def _pose(place: Any, attitude: Any) -> Pose:
         (float(place.x), float(place.y), float(place.z)),
         (float(attitude.x), float(attitude.y), float(attitude.z), float(attitude.w)),
     )
+
+
+#: What moves, where nothing but /tf tells of it (REP-105).
+_BODY = "base_link"
+
+
+class Antenna(NamedTuple):
+    """An antenna on what the poses move."""
+
+    frame: str  #: where it is fixed
+    target: str  #: the frame in which scans are placed
+    place: tuple[float, float, float]  #: in its frame [m]
+
+    @classmethod
+    def of(cls, frame: str, placer: ScanPlacer) -> Antenna | None:
+        """
+        Return the antenna whose positions are told in a frame, None if nothing tells how that moves.
+
+        The frame counts if transforms tell of it, but not that it moves against what odometry moves, or
+        `base_link`, and the parameter `antenna` is empty; else the antenna is at the origin of that.
+        """
+        tree, body = placer.tree, placer.odometry_child or _BODY
+        is_other = frame not in tree.frames or (tree.has_way(frame, body) and tree.moves(frame, body))
+        own = body if is_other or placer.config.antenna.strip() else frame
+        target = placer.target or placer.target_of(own)
+        if not (tree.has_way(own, target) and tree.moves(own, target)):
+            return None
+        return cls(own, target, placer.config.antenna_place())
+
+    def places(
+        self, placer: ScanPlacer, times: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return where it was at some times [ns], shape (n, 3) [m], and whether that is known."""
+        poses = placer.tree.poses(self.frame, self.target, times)
+        return poses.apply(np.tile(self.place, (len(times), 1))), poses.is_known
+
+    def known_until(self, placer: ScanPlacer) -> int:
+        """Return the time of the last pose that tells of it [ns]."""
+        return placer.tree.known_until(self.frame, self.target) or 0

@@ -131,7 +131,6 @@ def stamp_of(header: Any) -> int:
 
 
 def _are_measured(xyz: NDArray[np.float64], left_out: Counter[str]) -> NDArray[np.bool_]:
-    """Return which rows are measurements."""
     with np.errstate(invalid="ignore"):
         is_finite = np.logical_and.reduce([np.abs(one) <= MAX_COORDINATE for one in xyz.T])
         is_return = np.logical_or.reduce([one != 0.0 for one in xyz.T])

@@ -85,7 +85,6 @@ class Trajectory:
         self.n_jumps, self.first_jump = 0, 0.0
 
     def __len__(self) -> int:
-        """Return the number of poses."""
         self._sort_in()
         return len(self._stamps)
 
@@ -141,7 +140,6 @@ class Trajectory:
         )
 
     def _sort_in(self) -> None:
-        """Put the new poses where they belong."""
         if not self._new:
             return
         stamps = np.concatenate([self._stamps, np.array([stamp for stamp, _ in self._new], dtype=np.int64)])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import shapely
 
@@ -23,7 +21,7 @@ from lidar_buildings.core.solids.half_edges import (
 )
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.planar_subdivision import OUTSIDE
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
 from lidar_buildings.core.solids.triangulation import FaceArrays
 
 #: Edges of a plan farther than this from the ends of others, and corners of a wall farther from each other,
@@ -31,21 +29,9 @@ from lidar_buildings.core.solids.triangulation import FaceArrays
 CLEARANCE = 1.5
 
 
-class RaisedShell(NamedTuple):
-    """A shell raised on a plan."""
-
-    faces: FaceArrays  #: the ground's first, then the roof's, then the walls
-    semantics: tuple[str, ...]  #: what each face is
-
-    @property
-    def solid(self) -> Solid:
-        """The shell as a solid."""
-        return self.faces.solid(self.semantics)
-
-
-def assemble(plan: HalfEdges) -> RaisedShell:
+def assemble(plan: HalfEdges) -> tuple[FaceArrays, tuple[str, ...]]:
     """
-    Return ground faces, roof faces, and a wall for each edge where elevations differ.
+    Return ground faces, roof faces, and a wall for each edge where elevations differ, and what each face is.
 
     Nothing is returned if a ring has different pieces to its left: its edges cross.
     """
@@ -58,7 +44,7 @@ def assemble(plan: HalfEdges) -> RaisedShell:
     rings = np.array([ring for _, face in faces for ring in face], dtype=np.int64)
     if not len(rings):
         nothing = FaceArrays(np.empty((0, 3)), rings, np.zeros(1, np.int64), np.zeros(1, np.int64))
-        return RaisedShell(nothing, ())
+        return nothing, ()
     places = np.empty((len(edges), 3), dtype=np.int64)
     corners = np.empty(len(edges) + 2 * int((np.bincount(edges[:, START]) ** 2).sum()), dtype=np.int64)
     ring_starts = np.empty(len(rings) + len(edges) + 1, dtype=np.int64)
@@ -73,7 +59,7 @@ def assemble(plan: HalfEdges) -> RaisedShell:
         ring_starts[: n_all + 1],
         face_starts,
     )
-    return RaisedShell(shell, (*kinds, *[WALL_SURFACE] * n_walls))
+    return shell, (*kinds, *[WALL_SURFACE] * n_walls)
 
 
 def _faces(
@@ -90,39 +76,22 @@ def _faces(
         holes = [ring for ring in groups[piece] if sign * area[ring] < 0]
         if len(exteriors) > 1 and holes:
             corners = plan.vertices[plan.edges[around, START], :2]
-            polygons = [shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors + holes]
-            faces += [(piece, face) for face in _with_holes(polygons, exteriors, holes)]
+            around_holes = {k: shapely.Polygon(corners[first[k] : first[k + 1]]) for k in exteriors}
+            own: dict[int, list[int]] = {exterior: [exterior] for exterior in exteriors}
+            for hole in holes:  # each belongs to the smallest exterior around it
+                inside = shapely.Polygon(corners[first[hole] : first[hole + 1]]).representative_point()
+                owners = [k for k in exteriors if around_holes[k].contains(inside)]
+                if owners:
+                    own[min(owners, key=lambda k: around_holes[k].area)].append(hole)
+            faces += [(piece, face) for face in own.values()]
         else:
             faces += [(piece, [ring, *holes]) for ring in exteriors]
     return faces
 
 
-def _with_holes(polygons: list[shapely.Polygon], exteriors: list[int], holes: list[int]) -> list[list[int]]:
-    """Give each hole to the smallest exterior around it; polygons of exteriors come before those of holes."""
-    faces = [[exterior] for exterior in exteriors]
-    for hole, polygon in zip(holes, polygons[len(exteriors) :], strict=True):
-        inside = polygon.representative_point()
-        owners = [k for k in range(len(exteriors)) if polygons[k].contains(inside)]
-        if owners:
-            faces[min(owners, key=lambda k: polygons[k].area)].append(hole)
-    return faces
-
-
 @kernel
-def _trace_rings(
-    vertices: IntArray,
-    edges: IntArray,
-    order: IntArray,
-    around: IntArray,
-    first: IntArray,
-    owner: IntArray,
-    area: IntArray,
-) -> int:
-    """
-    Write the half-edges of the rings around every piece and around what is outside; return their number.
-
-    No ring passes a vertex twice: where a piece touches itself, its ring is divided.
-    """
+def _trace_rings(vertices, edges, order, around, first, owner, area):  # type: ignore[no-untyped-def]
+    """Write the half-edges of the rings, none of which passes a vertex twice; return the number of rings."""
     done = np.zeros(len(edges), dtype=np.bool_)
     place = np.full(len(vertices), -1)
     path = np.empty(len(edges), dtype=np.int64)
@@ -161,22 +130,8 @@ def _trace_rings(
 
 
 @kernel
-def _raise(
-    vertices: IntArray,
-    edges: IntArray,
-    order: IntArray,
-    around: IntArray,
-    first: IntArray,
-    rings: IntArray,
-    places: IntArray,
-    corners: IntArray,
-    ring_starts: IntArray,
-) -> tuple[int, int]:
-    """
-    Write the rings of roof and ground, then the walls; number corners in space as they come up.
-
-    Return the numbers of corners in space and of walls.
-    """
+def _raise(vertices, edges, order, around, first, rings, places, corners, ring_starts):  # type: ignore[no-untyped-def]
+    """Write the rings of roof, ground and walls; return the numbers of corners in space and of walls."""
     stack, levels = np.zeros(len(vertices) + 1, dtype=np.int64), np.empty(len(edges), dtype=np.int64)
     for v in range(len(vertices)):
         n = stack[v]
@@ -234,9 +189,7 @@ def _raise(
 
 
 @kernel
-def _place(
-    vertices: IntArray, v: int, levels: IntArray, slot: int, rows: IntArray, places: IntArray, n_places: int
-) -> int:
+def _place(vertices, v, levels, slot, rows, places, n_places):  # type: ignore[no-untyped-def]
     """Number the corner at a level above a vertex if it is new; return how many there are."""
     if rows[slot] < 0:
         rows[slot] = n_places

@@ -82,16 +82,7 @@ def raw_elevation(planes: FloatArray, x: int, y: int, piece: int) -> float:
 
 
 @kernel
-def measure(
-    vertices: IntArray,
-    edges: IntArray,
-    planes: FloatArray,
-    v: int,
-    fan: IntArray,
-    value: FloatArray,
-    ground: int,
-    within: float,
-) -> None:
+def measure(vertices, edges, planes, v, fan, value, ground, within):  # type: ignore[no-untyped-def]
     """Measure the elevations at a vertex and make almost equal ones one, from the lowest on."""
     n = 0
     e = vertices[v, EDGE]
@@ -203,7 +194,11 @@ class HalfEdges:
         link(self._vertices, self._edges, planes, ground, within)
         for _ in range(_MAX_ROUNDS):
             by_place, self.order = self._orders()
-            self._reserve()
+            # Room for all that one round may add.
+            n_vertices, n_edges = self._sizes.tolist()
+            most = n_edges // 2 + n_vertices
+            self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
+            self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
             changed = _repair(
                 self._vertices, self._edges, self._sizes, planes, by_place, self.order, ground, within
             )
@@ -231,28 +226,10 @@ class HalfEdges:
         ends = starts.reshape(-1, 2)[:, ::-1].ravel()
         return by_place, np.argsort(starts * len(rank) + ends)
 
-    def _reserve(self) -> None:
-        """Make room for all that one round may add."""
-        n_vertices, n_edges = self._sizes.tolist()
-        most = n_edges // 2 + n_vertices
-        self._vertices = np.concatenate([self.vertices, np.zeros((most, 4), dtype=np.int64)])
-        self._edges = np.concatenate([self.edges, np.zeros((2 * most, 5), dtype=np.int64)])
-
 
 @kernel
-def _repair(
-    vertices: IntArray,
-    edges: IntArray,
-    sizes: IntArray,
-    planes: FloatArray,
-    vertex_order: IntArray,
-    edge_order: IntArray,
-    ground: int,
-    within: float,
-) -> bool:
-    """
-    Divide all edges where profiles cross, then draw valleys back; say whether there was anything to do.
-    """
+def _repair(vertices, edges, sizes, planes, vertex_order, edge_order, ground, within):  # type: ignore[no-untyped-def]
+    """Divide all edges where profiles cross, then draw valleys back; return whether there were any."""
     changed = False
     most = len(edges)
     fan, moved, value = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty(most)
@@ -299,7 +276,6 @@ def _repair(
 
 @kernel
 def _is_taken(vertices: IntArray, new: int) -> bool:
-    """Whether an earlier vertex with edges lies where a new one is to lie."""
     for v in range(new):
         if (
             vertices[v, X] == vertices[new, X]
@@ -311,9 +287,7 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
 
 
 @kernel
-def _find_crossing(
-    vertices: IntArray, planes: FloatArray, a: int, b: int, left: int, right: int, new: int
-) -> None:
+def _find_crossing(vertices, planes, a, b, left, right, new):  # type: ignore[no-untyped-def]
     """Put a vertex on the place of the grid that is nearest to the crossing of both pieces."""
     ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
     first = raw_elevation(planes, ax, ay, left) - raw_elevation(planes, ax, ay, right)
@@ -324,10 +298,7 @@ def _find_crossing(
 
 
 @kernel
-def _split_edge(
-    vertices: IntArray, edges: IntArray, sizes: IntArray, e: int, new: int, fan: IntArray, value: FloatArray
-) -> None:
-    """Put a new vertex into an edge: its second half becomes an edge of its own."""
+def _split_edge(vertices, edges, sizes, e, new, fan, value):  # type: ignore[no-untyped-def]
     a, b = edges[e, START], edges[e ^ 1, START]
     half = sizes[1]
     sizes[1] += 2
@@ -346,19 +317,7 @@ def _split_edge(
 
 
 @kernel
-def _cut_corner(
-    vertices: IntArray,
-    edges: IntArray,
-    sizes: IntArray,
-    v: int,
-    first: int,
-    last: int,
-    new: int,
-    fan: IntArray,
-    n: int,
-    moved: IntArray,
-    value: FloatArray,
-) -> None:
+def _cut_corner(vertices, edges, sizes, v, first, last, new, fan, n, moved, value):  # type: ignore[no-untyped-def]
     """Draw the sectors first to last back from a vertex to a new one, so that those beside them meet."""
     n_moved = (last - first) % n + 2
     for k in range(n_moved):

@@ -81,9 +81,7 @@ def self_intersects(vertices: FloatArray, triangles: IntArray, face_of: IntArray
 
 
 @kernel
-def _any_meet(
-    points: IntArray, triangles: IntArray, face_of: IntArray, low: IntArray, high: IntArray
-) -> bool:
+def _any_meet(points, triangles, face_of, low, high):  # type: ignore[no-untyped-def]
     """Sweep the boxes in the order of their lower ends and test those that overlap."""
     for i in range(len(triangles)):
         for j in range(i + 1, len(triangles)):
@@ -135,9 +133,7 @@ def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_
 
 @kernel
 def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
-    """
-    Whether two triangles with one common vertex meet elsewhere: then an opposite side meets the other one.
-    """
+    """Whether triangles with one common vertex meet elsewhere: an opposite side meets the other one."""
     for i in range(3):
         for j in range(3):
             if s[i] == t[j]:
@@ -150,7 +146,6 @@ def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
 
 @kernel
 def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
-    """Whether two triangles without a common vertex meet."""
     if _beside(p, s, t) or _beside(p, t, s):
         return False
     for k in range(3):
@@ -161,7 +156,6 @@ def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
 
 @kernel
 def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
-    """Whether all corners of a triangle lie on one side of the other's plane."""
     first = side_of_plane(p, t[0], t[1], t[2], s[0])
     if first == 0 or side_of_plane(p, t[0], t[1], t[2], s[1]) != first:
         return False
@@ -170,7 +164,6 @@ def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
 
 @kernel
 def _segment_meets(p: IntArray, q: int, r: int, t: IntArray) -> bool:
-    """Whether a segment and a triangle have a point in common."""
     side_q = side_of_plane(p, t[0], t[1], t[2], q)
     side_r = side_of_plane(p, t[0], t[1], t[2], r)
     if side_q * side_r > 0:
@@ -225,7 +218,6 @@ def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) 
 
 @kernel
 def _between(p: IntArray, q: int, r: int, a: int) -> bool:
-    """Whether a point on the line through two others lies between them."""
     for axis in range(3):
         if p[a, axis] < min(p[q, axis], p[r, axis]) or p[a, axis] > max(p[q, axis], p[r, axis]):
             return False

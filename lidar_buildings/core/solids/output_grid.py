@@ -94,7 +94,6 @@ def polygons_of(geometry: shapely.Geometry) -> list[shapely.Polygon]:
 
 
 def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
-    """Return the polygon with the largest area in any geometry, an empty one if there is none."""
     return max(
         polygons_of(geometry), key=lambda polygon: (polygon.area, polygon.wkb), default=shapely.Polygon()
     )

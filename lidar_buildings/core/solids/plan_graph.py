@@ -72,7 +72,6 @@ def _half_plane(ring: FloatArray, plane: FloatArray, elevation: float) -> shapel
 
 
 def _rings(geometry: shapely.Geometry) -> list[_Rings]:
-    """Return the rings of all polygons of a geometry, open."""
     return [
         tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
         for polygon in polygons_of(geometry)
@@ -111,20 +110,16 @@ LEAST_DISTANCE = 3.0
 
 
 def matched_coverage(pieces: Sequence[RoofPiece], numbers: IntArray) -> PlanGraph:
-    """
-    Return the graph of the pieces, noded anew if they do not match edge by edge; those of one number are one.
-    """
+    """Return the graph of the pieces, noded anew if they do not match; those of one number are one."""
     polygons, own = _polygons(pieces)
     if shapely.is_valid(polygons).all():
         graph = graph_of(polygons, numbers[own])
         # Outer edges that keep clear of each other leave no slits.
-        if graph is not None and _are_clear(graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]]):
-            return graph
+        if graph is not None:
+            outer = graph.places[graph.ends[(graph.sides == OUTSIDE).any(axis=1)]]
+            if n_joints(outer.reshape(-1, 4).astype(np.float64), LEAST_DISTANCE) >= 0:
+                return graph
     return noded_coverage(pieces, numbers, LEAST_DISTANCE, 1.0)
-
-
-def _are_clear(edges: IntArray) -> bool:
-    return bool(n_joints(edges.reshape(-1, 4).astype(np.float64), LEAST_DISTANCE) >= 0)
 
 
 def _polygons(pieces: Sequence[RoofPiece]) -> tuple[NDArray[np.object_], IntArray]:

@@ -27,27 +27,15 @@ from lidar_buildings.core.solids.shell import (
     Solid,
     ring_edges,
 )
-from lidar_buildings.core.solids.triangulation import (
-    face_arrays,
-    fitted_planes,
-    triangulate,
-)
-from lidar_buildings.core.solids.validity import (
-    MAX_PLANE_DISTANCE,
-    check_faces,
-    check_solid,
-    folds,
-    n_joints,
-)
+from lidar_buildings.core.solids.triangulation import face_arrays, fitted_planes, triangulate
+from lidar_buildings.core.solids.validity import MAX_PLANE_DISTANCE, check_faces, check_solid, folds, n_joints
 
 #: As `assembly.CLEARANCE` [m].
 _CLEARANCE = CLEARANCE * GRID
 
 
 def extrude(outline: Outline, z_bottom: float, z_top: float) -> Solid:
-    """
-    Raise an outline from one elevation to another: ground, roof, and a wall an edge, whether valid or not.
-    """
+    """Raise an outline from one elevation to another: ground, roof, and a wall an edge, valid or not."""
     rings = outline.oriented().rings
     plan = np.concatenate(rings)
     n = len(plan)
@@ -113,17 +101,17 @@ def checked_roof_solid(
     for graph in _plans(pieces, numbers):
         if not len(graph.ends):
             break
-        shell = assemble(HalfEdges(graph, planes, ground))
-        codes = check_faces(shell.faces)
+        faces, semantics = assemble(HalfEdges(graph, planes, ground))
+        codes, solid = check_faces(faces), faces.solid(semantics)
         if not codes:
-            return shell.solid, ()
-        if _NON_PLANAR.issuperset(codes) and not check_solid(cut := triangulate_non_planar(shell.solid)):
+            return solid, ()
+        if _NON_PLANAR.issuperset(codes) and not check_solid(cut := triangulate_non_planar(solid)):
             return cut, ()
-        first_tried = first_tried or (shell, codes)
+        first_tried = first_tried or (solid, codes)
     if first_tried is None:
         nothing = Solid(np.empty((0, 3)), (), ())
         return nothing, check_solid(nothing)
-    return first_tried[0].solid, first_tried[1]
+    return first_tried
 
 
 def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:

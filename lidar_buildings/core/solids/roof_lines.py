@@ -120,7 +120,6 @@ def _fall_behind(edges: _Edges) -> NDArray[np.bool_]:
 
 
 def _are_level(edges: _Edges, faces: IntArray) -> NDArray[np.bool_]:
-    """Whether each edge is level beside one of its faces."""
     x, y, z = np.abs(edges.ends[:, 1] - edges.ends[:, 0]).T
     normals = edges.normals[faces]
     steepness = np.hypot(normals[:, 0], normals[:, 1]) / np.maximum(normals[:, 2], 1e-9)
@@ -137,7 +136,9 @@ def _parted(ends: _Ends, lower: list[_Ends], outer: str) -> list[tuple[str, _End
     if not lower:
         return [(outer, ends)]
     spans = sorted(
-        sorted(_share((px - x) * along[0] + (py - y) * along[1], length) for px, py, _ in foot)
+        sorted(
+            min(max(((px - x) * along[0] + (py - y) * along[1]) / length**2, 0.0), 1.0) for px, py, _ in foot
+        )
         for foot in lower
     )
     pieces, done = [], 0.0
@@ -152,13 +153,7 @@ def _parted(ends: _Ends, lower: list[_Ends], outer: str) -> list[tuple[str, _End
     ]
 
 
-def _share(product: float, length: float) -> float:
-    """Return how far along a line of a length something lies, from its product with the line: 0 to 1."""
-    return min(max(product / length**2, 0.0), 1.0)
-
-
 def _joined(pieces: list[_Ends]) -> list[_Ends]:
-    """Join pieces that go on straight where others end."""
     lines = list(pieces)
     for k in range(len(lines) - 1, -1, -1):
         for j, before in enumerate(lines):
@@ -179,6 +174,5 @@ def _goes_on(before: _Ends, after: _Ends) -> bool:
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    """Return vectors of length 1, zeros where they have none."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0.0, length, 1.0))

@@ -76,9 +76,7 @@ class FaceShape(NamedTuple):
 
 
 def face_shape(rings: Sequence[FloatArray]) -> FaceShape:
-    """
-    Measure a face: the exterior, counter-clockwise seen from the side that it looks to, then its holes [m].
-    """
+    """Measure a face: the exterior, counter-clockwise seen from where it looks to, then its holes [m]."""
     x, y, z = area_vector(rings)
     plan = math.hypot(x, y)
     slope = math.degrees(math.atan2(plan, z))
@@ -102,9 +100,7 @@ def face_plane(rings: Sequence[FloatArray]) -> tuple[float, float, float] | None
 
 
 def area_vector(rings: Sequence[FloatArray]) -> tuple[float, float, float]:
-    """
-    Return the normal of a face, as long as its area is large (Newell's method) [m²]; holes run the other way.
-    """
+    """Return a face's normal, as long as its area (Newell's method) [m²]; holes run the other way."""
     x = y = z = 0.0
     for ring in rings:
         corners = (ring - ring[0]).tolist()

@@ -101,9 +101,7 @@ _NO_GAIN = 1e-9
 
 
 @kernel
-def flip_to_delaunay(
-    flat: FloatArray, corners: IntArray, rows: IntArray, begin: int, end: int, across: IntArray
-) -> None:
+def flip_to_delaunay(flat, corners, rows, begin, end, across):  # type: ignore[no-untyped-def]
     """
     Flip the inner edges of triangles in place, as Lawson (1977), until all are locally Delaunay.
 
@@ -175,7 +173,6 @@ def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
 
 @kernel
 def _angle(flat: FloatArray, p: int, q: int, r: int) -> tuple[float, float]:
-    """Return sine and cosine of the angle at p from q to r; it is 0 if one coincides with it."""
     ux, uy = flat[q, 0] - flat[p, 0], flat[q, 1] - flat[p, 1]
     vx, vy = flat[r, 0] - flat[p, 0], flat[r, 1] - flat[p, 1]
     size = np.sqrt((ux * ux + uy * uy) * (vx * vx + vy * vy))
@@ -202,15 +199,7 @@ def triangulate(faces: FaceArrays, flat: FloatArray) -> tuple[IntArray, IntArray
 
 
 @kernel
-def _triangulate_all(
-    flat: FloatArray,
-    corners: IntArray,
-    ring_starts: IntArray,
-    face_starts: IntArray,
-    starts: IntArray,
-    triangles: IntArray,
-) -> None:
-    """Triangulate face by face into the rows reserved for each."""
+def _triangulate_all(flat, corners, ring_starts, face_starts, starts, triangles):  # type: ignore[no-untyped-def]
     most = 0
     for face in range(len(face_starts) - 1):
         most = max(most, starts[face + 1] - starts[face] + 2)
@@ -236,21 +225,11 @@ def _triangulate_all(
 
 
 @kernel
-def _join_holes(
-    flat: FloatArray,
-    corners: IntArray,
-    ring_starts: IntArray,
-    first_ring: int,
-    last_ring: int,
-    loop: IntArray,
-    n: int,
-) -> int:
+def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # type: ignore[no-untyped-def]
     """
     Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then.
 
-    The rightmost of the holes that are left is the next one: it can be seen from what it is joined to. It is
-    joined at a common vertex if there is one, else by the shortest bridge in sight from its rightmost corner,
-    and if that has none, from any.
+    The rightmost hole left is the next: joined at a common vertex, else by the shortest bridge in sight.
     """
     joined = np.zeros(last_ring, dtype=np.bool_)
     for _ in range(first_ring + 1, last_ring):
@@ -290,22 +269,8 @@ def _join_holes(
 
 
 @kernel
-def _is_free(
-    flat: FloatArray,
-    ring_starts: IntArray,
-    first_ring: int,
-    last_ring: int,
-    loop: IntArray,
-    n: int,
-    i: int,
-    end: int,
-    touches: bool,
-) -> bool:
-    """
-    Whether a corner is seen from corner i of a loop in the direction of its inside, with no edge between.
-
-    Where rings touch nothing can lie between.
-    """
+def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches):  # type: ignore[no-untyped-def]
+    """Whether corner i of a loop sees a corner on its inside; nothing lies between where rings touch."""
     start = loop[i]
     before, after = loop[i - 1 if i else n - 1], loop[i + 1 if i + 1 < n else 0]
     left_of_in, left_of_out = turn(flat, before, start, end) > 0.0, turn(flat, start, after, end) > 0.0
@@ -341,15 +306,11 @@ def _is_free(
 
 
 @kernel
-def _cut_ears(
-    flat: FloatArray, loop: IntArray, n: int, quality: FloatArray, triangles: IntArray, row: int
-) -> None:
+def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untyped-def]
     """
     Cut the ears off a loop of n corners: each time the best one, in long loops the first good one.
 
-    The quality of an ear is its height over its longest side as a share of that side; −1 for a straight
-    corner, −2 for no ear, −3 for a corner that points inwards. Only ears beside one that is cut change, and
-    those that had a corner inside.
+    An ear's quality is its height over its longest side; −1: straight, −2: no ear, −3: points inwards.
     """
     for k in range(n):
         quality[k] = _UNKNOWN
@@ -423,18 +384,8 @@ def face_pieces(vertices: FloatArray, faces: Sequence[Face]) -> list[list[tuple[
     """
     Divide each face of a solid into convex pieces that have every edge of its rings as an edge.
 
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        The solid's vertices [m].
-    faces : sequence of Face
-        Their rings as rows of `vertices`.
-
-    Returns
-    -------
-    list of list of tuple of int
-        Rows of `vertices`, face by face: the face itself if it is a triangle or a convex quadrilateral, else
-        the triangles by which it is checked.
+    Vertices are (n_vertices, 3) [m]. Returned are rows of them, face by face: the face itself if it is a
+    triangle or a convex quadrilateral, else the triangles by which it is checked.
     """
     pieces: list[list[tuple[int, ...]]] = [list(face) for face in faces]
     fours = [k for k, face in enumerate(faces) if len(face) == 1 and len(face[0]) == 4]

@@ -119,20 +119,8 @@ def n_joints(edges, distance):  # type: ignore[no-untyped-def]
 
 @kernel
 def _squared(x: float, y: float, ux: float, uy: float) -> float:
-    """Return the squared distance of a place to a segment, both seen from the segment's start."""
     share = min(1.0, max(0.0, (x * ux + y * uy) / (ux * ux + uy * uy)))
     return (x - share * ux) ** 2 + (y - share * uy) ** 2
-
-
-def repeated_points(faces: FaceArrays) -> set[int]:
-    """Return 101 if a ring has fewer than three points, 102 if one follows upon itself."""
-    found = int(_repetitions(faces.corners, faces.ring_starts))
-    return {code for bit, code in ((1, 101), (2, 102)) if found & bit}
-
-
-def self_intersections(faces: FaceArrays, flat: FloatArray) -> set[int]:
-    """Return 104 if a ring, seen in its face's plane, crosses or touches itself or has no area."""
-    return {104} if _any_meets_itself(flat, faces.ring_starts) else set()
 
 
 @kernel
@@ -182,7 +170,6 @@ def misplaced_holes(faces: FaceArrays, flat: FloatArray) -> set[int]:
 
 
 def _hole_faults(rings: list[FloatArray]) -> set[int]:
-    """Return what is wrong with one face of sound rings, exterior first."""
     exterior, *holes = (shapely.Polygon(ring) for ring in rings)
     if any(hole.exterior.is_ccw for hole in holes):
         return {208}
@@ -254,11 +241,7 @@ def broken_edges(triangles: IntArray) -> set[int]:
 
 
 def _n_umbrellas(pairs: IntArray, n: int) -> int:
-    """
-    Return the number of closed fans of triangles: one per vertex unless parts meet in a single vertex.
-
-    From a half-edge one comes to the next of its fan by taking the one before it in its triangle, backwards.
-    """
+    """Return the number of closed fans of triangles: one a vertex unless parts meet in a vertex alone."""
     opposite = np.empty(n, dtype=np.int64)
     opposite[pairs] = pairs[:, ::-1]
     edges = np.arange(n)
@@ -334,20 +317,21 @@ def check_faces(faces: FaceArrays) -> tuple[int, ...]:
 def _check_welded(faces: FaceArrays, leader: IntArray) -> set[int]:
     """Return the codes of a shell whose vertices count as others."""
     faces = replace(faces, corners=leader[faces.corners])
-    codes = repeated_points(faces)
-    if codes:
-        return codes
+    if found := int(_repetitions(faces.corners, faces.ring_starts)):
+        return {code for bit, code in ((1, 101), (2, 102)) if found & bit}
     codes, triangles, face_of = _check_flatness(faces)
-    return codes or _check_shell(faces, triangles, face_of) | _unused(leader, faces)
+    is_all_used = len(np.unique(faces.corners)) == len(np.unique(leader))
+    return codes or _check_shell(faces, triangles, face_of) | (set() if is_all_used else {309})
 
 
 def _check_flatness(faces: FaceArrays) -> tuple[set[int], IntArray, IntArray]:
     """Return what is wrong with rings and planes of faces (104 and 201 to 208), and their triangles."""
     nothing = np.empty((0, 3), dtype=np.int64)
     off_plane, flat = fitted_planes(faces)
+    crossings = {104} if _any_meets_itself(flat, faces.ring_starts) else set()
     if off_plane.max() > MAX_PLANE_DISTANCE * (1.0 - MARGIN):
-        return {203} | self_intersections(faces, flat), nothing, nothing
-    codes = self_intersections(faces, flat) or misplaced_holes(faces, flat)
+        return {203} | crossings, nothing, nothing
+    codes = crossings or misplaced_holes(faces, flat)
     if codes:
         return codes, nothing, nothing
     triangles, face_of = triangulate(faces, flat)
@@ -358,15 +342,10 @@ def _check_shell(faces: FaceArrays, triangles: IntArray, face_of: IntArray) -> s
     """Return what is wrong with a shell of sound faces: codes 301 to 307, and 405 if it is inside out."""
     if len(faces.face_starts) <= 4:
         return {301}
-    codes = broken_edges(triangles)
-    if codes:
+    if codes := broken_edges(triangles):
         return codes
     if self_intersects(faces.vertices, triangles, face_of):
         return {306}
     corners = faces.vertices[triangles] - faces.vertices.mean(axis=0)
     volume = np.einsum("ij,ij->", corners[:, 0], cross(corners[:, 1], corners[:, 2]))
     return {405} if volume <= 0.0 else set()
-
-
-def _unused(leader: IntArray, faces: FaceArrays) -> set[int]:
-    return set() if len(np.unique(faces.corners)) == len(np.unique(leader)) else {309}

@@ -1,6 +1,4 @@
-"""
-Erosion and opening of a raster by discs, at a cost that grows with the disc's radius instead of its area.
-"""
+"""Erosion and opening of a raster by discs, at a cost that grows with the radius, not with the area."""
 
 from __future__ import annotations
 

@@ -61,7 +61,9 @@ def opened_terrain(
     first = place.min(axis=0)
     row_and_column = (place - first).astype(np.int64)
     cells = Cells(row_and_column, np.argsort(row_and_column[:, 0], kind="stable"), first)
-    blocks, radii = rows_by_cell(points, BLOCK * CELL), _radii(largest_radius)
+    blocks = rows_by_cell(points, BLOCK * CELL)
+    steps = [*np.arange(RADIUS_STEP, largest_radius, RADIUS_STEP).tolist(), largest_radius]
+    radii = sorted({max(1, round(radius / CELL)) for radius in steps})
 
     def open_block(begin: int, end: int) -> None:
         own = blocks.rows[blocks.first[begin] : blocks.first[end]]
@@ -89,8 +91,10 @@ def _of_block(
     near = near[(cells.place[near, 1] >= low[1]) & (cells.place[near, 1] < high[1])]
     lowest = np.full(high - low, np.inf)
     np.minimum.at(lowest, tuple((cells.place[near] - low).T), points[near, 2])
-    if max_pit < np.inf:
-        lowest = _without_pits(lowest, max_pit)
+    if max_pit < np.inf:  # raised to the lowest around
+        rim = ndimage.minimum_filter(lowest, footprint=AROUND, mode="nearest")
+        is_amid = np.isfinite(ndimage.maximum_filter(lowest, 3, mode="nearest"))
+        lowest = np.where(is_amid & (rim > lowest + max_pit), rim, lowest)
     window = cells.first + low
     terrain = filled(lowest, _ground_cells(lowest, radii, max_slope), (int(window[0]), int(window[1])))
     # Values belong to the middles of cells.
@@ -100,36 +104,17 @@ def _of_block(
     ]
 
 
-def _without_pits(lowest: NDArray[np.float64], max_pit: float) -> NDArray[np.float64]:
-    """Raise cells that lie far below all eight around them to the lowest of those."""
-    rim = ndimage.minimum_filter(lowest, footprint=AROUND, mode="nearest")
-    is_amid = np.isfinite(ndimage.maximum_filter(lowest, 3, mode="nearest"))
-    return np.where(is_amid & (rim > lowest + max_pit), rim, lowest)
-
-
-def _radii(largest: float) -> list[int]:
-    """Return the discs' radii in cells, rising: by steps up to the largest [m]."""
-    radii = [*np.arange(RADIUS_STEP, largest, RADIUS_STEP).tolist(), largest]
-    return sorted({max(1, round(radius / CELL)) for radius in radii})
-
-
 def _ground_cells(lowest: NDArray[np.float64], radii: list[int], max_slope: float) -> NDArray[np.bool_]:
-    """Return which cells show the ground; all that hold points if none does."""
     known = np.isfinite(lowest)
     objects = np.zeros(lowest.shape, dtype=np.bool_)
     before = lowest
     for radius in radii:
         after = opened(before, radius)
-        objects |= _sunk(before, after, known, max_slope * radius * CELL + STEP)
+        sunk = np.subtract(before, after, out=np.zeros_like(before), where=known)
+        objects |= sunk > max_slope * radius * CELL + STEP
         before = after
     ground = known & ~objects
     return ground if ground.any() else known
-
-
-def _sunk(
-    before: NDArray[np.float64], after: NDArray[np.float64], known: NDArray[np.bool_], limit: float
-) -> NDArray[np.bool_]:
-    return np.subtract(before, after, out=np.zeros_like(before), where=known) > limit
 
 
 def _slope(terrain: NDArray[np.float64]) -> NDArray[np.float64]:

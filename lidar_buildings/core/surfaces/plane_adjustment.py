@@ -168,23 +168,13 @@ def multipliers(rows, response, nearest):  # type: ignore[no-untyped-def]
     return x
 
 
-class _Terms(NamedTuple):
-    """The terms of vertices' equations, sums of planes' coefficients times factors that are zero."""
-
-    #: Rows of the plane, of the vertex that the equation belongs to, and of the equation, rising, shape
-    #: (n_terms,).
-    plane: IntArray
-    owner: IntArray
-    equation: IntArray
-    factor: FloatArray  #: of a, b, c, shape (n_terms, 3)
-
-
-def _terms(vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatArray) -> _Terms:
+def _terms(
+    vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatArray
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
     """
-    Return the terms of vertices' equations.
+    Return the terms of vertices' equations, sums that are zero: plane, vertex, equation, factors of a, b, c.
 
-    At a given position all planes have the elevation of the first. Elsewhere the position is unknown, too:
-    combinations of elevations in which it cancels out are zero, three fewer than there are planes.
+    At a given position all planes have the elevation of the first; an unknown position is cancelled out.
     """
     terms: list[tuple[int, int, int]] = []
     factor: list[tuple[float, float, float]] = []
@@ -203,7 +193,7 @@ def _terms(vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatAr
             factor += [(share * x, share * y, share) for _, share in combination]
             n_equations += 1
     plane, owner, equation = np.array(terms, dtype=np.int64).reshape(-1, 3).T.copy()
-    return _Terms(plane, owner, equation, np.array(factor).reshape(-1, 3))
+    return plane, owner, equation, np.array(factor).reshape(-1, 3)
 
 
 #: A vertex may move a plane by this at its points, or by its own roughness if that is more [m].
@@ -250,7 +240,8 @@ class Adjustment:
         while vertices:
             coefficients, vertices, pull = self._solved(vertices)
             excess = self.free.offsets(coefficients) / allowed
-            culprits = _culprits(pull, np.flatnonzero(self.free.roof & (excess > 1.0)))
+            too_far = np.flatnonzero(self.free.roof & (excess > 1.0))
+            culprits = {int(np.argmax(pull[:, k])) for k in too_far if pull[:, k].any()}
             if not culprits:
                 return replace(self, coefficients=coefficients, vertices=tuple(vertices))
             vertices = [vertex for k, vertex in enumerate(vertices) if k not in culprits]
@@ -286,11 +277,6 @@ def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
         return Adjustment(free, np.full(n_planes, -1), False, free.coefficients)
     surface = level_planes(free)
     return Adjustment(free, surface, True, solve(free, surface, (), free.coefficients[:, :2])[0])
-
-
-def _culprits(pull: FloatArray, planes: IntArray) -> set[int]:
-    """Return the vertices that pull most at planes that have moved too far, one for each of these."""
-    return {int(np.argmax(pull[:, k])) for k in planes if pull[:, k].any()}
 
 
 @kernel

@@ -104,9 +104,7 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
 
 @kernel
 def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
-    """
-    Return each plane's centroid about the centre, shape (n, 3), and its scatter matrix about it, (n, 3, 3).
-    """
+    """Return planes' centroids about the centre, (n, 3), and scatter matrices about these, (n, 3, 3)."""
     mean, scatter = np.empty((len(sums), 3)), np.empty((len(sums), 3, 3))
     # Of the sums, those of products of x, y and z.
     products = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])

@@ -100,13 +100,11 @@ def _insertion_order(vertices: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _corners_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a box's corners, counter-clockwise from the south-west."""
     (west, south), (east, north) = box
     return np.array([(west, south), (east, south), (east, north), (west, north)])
 
 
 def _ring_of(box: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points evenly along a box's sides."""
     share = (np.arange(_PER_SIDE) / _PER_SIDE)[:, None]
     corners = _corners_of(box)
     return np.vstack(

@@ -13,8 +13,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.core.scans.antenna import Antenna
-from lidar_buildings.core.scans.placing import ScanPlacer, stamp_of
+from lidar_buildings.core.scans.placing import Antenna, ScanPlacer, stamp_of
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.track_fit import TrackFit, fit_track
 from lidar_buildings.core.scans.transform_tree import frame_name

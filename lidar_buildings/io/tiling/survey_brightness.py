@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.surfaces.brightness import MIN_CELL, brightness_raster
 from lidar_buildings.core.surfaces.intensity import (
+    MIN_CELL,
     IntensityScale,
+    brightness_raster,
     measure_scale,
     normalised_intensity,
     strip_scales,

@@ -5,7 +5,7 @@ import pytest
 from support.scan_messages import SECOND, T0, cloud_of, odometry, scan, transforms
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.scans import waiting
+from lidar_buildings.core.scans import placing
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import (
     CLOCK_SET_BACK,
@@ -264,7 +264,7 @@ def test_a_frame_that_waits_does_not_hold_up_another_one():
 
 def test_what_waits_is_bounded_by_points_and_by_scans(monkeypatch):
     for name, most in (("MAX_POINTS", 30), ("MAX_SCANS", 10)):
-        monkeypatch.setattr(waiting, name, most)
+        monkeypatch.setattr(placing, name, most)
     drive = Drive()
     for number in range(15):
         drive.scan(number / 10)

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.surfaces.brightness import valley_between_modes
 from lidar_buildings.core.surfaces.intensity import (
     HIGH_ANCHOR,
     IntensityScale,
     normalised_intensity,
     strip_scales,
+    valley_between_modes,
 )
 
 EVERYTHING = np.ones(20_000, dtype=bool)

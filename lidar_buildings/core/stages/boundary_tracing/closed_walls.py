@@ -8,8 +8,6 @@ and a box is part of the building unless the ground in it was seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -74,7 +72,9 @@ def close_walls(
     There is more than one outline where something narrow joins them; none where walls enclose nothing, those
     of one side alone and winding ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
     """
-    turn = _turn(_direction(walls))
+    angle = _direction(walls)
+    # What rows of x and y are multiplied by to see this direction as the x axis.
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     walls, bare, roofs, ground = (cells @ turn for cells in (walls, bare, roofs, ground))
     lines = [_lines(walls[:, k], walls[:, 1 - k]) for k in (0, 1)]
     if not all(map(len, lines)) or _straight_share(walls) < MIN_STRAIGHT:
@@ -83,7 +83,7 @@ def close_walls(
     edges = [_with_ends(own, across) for own, across in zip(lines, seen.T, strict=True)]
     ground = _within_boxes(ground, edges)
     within = np.concatenate([roofs, ground])
-    shapes = [one for one in _wide_parts(_boxes(edges, ground)) if _is_closed(one, seen, bare, within)]
+    shapes = [one for one in _wide_parts(edges, ground) if _is_closed(one, seen, bare, within)]
     # Corners alone would be too few for what follows: it takes an outline for points along walls.
     walked = shapely.transform(shapely.segmentize(shapes, _STEP), lambda xy: xy @ turn.T)
     return [Outline.of(one) for one in walked]
@@ -92,17 +92,11 @@ def close_walls(
 def _is_closed(
     shape: shapely.Polygon, seen: NDArray[np.float64], bare: NDArray[np.float64], within: NDArray[np.float64]
 ) -> bool:
-    """Whether enough was seen of a shape's walls, and not all of what they enclose."""
     n_seen = np.count_nonzero(shapely.contains_xy(shape, within))
     if n_seen * GROUND_CELL**2 > (1.0 - MIN_UNSEEN) * shape.area:
         return False
     by_bare = np.count_nonzero(_distances(shape, bare) <= GROUND_CELL) * _STEP
     return bool(_distances(shape, seen).max() <= MAX_DEPTH and by_bare >= MIN_BARE)
-
-
-def _turn(angle: float) -> NDArray[np.float64]:
-    """Return what rows of x and y are multiplied by to see a direction as the x axis."""
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def _direction(walls: NDArray[np.float64]) -> float:
@@ -169,18 +163,14 @@ def _within_boxes(cells: NDArray[np.float64], edges: list[NDArray[np.float64]]) 
     return cells[is_within]
 
 
-def _boxes(edges: list[NDArray[np.float64]], ground: NDArray[np.float64]) -> Iterator[shapely.Polygon]:
-    """Yield the boxes between lines that are part of the building."""
+def _wide_parts(edges: list[NDArray[np.float64]], ground: NDArray[np.float64]) -> list[shapely.Polygon]:
+    """Return the wide parts of what the boxes between lines cover that are not ground, the largest first."""
     of_ground = np.histogram2d(ground[:, 0], ground[:, 1], bins=(edges[0], edges[1]))[0]
     most = MAX_GROUND / GROUND_CELL**2 * np.outer(*map(np.diff, edges))
-    for i, j in zip(*np.nonzero(of_ground <= most), strict=True):
-        yield shapely.box(edges[0][i], edges[1][j], edges[0][i + 1], edges[1][j + 1])
-
-
-def _wide_parts(boxes: Iterator[shapely.Polygon]) -> list[shapely.Polygon]:
-    """Return the parts of what boxes cover, from the largest on, without what is narrow."""
+    i, j = np.nonzero(of_ground <= most)
+    boxes = shapely.box(edges[0][i], edges[1][j], edges[0][i + 1], edges[1][j + 1])
     half = 0.5 * MIN_WIDTH
-    wide = shapely.buffer(shapely.union_all(list(boxes)), -half, join_style="mitre")
+    wide = shapely.buffer(shapely.union_all(boxes), -half, join_style="mitre")
     parts = shapely.get_parts(shapely.buffer(wide, half, join_style="mitre"))
     return sorted((one for one in parts if one.area > 0.0), key=lambda one: -one.area)
 

@@ -115,7 +115,6 @@ class EmptyDiscs:
         return None
 
     def _xy(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the positions of places given in units of cells, shapes (n, 2)."""
         ux, uy, vx, vy = self._axes
         u, v = (np.array([self._west, self._south]) + cells * self._side).T
         return np.column_stack((u * ux + v * vx, u * uy + v * vy))
@@ -139,7 +138,6 @@ class EmptyDiscs:
     def _placed(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return positions in units of cells."""
         ux, uy, vx, vy = self._axes
         return (ux * x + uy * y - self._west) / self._side, (vx * x + vy * y - self._south) / self._side
 

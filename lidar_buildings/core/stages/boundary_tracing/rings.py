@@ -87,13 +87,12 @@ class RingTracer:
 
     def outline(self) -> Outline:
         """Return what was traced so far; the rings start at their westernmost vertex."""
-        rings = [self._from_west(rows) for rows in (self._exterior, *self._holes)]
-        return Outline(rings[0], tuple(rings[1:])).oriented()
+        rings = [self._positions(rows) for rows in (self._exterior, *self._holes)]
+        exterior, *holes = (np.roll(ring, -np.lexsort(ring.T[::-1])[0], axis=0) for ring in rings)
+        return Outline(exterior, tuple(holes)).oriented()
 
     def trace_exterior(self) -> None:
-        """
-        Trace the ring round all points from the one farthest from their middle, or take it from triangles.
-        """
+        """Trace the ring round all points from the outermost one, or take it from triangles."""
         own = np.flatnonzero(self._is_own)
         x, y = self._grid.x[own], self._grid.y[own]
         dx, dy = x - x.mean(), y - y.mean()
@@ -140,11 +139,7 @@ class RingTracer:
     def _add_courtyard(
         self, centre: Sequence[float], rules: CourtyardRules, discs: EmptyDiscs, min_band: float
     ) -> bool:
-        """
-        Add the courtyard round a place, if it is one and roofs less wide than the band are not all round it.
-
-        False if there is no rim round the place.
-        """
+        """Add the courtyard round a place, if it is one; False if there is no rim round the place."""
         before = int(self._edges.size[0])
         hole = self._rim(centre)
         if hole is None:
@@ -196,10 +191,9 @@ class RingTracer:
         points_on_wrong_side: Callable[[NDArray[np.int64]], NDArray[np.int64] | None],
     ) -> NDArray[np.int64] | None:
         """
-        Walk until a ring gives no trouble; widen the reach where the last walk did.
+        Walk from a row until a ring gives no trouble; widen the reach where the last walk did.
 
-        The walk starts from a row, its heading is the direction into the empty side. The callable returns the
-        rows on the wrong side of a closed ring, or None if it is no ring at all.
+        The heading leads into the empty side; the callable returns the rows on a ring's wrong side, or None.
         """
         grid, before = self._grid, int(self._edges.size[0])
         reach = np.ones(len(self._follower))
@@ -231,7 +225,6 @@ class RingTracer:
         return self._wrong(rows, True)
 
     def _wrong(self, ring: NDArray[np.int64], inside: bool) -> NDArray[np.int64]:
-        """Return the building's points inside a ring, or those outside."""
         rows = misplaced(self._grid, ring, inside)
         return rows[self._is_own[rows]]
 
@@ -256,8 +249,3 @@ class RingTracer:
 
     def _positions(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         return np.column_stack([self._grid.x[rows], self._grid.y[rows]])
-
-    def _from_west(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        ring = self._positions(rows)
-        west = np.flatnonzero(ring[:, 0] == ring[:, 0].min())
-        return np.roll(ring, -int(west[np.argmin(ring[west, 1])]), axis=0)

@@ -135,9 +135,15 @@ def trace_boundary(
     cloud = checked_points(points)
     spacing = _spacing(cloud, pattern, point_spacing)
     known, is_rectangle = pattern or ScanPattern.isotropic(spacing), config.neighbourhood == "rectangle"
-    known = known if is_rectangle else _widened(known)
+    if not is_rectangle:  # lines are never so straight and even
+        least = max(known.along, known.across) / _MAX_RATIO
+        known = replace(known, along=max(known.along, least), across=max(known.across, least))
     grid = build_point_grid(cloud, known, config.window, is_rectangle=is_rectangle)
-    why_degenerate = _degeneracy(grid, spacing)
+    why_degenerate = ""
+    if len(grid.x) < _MIN_POSITIONS:
+        why_degenerate = f"only {len(grid.x)} distinct positions"
+    elif _width(grid.x, grid.y) < _MIN_WIDTH * spacing:
+        why_degenerate = "all points lie on a line"
     if why_degenerate:
         outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
         return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
@@ -181,7 +187,6 @@ def _traced(
     config: BoundaryTracingConfig,
     rules: CourtyardRules | None,
 ) -> tuple[Outline, list[str]]:
-    """Return the rings, and what was out of the ordinary."""
     outline, reasons = _rings(RingTracer(grid, _MAX_WINDOW / config.window), rules)
     if not len(ground):
         return outline, reasons
@@ -215,12 +220,6 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
     return measure_spacing(cloud, FEW_PROBES) if pattern is None else pattern.spacing
 
 
-def _widened(pattern: ScanPattern) -> ScanPattern:
-    """Return a pattern whose smaller spacing is not much smaller: lines are never so straight and even."""
-    least = max(pattern.along, pattern.across) / _MAX_RATIO
-    return replace(pattern, along=max(pattern.along, least), across=max(pattern.across, least))
-
-
 def _across_gaps(pattern: ScanPattern, grid: PointGrid, outline: Outline) -> ScanPattern:
     """Return the pattern as much wider as the gaps between the points are than its own."""
     positions = np.column_stack((grid.x, grid.y))
@@ -228,16 +227,7 @@ def _across_gaps(pattern: ScanPattern, grid: PointGrid, outline: Outline) -> Sca
     return replace(pattern, along=pattern.along * wider, across=pattern.across * wider)
 
 
-def _degeneracy(grid: PointGrid, spacing: float) -> str:
-    if len(grid.x) < _MIN_POSITIONS:
-        return f"only {len(grid.x)} distinct positions"
-    if _width(grid.x, grid.y) < _MIN_WIDTH * spacing:
-        return "all points lie on a line"
-    return ""
-
-
 def _main_direction(dx: NDArray[np.float64], dy: NDArray[np.float64]) -> float:
-    """Return the direction in which positions about their middle scatter most [rad]."""
     # No scalar products: the threads that BLAS starts for long ones take more time than all else.
     return float(0.5 * np.arctan2(2.0 * (dx * dy).sum(), (dx * dx - dy * dy).sum()))
 

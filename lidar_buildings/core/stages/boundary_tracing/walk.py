@@ -81,14 +81,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
 @kernel
 def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
-    x, y, rounding, head, link, owner = (
-        grid.x,
-        grid.y,
-        grid.rounding,
-        edges.head,
-        edges.link,
-        edges.owner,
-    )
+    x, y, rounding, head, link, owner = (grid.x, grid.y, grid.rounding, edges.head, edges.link, edges.owner)
     # What is in the way mostly begins near a: a stuck walk has tried hundreds of segments in vain.
     home = row_of(grid, x[a], y[a]) * grid.n_columns + column_of(grid, x[a], y[a])
     if _meets_list(x, y, rounding, follower, link, owner, head[home], a, b):
@@ -165,24 +158,11 @@ def walk_round(grid, edges, follower, reach, max_reach, start, heading, max_step
     to the previous point, whose segment meets none of the rings so far (Sampath & Shan, 2007). Where no step
     is possible the neighbourhood grows. A walk ends for certain, since no point is entered twice.
 
-    Parameters
-    ----------
-    grid : PointGrid
-        The points.
-    edges : EdgeCells
-        The edges of earlier rings; those of the new ring are added if it closes.
-    follower : ndarray of int64, shape (n_positions,)
-        Next row in its ring for the points of rings, −1 for all others; updated likewise.
-    reach, max_reach : ndarray of shape (n_positions,), float
-        How many times the neighbourhood of each point is enlarged, and may be at most.
-    start, heading, max_steps : int, tuple of two float, int
-        Row of a point on the rim, direction from it into the empty side, and when to give up.
-
-    Returns
-    -------
-    ring, end : ndarray of int64, int
-        Rows in walking order, the start first, not repeated at the end; and `CLOSED`, `STUCK` in the last
-        row, `NO_ROOM`, or `ASTRAY`.
+    `edges`, EdgeCells, are those of earlier rings, `follower`, int64 (n_positions,), the next row in a ring,
+    −1 for points of none; a ring that closes is added to both. `reach` (n_positions,) and `max_reach` are how
+    many times the neighbourhood of each point is enlarged, and may be; `heading` leads from the row `start`
+    into the empty side. Returned are the rows in walking order, the start once, and `CLOSED`, `STUCK` in the
+    last row, `NO_ROOM`, or `ASTRAY` after `max_steps`.
     """
     ring = np.empty(min(len(follower), max_steps + 1), dtype=np.int64)
     dx, dy = heading
@@ -235,11 +215,7 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
 
 @kernel
 def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
-    """
-    Return the points that a step may lead to, and their clockwise turns.
-
-    Of points in one direction the nearer one has the smaller turn, by less than a unit.
-    """
+    """Return the points that a step may lead to, and their clockwise turns; the nearer first."""
     xs, ys, current, start = grid.x, grid.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
     ux, uy, vx, vy, is_disc = grid.ux, grid.uy, grid.vx, grid.vy, grid.is_disc
     orientation = grid.orientation
@@ -316,9 +292,7 @@ def bridge_gap(
 
 @kernel
 def _widen_pairs(grid, reach, rows, on_ring, level):  # type: ignore[no-untyped-def]
-    """
-    Raise the reach of points and of the ring's points near them to a level; False if all have it already.
-    """
+    """Raise the reach of points and the ring's points near them to a level; False if all have it."""
     n, is_wider = grid.n_columns, False
     for row in rows:
         x, y = grid.x[row], grid.y[row]

@@ -31,19 +31,8 @@ def plane_costs(
     cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those
     to points count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no plane.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Roof points [m].
-    weight : ndarray of shape (n_points,)
-        Area that each stands for [m²].
-    cell : ndarray of shape (n_points,), int64
-        The cell of each point, -1 for none.
-    cells : Cells
-    planes : ndarray of shape (n_planes, 3)
-        z = a·x + b·y + c.
-    spacing : float
-        Point spacing [m].
+    Points are (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1
+    for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
     slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
     return _costs(
@@ -54,11 +43,7 @@ def plane_costs(
 
 @kernel
 def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
-    """
-    Return squares over places: their side, the column and row of the south-western one, and how many of both.
-
-    They are of a spacing, wider where they would be too many, and lie at whole multiples of their side.
-    """
+    """Return the squares over places: side, south-western column and row, numbers of both."""
     west, south, east, north = np.inf, np.inf, -np.inf, -np.inf
     for i in range(len(places)):
         west, south = min(west, places[i, 0]), min(south, places[i, 1])

@@ -69,9 +69,7 @@ def _extend(obstacles, n_steps, extended):  # type: ignore[no-untyped-def]
 
 @kernel
 def _reach(x, y, dx, dy, own, n_segments, obstacles):  # type: ignore[no-untyped-def]
-    """
-    Return how far a ray runs to the nearest obstacle [m], and whether there is a wall; 0 where none is met.
-    """
+    """Return how far a ray runs to the nearest obstacle [m] and whether that is a wall; 0 if none is met."""
     nearest, wall = np.inf, np.inf
     for j in range(len(obstacles)):
         ax, ay = obstacles[j, 0], obstacles[j, 1]
@@ -105,7 +103,6 @@ class Cells:
     areas: FloatArray  #: [m²], shape (n_cells,)
 
     def __len__(self) -> int:
-        """Return the number of cells."""
         return len(self.areas)
 
 
@@ -155,11 +152,7 @@ _MOST_COLUMNS = 1000
 
 @kernel
 def _cells_above(points, lines, sides):  # type: ignore[no-untyped-def]
-    """
-    Return what lies above the next edge below each point; edges lead east.
-
-    Above a vertex the steepest of those that leave it counts.
-    """
+    """Return what lies above the next edge below each point; edges lead east, the steepest counts."""
     west, east = np.inf, -np.inf
     for e in range(len(lines)):
         west, east = min(west, lines[e, 0]), max(east, lines[e, 2])

@@ -31,10 +31,7 @@ class BuildingModelConfig(StageConfig):
         within=(0.0, 100.0),
     )
     min_face_area: float = parameter(
-        0.5,
-        "Smallest roof face; raising it drops dormers and chimneys.",
-        unit="m²",
-        within=(0.0, 1000.0),
+        0.5, "Smallest roof face; raising it drops dormers and chimneys.", unit="m²", within=(0.0, 1000.0)
     )
     min_part_step: float = parameter(
         1.0,

@@ -26,7 +26,6 @@ from lidar_buildings.core.stages.building_model.quality import ModelQuality, mea
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
-from lidar_buildings.core.surfaces.percentiles import percentile_of
 
 
 def known_attributes(
@@ -52,8 +51,12 @@ def known_attributes(
 
 
 def elevation_at(z: FloatArray, share: float) -> float:
-    """Return a percentile of rising elevations on the output grid [m]."""
-    return elevation_on_grid(percentile_of(z, share / 100.0))
+    """Return a percentile of rising elevations on the output grid [m], as numpy's, which takes 0.1 ms."""
+    at = (len(z) - 1) * (share / 100.0)
+    low, high = float(z[int(at)]), float(z[min(int(at) + 1, len(z) - 1)])
+    part = at - int(at)
+    between = low + (high - low) * part if part < 0.5 else high - (high - low) * (1.0 - part)
+    return elevation_on_grid(between)
 
 
 def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:
@@ -63,21 +66,15 @@ def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:
 
 def roof_attributes(topology: RoofTopology, quality: ModelQuality) -> dict[str, Any]:
     """Return what the roof's planes and the agreement with the points tell."""
+    n = sum(plane.n_points for plane in topology.planes)
+    square = sum(plane.n_points * plane.rms**2 for plane in topology.planes)
     return {
         "roof_type": topology.roof_type,
         "rmse": None if quality.rmse is None else _rounded(quality.rmse),
         "coverage": _rounded(quality.coverage),
         "no_data_share": _rounded(quality.no_data_share),
-        "plane_sigma": _plane_sigma(topology),
+        "plane_sigma": _rounded(math.sqrt(square / n)) if n else None,
     }
-
-
-def _plane_sigma(topology: RoofTopology) -> float | None:
-    """Return the root mean square distance of all planes' points to their planes [m]."""
-    n = sum(plane.n_points for plane in topology.planes)
-    if not n:
-        return None
-    return _rounded(math.sqrt(sum(plane.n_points * plane.rms**2 for plane in topology.planes) / n))
 
 
 def _rounded(value: float) -> float:
@@ -99,9 +96,7 @@ class Level:
 
 
 def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:
-    """
-    Raise an outline to one elevation, repairing it where its rings touch or cross; return it as it was used.
-    """
+    """Raise an outline to one elevation, repaired where rings touch or cross; return it as it was used."""
     codes = extrusion_codes(outline, first := extrude(outline, ground, roof), roof - ground)
     if not codes:
         return Level(first), outline
@@ -131,9 +126,7 @@ def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
 def part_elevations(
     faces: list[RoofFacePatch], points: FloatArray, elevation_of: Callable[[FloatArray], float]
 ) -> FloatArray:
-    """
-    Return the elevation of each face's part for LoD1.3 [m], on the output grid, as `elevation_of` has it.
-    """
+    """Return the elevation of each face's part for LoD1.3 [m], on the output grid, by `elevation_of`."""
     members: dict[int, list[RoofFacePatch]] = {}
     for face in faces:
         members.setdefault(face.part, []).append(face)
@@ -300,7 +293,11 @@ def _finer_levels(
     if not roof.has_extent:
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
-        faces = _roof_faces_of(roof, config)
+        steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
+        ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
+        planes, lines = _distinct_planes(roof), (steps, ridges)
+        faces = partition_outline(roof.outline, roof.points, planes, lines, roof.spacing, config)
+        faces = with_level_tops(faces, roof.points, roof.spacing)
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, elevation_on_grid(roof.ground + MIN_HEIGHT))
@@ -317,15 +314,6 @@ def _finer_levels(
         if level.solid is None
     ]
     return levels, {LOD13: flat, LOD22: faces}, "; ".join(missing)
-
-
-def _roof_faces_of(roof: _Roof, config: BuildingModelConfig) -> list[RoofFacePatch]:
-    """Divide the outline into faces with planes that the points bear out."""
-    steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
-    ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
-    planes, lines = _distinct_planes(roof), (steps, ridges)
-    faces = partition_outline(roof.outline, roof.points, planes, lines, roof.spacing, config)
-    return with_level_tops(faces, roof.points, roof.spacing)
 
 
 def _distinct_planes(roof: _Roof) -> FloatArray:
@@ -367,7 +355,6 @@ def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) 
 
 
 def _has_extent(points: FloatArray) -> bool:
-    """Whether points span an area in plan."""
     if len(points) < 3:
         return False
     x, y = points[:, 0] - points[0, 0], points[:, 1] - points[0, 1]

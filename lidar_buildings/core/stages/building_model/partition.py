@@ -14,11 +14,7 @@ from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
 from lidar_buildings.core.solids.plan_graph import cut_at
-from lidar_buildings.core.stages.building_model.cell_costs import (
-    ABOVE,
-    plane_costs,
-    point_weights,
-)
+from lidar_buildings.core.stages.building_model.cell_costs import ABOVE, plane_costs, point_weights
 from lidar_buildings.core.stages.building_model.cells import (
     Cells,
     cells_of_points,
@@ -143,24 +139,13 @@ def partition_outline(
     costs = plane_costs(points, weights, cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
-    return _faces(cells, labels, cell, planes, outline, config.min_part_step)
-
-
-def _faces(
-    cells: Cells,
-    labels: IntArray,
-    cell: IntArray,
-    planes: FloatArray,
-    outline: Outline,
-    min_part_step: float,
-) -> list[RoofFacePatch]:
-    """Join the cells of one plane."""
     face = join_equal_cells(cells, labels)
     rings = face_rings(cells, face, outline)
     own = np.empty((len(rings), 3))
     own[face] = planes[labels]
-    part = parts_of_one_height(cells, face, own, min_part_step).tolist()
-    rows = _rows_by_face(face, cell, len(rings))
+    part = parts_of_one_height(cells, face, own, config.min_part_step).tolist()
+    of_faces, first = rows_by_group(1 + np.append(face, -1)[cell], len(rings) + 1)
+    rows = [of_faces[begin:end] for begin, end in pairwise(first[1:].tolist())]
     return [RoofFacePatch(*each) for each in zip(rings, own, rows, part, strict=True) if each[0]]
 
 
@@ -177,8 +162,3 @@ def _reentrant_walls(ring: FloatArray) -> FloatArray:
     steps = np.concatenate([a / np.linalg.norm(a, axis=1)[:, None], -b / np.linalg.norm(b, axis=1)[:, None]])
     starts = np.concatenate([at, at])
     return np.stack([starts, starts + 0.01 * steps], axis=1)
-
-
-def _rows_by_face(face: IntArray, cell: IntArray, n_faces: int) -> list[IntArray]:
-    rows, first = rows_by_group(1 + np.append(face, -1)[cell], n_faces + 1)
-    return [rows[begin:end] for begin, end in pairwise(first[1:].tolist())]

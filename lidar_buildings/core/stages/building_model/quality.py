@@ -50,13 +50,7 @@ def distance_to_surface(points: FloatArray, solid: Solid, at_most: FloatArray) -
 
 
 @kernel
-def _nearest(
-    points: FloatArray,
-    corners: FloatArray,
-    first_corner: IntArray,
-    first_ring: IntArray,
-    distance: FloatArray,
-) -> None:
+def _nearest(points, corners, first_corner, first_ring, distance):  # type: ignore[no-untyped-def]
     low, high = np.empty(3), np.empty(3)
     n_blocks = (len(points) + _BLOCK - 1) // _BLOCK
     lowest, highest, reaches = np.empty((n_blocks, 3)), np.empty((n_blocks, 3)), np.full(n_blocks, np.inf)
@@ -170,7 +164,8 @@ def measure_model(
 
     Points over none of the faces are measured against the nearest one.
     """
-    misfit = _misfits(faces, points)
+    rows, planes = np.concatenate([face.rows for face in faces]), np.array([face.plane for face in faces])
+    misfit = _off_planes(points, rows, np.cumsum([len(face.rows) for face in faces]), planes)
     far = np.flatnonzero(misfit > _NEAR)
     misfit[far] = distance_to_surface(points[far], solid, misfit[far])
     rmse = math.sqrt((misfit * misfit).sum() / len(misfit)) if len(points) else None
@@ -178,12 +173,6 @@ def measure_model(
         outline, points[:, :2], misfit <= _AGREES, spacing, _EMPTY_DISTANCE * spacing
     )
     return ModelQuality(rmse, covered, no_data)
-
-
-def _misfits(faces: list[RoofFacePatch], points: FloatArray) -> FloatArray:
-    """Return every point's distance to the plane of the face over or under it [m]."""
-    rows, planes = np.concatenate([face.rows for face in faces]), np.array([face.plane for face in faces])
-    return _off_planes(points, rows, np.cumsum([len(face.rows) for face in faces]), planes)
 
 
 @kernel
@@ -223,15 +212,7 @@ def outline_coverage(
 
 
 @kernel
-def _count(
-    edges: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-    xy: FloatArray,
-    agrees: BoolArray,
-    reach: float,
-    counts: IntArray,
-) -> None:
+def _count(edges, x, y, xy, agrees, reach, counts):  # type: ignore[no-untyped-def]
     """Count the spots inside, those with a point near, and those with one that agrees."""
     west, south = x[0] - reach, y[0] - reach
     extent = max(x[-1] - west, y[-1] - south) + reach

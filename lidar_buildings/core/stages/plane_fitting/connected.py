@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
+from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.model_selection import (
@@ -27,9 +27,7 @@ _MAX_FITS, _MAX_ROUNDS = 2, 4
 
 
 @kernel
-def refine_labels(
-    cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, max_distance: float, smoothness: float
-) -> NDArray[np.int32]:
+def refine_labels(cloud, labels, seam, max_distance, smoothness):  # type: ignore[no-untyped-def]
     """
     Let every point on a seam choose among the planes around it, until none moves.
 
@@ -55,14 +53,7 @@ def refine_labels(
 
 
 @kernel
-def move_points(
-    cloud: Cloud,
-    labels: NDArray[np.int32],
-    equations: FloatArray,
-    max_distance: float,
-    smoothness: float,
-    waiting: BoolArray,
-) -> int:
+def move_points(cloud, labels, equations, max_distance, smoothness, waiting):  # type: ignore[no-untyped-def]
     """
     Move points to other planes where that costs less; return how many moved.
 
@@ -97,13 +88,7 @@ def move_points(
 
 
 @kernel
-def labels_around(
-    neighbours: NDArray[np.int32],
-    labels: NDArray[np.int32],
-    own: int,
-    number: NDArray[np.int32],
-    count: IntArray,
-) -> int:
+def labels_around(neighbours, labels, own, number, count):  # type: ignore[no-untyped-def]
     """
     Write the planes around a point to `number`, and to `count` how many neighbours have each.
 
@@ -126,16 +111,7 @@ def labels_around(
 
 
 @kernel
-def cheapest(
-    points: FloatArray,
-    i: int,
-    number: NDArray[np.int32],
-    count: IntArray,
-    n: int,
-    equations: FloatArray,
-    max_distance: float,
-    smoothness: float,
-) -> int:
+def cheapest(points, i, number, count, n, equations, max_distance, smoothness):  # type: ignore[no-untyped-def]
     """Return the plane of least cost within reach of point i, 0 if there is none."""
     total = 0
     for k in range(n):
@@ -196,7 +172,6 @@ def _extracted(
         math.cos(math.radians(config.max_normal_angle_deg)),
         math.cos(math.radians(config.max_slope_deg)),
         min_points,
-        PROBABILITY,
     )
     chance = np.random.default_rng(config.random_state)
     n_samples = samples_needed(PROBABILITY, config.outlier_share, 3)
@@ -208,9 +183,7 @@ def _extracted(
 
 
 @kernel
-def split_planes(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], min_points: int
-) -> NDArray[np.int32]:
+def split_planes(neighbours, labels, min_points):  # type: ignore[no-untyped-def]
     """
     Make every connected part of a plane a plane of its own; parts with too few points are dissolved.
 

@@ -106,9 +106,7 @@ def _why_degenerate(points: FloatArray) -> str:
 
 
 def _numbered_by_size(points: FloatArray, labels: NDArray[np.int32]) -> NDArray[np.uint16]:
-    """
-    Number planes from the largest on, equal ones by their westernmost, southernmost and lowest coordinates.
-    """
+    """Number planes from the largest on, equal ones by their least x, y and z."""
     size = int(labels.max(initial=0)) + 1
     count = np.bincount(labels, minlength=size)
     count[0] = 0

@@ -77,9 +77,7 @@ def bridged_planes(
 
 
 @kernel
-def _pair_codes(
-    neighbours: NDArray[np.int32], labels: NDArray[np.int32], seam: IntArray, size: int
-) -> IntArray:
+def _pair_codes(neighbours, labels, seam, size):  # type: ignore[no-untyped-def]
     """Return first × size + second of planes that meet around a point, the smaller number first."""
     codes = np.empty(6 * len(seam), np.int64)
     here = np.empty(_MOST_AROUND, np.int64)
@@ -149,9 +147,7 @@ def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_brid
 
 @kernel
 def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
-    """
-    Whether two planes are nearly parallel, and each goes nearly through the middle of the other's seams.
-    """
+    """Whether planes are nearly parallel, each nearly through the middle of the other's seams."""
     cosine = 0.0
     for axis in range(3):
         cosine += equations[a, axis] * equations[b, axis]
@@ -164,11 +160,7 @@ def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
 
 @kernel
 def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queue):  # type: ignore[no-untyped-def]
-    """
-    Whether a bridge leads from the starting points over others on their plane to the plane numbered `goal`.
-
-    `way` is infinite throughout, before and after, and `queue` is room for as many points as there are.
-    """
+    """Whether a bridge leads from points over others on their plane to `goal`; `way` is infinite."""
     own = labels[start[0]] if len(start) else 0
     tail, head, found = 0, 0, False
     for i in start:
@@ -279,7 +271,6 @@ def equations_of(moments: FloatArray) -> FloatArray:
 
 @kernel
 def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
-    """Return what is saved by one plane in place of two."""
     joint = np.empty(N_MOMENTS)
     for k in range(N_MOMENTS):
         joint[k] = moments[a, k] + moments[b, k]
@@ -290,7 +281,6 @@ def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
 
 @kernel
 def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArray) -> IntArray:
-    """Return the number that each plane has after all joins."""
     saving = np.empty(len(pairs))
     for k in range(len(pairs)):
         saving[k] = _saving(moments, pairs[k, 0], pairs[k, 1], prices)

@@ -19,7 +19,7 @@ PROBABILITY = 0.95
 
 
 class Limits(NamedTuple):
-    """What a plane has to satisfy, and how sure the search has to be."""
+    """What a plane has to satisfy."""
 
     distance: float
     #: Cosine of the largest angle between a plane and a point's own normal.
@@ -27,7 +27,6 @@ class Limits(NamedTuple):
     #: Least vertical component of a plane's normal.
     min_vertical: float
     min_points: int
-    probability: float
 
 
 class Scratch(NamedTuple):
@@ -68,9 +67,7 @@ def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
 
 
 @kernel
-def propose(
-    cloud: Cloud, limits: Limits, labels: NDArray[np.int32], seed: int, samples: FloatArray, plane: FloatArray
-) -> bool:
+def propose(cloud, limits, labels, seed, samples, plane):  # type: ignore[no-untyped-def]
     """
     Write the best plane around a seed to `plane`; False if there is none through the seed.
 
@@ -120,27 +117,13 @@ def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> None:
 
 
 @kernel
-def grow(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    seed: int,
-    plane: FloatArray,
-    next_fit: int,
-    scratch: Scratch,
-) -> tuple[int, float]:
+def grow(cloud, limits, labels, seed, plane, next_fit, scratch):  # type: ignore[no-untyped-def]
     """
     Collect the free points of a plane that hang together with the seed.
 
     With `next_fit` > 0, `plane` is fitted anew at so many points, each time their number has doubled, and at
-    the end, so that a plane known from a few points finds its way across the roof.
-
-    Returns
-    -------
-    count : int
-        Points, the first so many of the scratch queue.
-    score : float
-        Σ (1 − (distance / limit)²) over them, with the plane as it was when each was met.
+    the end, so that a plane known from a few points finds its way across the roof. Returned are the number of
+    points, the first of the scratch queue, and Σ (1 − (distance / limit)²) by the plane when each was met.
     """
     scratch.counter[0] += 1
     number = scratch.counter[0]
@@ -259,20 +242,12 @@ def best_of(pool: Pool) -> int:
 
 
 @kernel
-def draw_seeds(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    order: IntArray,
-    samples: FloatArray,
-    pool: Pool,
-    scratch: Scratch,
-) -> None:
+def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Draw seeds until the best hypothesis is likely the largest of all."""
     best = best_of(pool)
     while pool.size[1] < len(order):
         if pool.score[best] > 0.0 and scratch.counter[2] >= samples_needed(
-            limits.probability, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), np.int64(1)
+            PROBABILITY, max(0.0, 1.0 - pool.n_points[best] / max(1, scratch.counter[1])), np.int64(1)
         ):
             break
         seed = order[pool.size[1]]
@@ -290,15 +265,7 @@ def draw_seeds(
 
 
 @kernel
-def add_hypothesis(
-    cloud: Cloud,
-    limits: Limits,
-    labels: NDArray[np.int32],
-    seed: int,
-    samples: FloatArray,
-    pool: Pool,
-    scratch: Scratch,
-) -> int:
+def add_hypothesis(cloud, limits, labels, seed, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not."""
     at = pool.size[0]
     plane = pool.plane[at]

@@ -1,6 +1,4 @@
-"""
-The points of one building with what lies around each: neighbours, and the plane of the smoothest piece there.
-"""
+"""The points of one building with their neighbours, and the plane of the smoothest piece around each."""
 
 from __future__ import annotations
 
@@ -70,7 +68,6 @@ def survey_points(points: FloatArray, radius: float) -> Survey:
 
 
 def _surveyed(points: FloatArray, radius: float) -> Survey:
-    """Survey with a fixed radius."""
     grid, row_of = distinct_grid(points, radius)
     distinct, runs = grid.points, grid.first[grid.around(radius)]
     neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
@@ -108,7 +105,6 @@ def distinct_grid(points: FloatArray, size: float) -> tuple[CellGrid, IntArray]:
 
 
 def _noise_of(roughness: FloatArray) -> float:
-    """Return the noise that most surroundings show [m]."""
     known = roughness[np.isfinite(roughness)]
     if not len(known):
         return NOISE_RANGE[0]
@@ -118,9 +114,7 @@ def _noise_of(roughness: FloatArray) -> float:
 
 @kernel
 def _look_around(grid, runs, radius, neighbours, planes, roughness, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fill in the neighbours, evenly thinned if too many, and own planes of the points in cells begin to end.
-    """
+    """Fill in the neighbours, evenly thinned, and own planes of the points in cells begin to end."""
     most = 0
     for c in range(begin, end):
         most = max(most, (runs[c, :, 1] - runs[c, :, 0]).sum())

@@ -39,8 +39,7 @@ class RegularisationConfig(StageConfig):
         within=(0.0, 100.0),
     )
     bridge_concavities: bool = advanced(
-        True,
-        "Whether concavities that are gaps between points are bridged before walls are sought.",
+        True, "Whether concavities that are gaps between points are bridged before walls are sought."
     )
     wall_cost: float = advanced(
         20.0,
@@ -48,8 +47,7 @@ class RegularisationConfig(StageConfig):
         within=(0.0, None),
     )
     curved_walls: bool = advanced(
-        True,
-        "Whether arcs are sought; without them curved walls are drawn with straight ones.",
+        True, "Whether arcs are sought; without them curved walls are drawn with straight ones."
     )
     chord_error: float = advanced(
         0.1,

@@ -97,9 +97,10 @@ def shared_directions(
 def _group(
     candidates: list[WallScatter], tolerance: float, max_misfit: float
 ) -> tuple[float, list[WallScatter]]:
-    """Return the direction of the longest candidate's group and its members."""
     angle = candidates[0].angle % _RIGHT_ANGLE
-    members = [wall for wall in candidates if turn_between(wall.angle, angle) <= tolerance]
+    turns = [(wall.angle - angle) % _RIGHT_ANGLE for wall in candidates]
+    pairs = zip(candidates, turns, strict=True)
+    members = [wall for wall, turn in pairs if min(turn, _RIGHT_ANGLE - turn) <= tolerance]
     for _ in range(_MAX_ROUNDS):
         angle = joint_angle(members, angle)
         fitting = [wall for wall in members if wall.misfit(angle) <= max_misfit]
@@ -110,9 +111,7 @@ def _group(
 
 
 def joint_angle(walls: list[WallScatter], near: float) -> float:
-    """
-    Return the normal's angle, within 0 to π/2, that parallel and perpendicular walls have in common [rad].
-    """
+    """Return the normal's angle, 0 to π/2, that parallel and perpendicular walls have in common [rad]."""
     xx = xy = yy = 0.0
     for wall in walls:
         if round((wall.angle - near) / _RIGHT_ANGLE) % 2:
@@ -121,12 +120,6 @@ def joint_angle(walls: list[WallScatter], near: float) -> float:
         else:
             xx, xy, yy = xx + wall.xx, xy + wall.xy, yy + wall.yy
     return float(normal_angle(xx, xy, yy)) % _RIGHT_ANGLE
-
-
-def turn_between(one: float, other: float) -> float:
-    """Return the angle between two directions when a right angle counts as none [rad]."""
-    difference = (one - other) % _RIGHT_ANGLE
-    return float(min(difference, _RIGHT_ANGLE - difference))
 
 
 def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Division]:
@@ -155,9 +148,7 @@ def divide_at_turns(ring: RingSamples, max_turn: float) -> tuple[RingSamples, Di
 
 
 def along_nearest(ring: RingSamples, division: Division, angles: NDArray[np.float64]) -> Division:
-    """
-    Let each segment go along the nearest to its own of some directions, given by normals; its own without.
-    """
+    """Let each segment go along the nearest of some directions, given by normals; its own without."""
     if not len(angles):
         return replace(division, kind=np.full(len(division.first), FREE))
     sums = running_sums(ring.points, ring.weights)
@@ -197,9 +188,15 @@ def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
     return np.array([angle + turn for angle in directions for turn in (0.0, np.pi / 2)])
 
 
-def _costs(spacing: float, config: RegularisationConfig) -> Costs:
-    """Return what walls cost at a point spacing [m]; a step between nearly parallel ones costs another."""
-    return Costs(
+def _divided(
+    samples: list[RingSamples], spacing: float, config: RegularisationConfig
+) -> tuple[tuple[float, ...], list[Division]]:
+    """
+    Find the building's directions and the walls that follow them.
+
+    The long walls of a free division are candidates, taken as long as they are worth a further parameter.
+    """
+    costs = Costs(
         noise=config.noise * spacing,
         wall=config.wall_cost,
         own_direction=_OWN_DIRECTION_COST,
@@ -208,20 +205,10 @@ def _costs(spacing: float, config: RegularisationConfig) -> Costs:
         parallel=float(np.sin(np.deg2rad(config.angle_tolerance_deg))),
     )
 
-
-def _divided(
-    samples: list[RingSamples], spacing: float, config: RegularisationConfig
-) -> tuple[tuple[float, ...], list[Division]]:
-    """
-    Find the building's directions and the walls that follow them.
-
-    The long walls of a division into free walls give the candidates. They are taken on one by one, as long as
-    the squared offsets that they save are worth a further parameter; then the walls found adjust them again.
-    """
-    costs = _costs(spacing, config)
-
     def divided(directions: tuple[float, ...], near: list[Division] | None) -> list[Division]:
-        starts = [None] * len(samples) if near is None else [_a_corner(one) for one in near]
+        starts: list[int | None] = [None] * len(samples)
+        if near is not None:  # a corner, as far as possible from where the division began
+            starts = [int(one.first[len(one.first) // 2]) for one in near]
         return [
             divide_ring(ring.points, both_ways(directions), costs, weights=ring.weights, start=start)
             for ring, start in zip(samples, starts, strict=True)
@@ -255,11 +242,6 @@ def _divided_at_turns(
     return samples, directions, [along_nearest(*one, angles) for one in zip(samples, divisions, strict=True)]
 
 
-def _a_corner(division: Division) -> int:
-    """Return a sample at which a wall begins, as far as possible from where the division did."""
-    return int(division.first[len(division.first) // 2])
-
-
 def _total(divisions: list[Division]) -> float:
     return sum(division.cost for division in divisions)
 
@@ -271,7 +253,6 @@ def _long_directions(
     config: RegularisationConfig,
     max_directions: int,
 ) -> tuple[float, ...]:
-    """Return the directions of the walls that are long enough."""
     least = 3 if config.division == "optimal" else 2
     walls = [
         wall

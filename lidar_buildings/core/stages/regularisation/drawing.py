@@ -88,7 +88,6 @@ def _lines_by_direction(
 
 
 def _joined(lines: list[_Line], least: float) -> list[_Line]:
-    """Join neighbours as long as that costs less, the cheapest first."""
     while len(lines) > 1:
         costs = [one.cost_with(other) for one, other in pairwise(lines)]
         k = int(np.argmin(costs))
@@ -113,8 +112,7 @@ def through_all_points(samples: RingSamples, walled: WalledRing, fit: Fit) -> Wa
 
 def offset_outwards(samples: RingSamples, walled: WalledRing, fit: Fit, distance: float) -> WalledRing:
     """Move all walls away from the building."""
-    distances = np.full(len(walled.first), distance)
-    return _drawn_anew(samples, walled, fit, distances)
+    return _drawn_anew(samples, walled, fit, np.full(len(walled.first), distance))
 
 
 def _drawn_anew(
@@ -176,9 +174,7 @@ class DrawnRing(NamedTuple):
 
 
 def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> DrawnRing:
-    """
-    Draw a ring, arcs in chords; where walls cross, draw them closer to their samples, as far as it takes.
-    """
+    """Draw a ring, arcs in chords; where walls cross, they come closer to their samples, as it takes."""
     m = len(walled.first)
     detail = np.zeros(m, dtype=np.int64)
     while m:
@@ -217,8 +213,10 @@ def _drawn(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return all vertices in order and the wall of the edge that starts at each."""
     m = len(walled.first)
-    if m == 1:
-        return _whole_circle(points, walled, fit)
+    if m == 1:  # the whole ring is one circle
+        start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
+        circle = np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
+        return circle, np.zeros(len(circle), dtype=np.int64)
     vertices: list[NDArray[np.float64]] = []
     owners: list[int] = []
     for i in range(m):
@@ -234,15 +232,15 @@ def _drawn(
             path.append(end)
         vertices.extend(path)
         owners.extend([i] * (len(path) - 1) + [STEP])
-    return _without_repeats(np.array(vertices).reshape(-1, 2), np.array(owners, dtype=np.int64))
+    corners = np.array(vertices).reshape(-1, 2)
+    goes_on = (corners != np.roll(corners, -1, axis=0)).any(axis=1)
+    return corners[goes_on], np.array(owners, dtype=np.int64)[goes_on]
 
 
 def _ends(
     points: NDArray[np.float64], walled: WalledRing, detail: NDArray[np.int64], i: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return where a fitted wall begins and ends: at its joints, or beside a neighbour that is drawn as traced.
-    """
+    """Return where a fitted wall begins and ends: at joints, or beside a neighbour drawn as traced."""
     m, n = len(walled.first), len(points)
     before, behind = (i - 1) % m, (i + 1) % m
     start, end = walled.joints[before, 1], walled.joints[i, 0]
@@ -255,27 +253,7 @@ def _ends(
     return start, end
 
 
-def _whole_circle(
-    points: NDArray[np.float64], walled: WalledRing, fit: Fit
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Draw a ring that is one circle."""
-    start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
-    vertices = np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
-    return vertices, np.zeros(len(vertices), dtype=np.int64)
-
-
-def _without_repeats(
-    vertices: NDArray[np.float64], owners: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Leave out vertices that are followed by the same one, and with them the edges of no length."""
-    if not len(vertices):
-        return vertices, owners
-    goes_on = (vertices != np.roll(vertices, -1, axis=0)).any(axis=1)
-    return vertices[goes_on], owners[goes_on]
-
-
 def _crossing_edges(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the edges of a ring that meet another than their neighbours."""
     n = len(vertices)
     if n < 4:
         return np.arange(n)

@@ -32,11 +32,7 @@ from lidar_buildings.core.stages.regularisation.samples import (
     sample_ring,
     working_spacing,
 )
-from lidar_buildings.core.stages.regularisation.walls import (
-    Fit,
-    WalledRing,
-    assemble,
-)
+from lidar_buildings.core.stages.regularisation.walls import Fit, WalledRing, assemble
 from lidar_buildings.core.surfaces.ring_division import ARC, FREE, Division
 
 #: Fewest ring points that walls are fitted to: a rectangle has as many unknowns.
@@ -71,20 +67,14 @@ def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) 
 
 
 def unknowns_of(rings: Sequence[WalledRing], n_directions: int) -> int:
-    """
-    Count what the adjustment had to find: a direction each, and each line's offset, own angle, or circle.
-    """
+    """Count what the adjustment had to find: directions, and each line's offset, own angle, or circle."""
     kinds = np.concatenate([ring.kind for ring in rings])
     own = int(np.select([kinds == FREE, kinds == ARC], [2, 3], 0).sum())
     return n_directions + own + sum(len(np.unique(ring.shape[ring.kind >= 0], axis=0)) for ring in rings)
 
 
 class _Fitted(NamedTuple):
-    """
-    One ring on its way: samples about the building's centre, walls, and vertices.
-
-    `bearing` are the walls on the bearing points, `walled` those where they are drawn.
-    """
+    """A ring about the building's centre: `bearing` walls on the bearing points, `walled` as drawn."""
 
     samples: RingSamples
     bearing: WalledRing
@@ -153,7 +143,10 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
     empty = estimated_bias(samples, ring_spacing(checked))
-    corrected = [_corrected(ring, empty, fit) for ring in rings]
+    corrected = []
+    for ring in rings:
+        walled = offset_outwards(ring.samples, ring.bearing, fit, empty)
+        corrected.append(ring._replace(walled=walled, drawn=draw_ring(ring.samples.points, walled, fit)))
     moved = _result(traced, corrected, centre, directions)
     if moved.status is not BuildingStatus.OK:
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
@@ -188,11 +181,7 @@ def outline_quality(
 
 
 def _checked(outline: Outline) -> Outline:
-    """
-    Return the rings as arrays of float64, oriented, without repeated vertices.
-
-    ValueError if a ring is not of finite x and y.
-    """
+    """Return float64 rings, oriented, without repetitions; ValueError if not of finite x and y."""
     rings = []
     for number, given in enumerate(outline.rings):
         ring = np.asarray(given, dtype=np.float64)
@@ -209,11 +198,6 @@ def _fitted(samples: RingSamples, division: Division, fit: Fit) -> _Fitted:
     bearing = assemble(samples, division, fit)
     walled = through_all_points(samples, bearing, fit)
     return _Fitted(samples, bearing, walled, draw_ring(samples.points, walled, fit))
-
-
-def _corrected(ring: _Fitted, distance: float, fit: Fit) -> _Fitted:
-    walled = offset_outwards(ring.samples, ring.bearing, fit, distance)
-    return ring._replace(walled=walled, drawn=draw_ring(ring.samples.points, walled, fit))
 
 
 def _result(
@@ -248,9 +232,7 @@ def _notes(rings: list[_Fitted], kept: list[int], filled: list[int]) -> str:
 def _fitting_holes(
     exterior: NDArray[np.float64], walled: list[NDArray[np.float64]], traced: tuple[NDArray[np.float64], ...]
 ) -> tuple[tuple[NDArray[np.float64], ...], list[int], list[int]]:
-    """
-    Return the courtyards; the numbers of those left as traced, whose walls meet another ring, and left out.
-    """
+    """Return the courtyards, and the numbers of those left as traced, and of those left out."""
     holes: list[NDArray[np.float64]] = []
     kept, filled = [], []
     for number, (straight, ring) in enumerate(zip(walled, traced, strict=True), start=1):

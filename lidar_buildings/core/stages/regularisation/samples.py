@@ -81,11 +81,7 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
 
 @kernel
 def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
-    """
-    Take vertices out of the ring, always those whose concavity is the shallowest round about.
-
-    Where the ring starts has no say: only vertices shallower than both their neighbours go in one sweep.
-    """
+    """Take vertices out of the ring, those of the shallowest concavity round about, in sweeps."""
     n = len(ring)
     rows, left = np.empty(n, dtype=np.int64), 0
     for i in range(n):
@@ -155,11 +151,7 @@ def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: 
 
 @kernel
 def _concavity(ring, first, last):  # type: ignore[no-untyped-def]
-    """
-    Return chord, depth and area of what lies between two vertices; infinite depth if it is no concavity.
-
-    A concavity lies on the left of its chord and its vertices stand between the chord's ends.
-    """
+    """Return chord, depth and area between two vertices; infinite depth if that is no concavity."""
     n = len(ring)
     x, y = ring[first]
     dx, dy = ring[last, 0] - x, ring[last, 1] - y
@@ -248,18 +240,14 @@ def ring_spacing(traced: Outline) -> float:
 
 
 def estimated_bias(samples: list[RingSamples], spacing: float) -> float:
-    """
-    Return how far bearing points lie inside the edge [m]: the area that each leaves empty over its length.
-    """
+    """Return how far bearing points lie inside the edge [m]: the area each leaves empty by its length."""
     length = sum(ring.length for ring in samples)
     n_bearing = sum(int(ring.bears.sum()) for ring in samples)
     return _EMPTY_AREA * spacing**2 * n_bearing / length if length > 0 else 0.0
 
 
 def _depths(ring: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """
-    Return how far the points of a ring lie inside the bridges between those in `rows`, shape (n_points,) [m].
-    """
+    """Return how far a ring's points lie inside the bridges between `rows`, shape (n_points,) [m]."""
     corners = ring[rows]
     along = np.roll(corners, -1, axis=0) - corners
     along /= np.maximum(np.hypot(*along.T), 1e-12)[:, None]

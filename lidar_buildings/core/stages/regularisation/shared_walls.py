@@ -102,9 +102,7 @@ def _walls_of(rings: NDArray[np.object_], ring_of: NDArray[np.int64]) -> Walls:
 
 
 def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """
-    Return pairs of walls of different buildings that run side by side, and how far apart, up to the gap.
-    """
+    """Return pairs of walls of two buildings that run side by side, and how far apart, up to the gap."""
     segments = shapely.linestrings(np.stack([walls.start, walls.end], axis=1))
     found = shapely.STRtree(segments).query(segments, predicate="dwithin", distance=gaps.max())
     a, b = found[:, found[0] < found[1]]
@@ -132,7 +130,6 @@ def _facing(walls: Walls, gaps: NDArray[np.float64]) -> tuple[NDArray[np.int64],
 def _common(
     walls: Walls, pairs: NDArray[np.int64], apart: NDArray[np.float64], gaps: NDArray[np.float64]
 ) -> Lines:
-    """Return the line of each wall: of its group if it faces others, else its own."""
     n = len(walls.building)
     label = sets_of_pairs(n, pairs[:, 0], pairs[:, 1])
     along = (walls.end - walls.start) / np.maximum(walls.length, 1e-12)[:, None]
@@ -152,7 +149,6 @@ def _common(
 
 
 def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fit a line to all points of walls by orthogonal least squares."""
     start, end, weight = walls.start[members], walls.end[members], walls.length[members]
     middle, half = (start + end) / 2.0, (end - start) / 2.0
     point = weight @ middle / weight.sum()
@@ -163,7 +159,6 @@ def _fitted(walls: Walls, members: NDArray[np.int64]) -> tuple[NDArray[np.float6
 
 
 def _corners(walls: Walls, lines: Lines, wall: int) -> list[NDArray[np.float64]]:
-    """Return the vertices between a wall and the one before it."""
     before, corner = walls.before[wall], walls.start[wall]
     groups = lines.group[before], lines.group[wall]
     if groups == (-1, -1):
@@ -194,16 +189,20 @@ def partitioned(
     rings = shapely.get_parts(shapely.boundary(np.concatenate([polygons, slots])))
     faces = divide_plane(rings, GRID)
     faces = faces[np.lexsort(shapely.bounds(faces).T)]
-    owner = _owners(faces, polygons, traced)
+    area = shapely.area(polygons)
+    # Of several buildings the one whose points a face is among has it, else the smallest.
+    owner = face_owners(
+        faces,
+        polygons,
+        lambda face, building, inside: (~shapely.contains(traced[building], inside[face]), area[building]),
+    )
     _drop_loose_parts(faces, owner, len(polygons))
     _fill(faces, owner, gaps)
     return _merged(faces, owner, polygons, kept)
 
 
 def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[np.object_]:
-    """
-    Return the places between two buildings that are too narrow to stay open, though they are at one end.
-    """
+    """Return the places between two buildings too narrow to stay open, though open at one end."""
     reach = gaps.max() / 2.0
     if reach == 0.0:
         return np.zeros(0, dtype=object)
@@ -224,18 +223,6 @@ def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[
 
 def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(shapely.is_empty(shapely.buffer(places, -(width / 2.0 + GRID), join_style="mitre")))
-
-
-def _owners(
-    faces: NDArray[np.object_], polygons: NDArray[np.object_], traced: NDArray[np.object_]
-) -> NDArray[np.int64]:
-    """Return the building of each face: of several the one whose points it is among, else the smallest."""
-    area = shapely.area(polygons)
-    return face_owners(
-        faces,
-        polygons,
-        lambda face, building, inside: (~shapely.contains(traced[building], inside[face]), area[building]),
-    )
 
 
 def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_buildings: int) -> None:
@@ -281,19 +268,18 @@ def _merged(
     polygons: NDArray[np.object_],
     kept: NDArray[np.float64],
 ) -> NDArray[np.object_]:
-    """
-    Merge the faces of each building; None for one that has none, or is of several parts.
-
-    Vertices that an outline had get back the coordinates they had there, the same in all buildings. Those
-    that are not `kept` go where no wall bends or begins.
-    """
+    """Merge each building's faces, vertices as in the outlines; None if nothing or several parts."""
     merged = np.array(
         [shapely.coverage_union_all(faces[owner == building]) for building in range(len(polygons))],
         dtype=object,
     )
     is_one = shapely.get_type_id(merged) == shapely.GeometryType.POLYGON
     is_one &= ~shapely.is_empty(merged)
-    known = _known_places(polygons)
+    # The coordinates of the outlines' vertices by place on the grid; of several the least.
+    places = shapely.get_coordinates(polygons)
+    places = places[np.lexsort(places.T[::-1])][::-1]
+    on_grid = np.rint(places / GRID).astype(np.int64).tolist()
+    known = {(x, y): (u, v) for (x, y), (u, v) in zip(on_grid, places.tolist(), strict=True)}
     steps = shapely.transform(merged[is_one], lambda xy: np.rint(xy / GRID))
     rings = straightened_rings(steps, np.rint(kept / GRID).astype(np.int64), MAX_BEND)
     result = np.full(len(polygons), None, dtype=object)
@@ -301,14 +287,6 @@ def _merged(
         parts = [[known.get((x, y), (x * GRID, y * GRID)) for x, y in ring.tolist()] for ring in own]
         result[building] = shapely.Polygon(parts[0], parts[1:]) if parts else None
     return result
-
-
-def _known_places(polygons: NDArray[np.object_]) -> dict[tuple[int, int], tuple[float, float]]:
-    """Return the coordinates of the outlines' vertices by place on the grid; of several the least."""
-    places = shapely.get_coordinates(polygons)
-    places = places[np.lexsort(places.T[::-1])][::-1]
-    steps = np.rint(places / GRID).astype(np.int64).tolist()
-    return {(x, y): (u, v) for (x, y), (u, v) in zip(steps, places.tolist(), strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,7 +367,6 @@ def _touches(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArra
 def _most_gained(
     polygons: NDArray[np.object_] | shapely.Polygon, gaps: NDArray[np.float64] | float
 ) -> NDArray[np.float64]:
-    """Return by how much buildings may grow [m²]."""
     return np.maximum(MAX_CHANGE * shapely.area(polygons), 0.5 * gaps * shapely.length(polygons))
 
 
@@ -406,9 +383,7 @@ def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -
 
 
 def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
-    """
-    Return a polygon as an outline, each ring from the vertex on that the one before began with, if it can.
-    """
+    """Return a polygon as an outline, each ring from where the one before began, if it can."""
     after = Outline.of(polygon)
     first = np.array([ring[0] for ring in before.rings])
     exterior, *holes = [_begun(ring, first) for ring in after.rings]

@@ -356,9 +356,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
 def _merge_parallels(  # type: ignore[no-untyped-def]
     points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
-    """
-    Make consecutive parallel walls one where the step between them is too small; return how many are left.
-    """
+    """Make parallel walls one where the step between is too small; return how many are left."""
     n, i = len(points), 0
     while m > 1 and i < m:
         k = (i + 1) % m

@@ -10,9 +10,8 @@ from scipy import ndimage
 
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.surfaces.brightness import BrightnessRaster, brightness_raster
+from lidar_buildings.core.surfaces.intensity import BrightnessRaster, brightness_raster, strip_scales
 from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
-from lidar_buildings.core.surfaces.intensity import strip_scales
 
 #: Side of the square of cells whose majority decides on ground of unknown brightness, as under trees.
 FILL_CELLS = 5

@@ -143,9 +143,7 @@ def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def
 def _all_pieces(  # type: ignore[no-untyped-def]
     upright, first, second, gap, start, cell, lines, xy, spacing, label, west, south, pairs, values, on_line
 ):  # fmt: skip
-    """
-    Write pair, ends, length and vote on convexity of each piece; return how many. Sides are ordered by pair.
-    """
+    """Write pair, ends, length and vote on convexity of each piece; return how many."""
     n_pieces = 0
     rows, t, off, along = np.empty(len(xy), np.int64), np.empty(len(xy)), np.empty(len(xy)), np.empty(len(xy))
     for pair in range(len(start) - 1):
@@ -201,12 +199,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
 
 @kernel
 def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
-    """
-    Vote on whether each plane lies on the side of the line on which it is the lower one, at one place.
-
-    The first plane is the higher one on the side of (uy, -ux): that is where its gradient less the other's
-    points to.
-    """
+    """Vote on whether each plane lies, at one place, on the side of the line where it is lower."""
     votes = 0
     for side in range(-1, 2, 2):
         c = math.floor((x + side * _PROBE * cell * uy - west) / cell)
@@ -352,7 +345,8 @@ def finished(
     about the centre; at `vertices` planes have been made to meet.
     """
     stops = np.concatenate([walls, steps])
-    partners = _partners(pieces, len(gradients))
+    partners = np.zeros((len(gradients) + 1, len(gradients) + 1), dtype=np.bool_)
+    partners[pieces.first, pieces.second] = partners[pieces.second, pieces.first] = True
     positions, members = _points_of(vertices, len(gradients), centre)
     lines = intersection_lines(pieces.first, pieces.second, gradients)
     t = _moved_ends(
@@ -360,12 +354,6 @@ def finished(
     )
     kept = np.flatnonzero(t[:, 1] - t[:, 0] > _SHORTEST * spacing)
     return _segments(pieces, kept, t[kept], gradients, centre)
-
-
-def _partners(pieces: Pieces, n_planes: int) -> BoolArray:
-    table = np.zeros((n_planes + 1, n_planes + 1), dtype=np.bool_)
-    table[pieces.first, pieces.second] = table[pieces.second, pieces.first] = True
-    return table
 
 
 def _points_of(
@@ -382,11 +370,7 @@ def _points_of(
 
 @kernel
 def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
-    """
-    Return the places of all ends along their lines.
-
-    No end moves to where the other one is to end, but for stubs that end nowhere else: they vanish.
-    """
+    """Return the places of all ends along their lines; none passes the other end, but for stubs."""
     moved = t.copy()
     for k in range(len(first)):
         i, j = first[k], second[k]
@@ -422,9 +406,7 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
 
 @kernel
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
-    """
-    Return where on the line of planes i and j the nearest plane that meets both passes, NaN if none does.
-    """
+    """Return where on the line of planes i and j the nearest that meets both passes, or NaN."""
     best, place = reach, math.nan
     for k in range(1, len(gradients) + 1):
         if k in (i, j) or not (partners[i, k] and partners[j, k]):

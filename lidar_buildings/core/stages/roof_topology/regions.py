@@ -65,11 +65,7 @@ def region_raster(
 
 @kernel
 def _nearest_points(points, plane_id, west, south, cell, nearest, square):  # type: ignore[no-untyped-def]
-    """
-    Give every cell the point of a plane that is nearest to its middle, and the square of its distance.
-
-    Cells that hold points hand theirs on to neighbouring cells, to the north-east and back.
-    """
+    """Give every cell the nearest point of a plane, handed on by its neighbours, and the square."""
     n_rows, n_columns = nearest.shape
     for i in range(len(points)):
         if plane_id[i] == 0:
@@ -185,11 +181,7 @@ def find_borders(raster: RegionRaster, centre: FloatArray) -> Borders:
 
 @kernel
 def _fill(label, nearest, square, numbers, place):  # type: ignore[no-untyped-def]
-    """
-    Write planes and nearest points of each side, and its middle in cells, whether it is upright, and its gap.
-
-    Return how many there are.
-    """
+    """Write planes, nearest points, middle, uprightness and gap of each side; return how many."""
     n = 0
     n_rows, n_columns = label.shape
     for r in range(n_rows):

@@ -74,28 +74,14 @@ def roof_type(
     spacing: float,
 ) -> str:
     """
-    Tell a building's kind of roof.
+    Tell a building's kind of roof: details such as dormers and chimneys do not count.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        Roof points [m].
-    plane_id : ndarray of shape (n_points,)
-        Number of each point's plane, 0 = none.
-    coefficients : ndarray of shape (n_planes, 3)
-        a, b, c of the planes z = a x + b y + c about the building's centre.
-    intersections : sequence of IntersectionSegment
-    steps : sequence of StepEdge
-    spacing : float
-        Point spacing [m].
+    It is ``flat`` (at one level or several), ``shed``, ``gable``, ``hip``, ``half-hip`` (hips that end above
+    the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
+    ``complex`` for anything else, or ``unknown`` where no points lie in planes.
 
-    Returns
-    -------
-    str
-        ``flat`` (at one level or several), ``shed``, ``gable``, ``hip``, ``half-hip`` (hips that end above
-        the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
-        ``complex`` for anything else, ``unknown`` where no points lie in planes. Details such as
-        dormers and chimneys do not count.
+    Points are (n_points, 3) [m]; `plane_id` is the number of each one's plane, 0 = none; `coefficients` are
+    a, b, c of the planes z = a x + b y + c about the building's centre, (n_planes, 3); `spacing` is [m].
     """
     counts = np.bincount(plane_id, minlength=len(coefficients) + 1)[1:]
     n_planar = int(counts.sum())
@@ -146,7 +132,6 @@ def _faces(
     steps: Sequence[StepEdge],
     size: float,
 ) -> Faces:
-    """Join planes that are pieces of one face, and sum the lines between faces."""
     planes: list[list[int]] = []
     known = coefficients.tolist()
     for number in large:
@@ -170,7 +155,6 @@ def _faces(
 
 
 def _same_face(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two planes are nearly one."""
     is_turned = math.hypot(one[0] - other[0], one[1] - other[1]) >= _SAME_GRADIENT
     return not is_turned and abs(one[2] - other[2]) < 2 * _SAME_HEIGHT
 
@@ -227,5 +211,4 @@ def _heights(
 
 
 def _in_faces(plane_id: NDArray[np.uint16], faces: Faces, chosen: Sequence[int]) -> BoolArray:
-    """Whether each point is in one of some faces."""
     return np.isin(plane_id, [number for k in chosen for number in faces.planes[k]])

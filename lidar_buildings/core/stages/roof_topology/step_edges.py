@@ -60,14 +60,6 @@ def step_segments(steps: StepLines) -> FloatArray:
     return np.asarray((offset[:, None] * left)[:, None] + steps.t[:, :, None] * along[:, None])
 
 
-def extents_of(steps: StepLines) -> tuple[FloatArray, FloatArray]:
-    """Return from where to where each line has pieces [m]; the other way round where it has none."""
-    low, high = np.full(len(steps.angle), np.inf), np.full(len(steps.angle), -np.inf)
-    np.minimum.at(low, steps.line, steps.t[:, 0])
-    np.maximum.at(high, steps.line, steps.t[:, 1])
-    return low, high
-
-
 def step_chains(
     xy: FloatArray, upright: BoolArray, upper: IntArray, top: FloatArray, cell: float
 ) -> tuple[IntArray, IntArray, BoolArray]:
@@ -245,10 +237,15 @@ def find_step_lines(
     higher = tops >= others
     upper = np.where(higher, first, second)
     chains = step_chains(xy, borders.upright[rows], upper, np.maximum(tops, others), borders.cell)
-    runs, run = straight_runs(xy, chains, _candidate_angles(gradients, area, walls), borders.cell, spacing)
+    directions = wall_directions(walls), plane_directions(gradients, area)
+    main = main_directions(*(np.concatenate(both) for both in zip(*directions, strict=True)))
+    angles = np.concatenate([main, main + math.pi / 2])
+    runs, run = straight_runs(xy, chains, angles, borders.cell, spacing)
     angle, offset = runs[run, 0], runs[run, 1]
     t = xy[:, 0] * np.cos(angle) + xy[:, 1] * np.sin(angle)
-    beside = _upper_points(borders, rows, points, centre, angle, offset, higher)
+    # How far the upper roof's nearest points lie to the left of each side's line [m].
+    away = points[np.where(higher, borders.near_first[rows], borders.near_second[rows]), :2] - centre[:2]
+    beside = away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset
     weight = np.bincount(run, minlength=len(runs))
     mean = np.bincount(run, beside, len(runs)) / np.maximum(weight, 1)
     planes = np.column_stack([upper, first + second - upper])
@@ -259,29 +256,6 @@ def find_step_lines(
 
 def _elevations(gradients: FloatArray, xy: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("ki,ki->k", gradients[:, :2], xy) + gradients[:, 2])
-
-
-def _candidate_angles(gradients: FloatArray, area: FloatArray, walls: FloatArray) -> FloatArray:
-    """Return the directions of the outline and the planes, and those across them [rad]."""
-    outline, planes = wall_directions(walls), plane_directions(gradients, area)
-    angles, weights = (np.concatenate(both) for both in zip(outline, planes, strict=True))
-    main = main_directions(angles, weights)
-    return np.concatenate([main, main + math.pi / 2])
-
-
-def _upper_points(
-    borders: Borders,
-    rows: IntArray,
-    points: FloatArray,
-    centre: FloatArray,
-    angle: FloatArray,
-    offset: FloatArray,
-    higher: BoolArray,
-) -> FloatArray:
-    """Return how far the upper roof's nearest points lie to the left of each side's line [m]."""
-    near = np.where(higher, borders.near_first[rows], borders.near_second[rows])
-    away = points[near, :2] - centre[:2]
-    return np.asarray(away[:, 1] * np.cos(angle) - away[:, 0] * np.sin(angle) - offset)
 
 
 def _pieces(
@@ -319,7 +293,11 @@ def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
     if not len(steps.angle):
         return steps
     angle, offset = steps.angle.copy(), steps.offset.copy()
-    _onto_walls(angle, offset, *extents_of(steps), steps.gap, walls, spacing)
+    # From where to where each line has pieces; the other way round where it has none.
+    low, high = np.full(len(angle), np.inf), np.full(len(angle), -np.inf)
+    np.minimum.at(low, steps.line, steps.t[:, 0])
+    np.maximum.at(high, steps.line, steps.t[:, 1])
+    _onto_walls(angle, offset, low, high, steps.gap, walls, spacing)
     # A line that turned with its wall has its ends a little farther along or back.
     turn = angle[steps.line] - steps.angle[steps.line]
     t = steps.t * np.cos(turn)[:, None] + (steps.offset[steps.line] * np.sin(turn))[:, None]
@@ -328,7 +306,6 @@ def snapped(steps: StepLines, walls: FloatArray, spacing: float) -> StepLines:
 
 @kernel
 def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[no-untyped-def]
-    """Move lines in place."""
     past, reach = _PAST_POINTS * spacing, _REACH * spacing
     for k in range(len(angle)):
         if not low[k] < high[k]:
@@ -369,14 +346,12 @@ def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[
 
 @kernel
 def _difference(one, other):  # type: ignore[no-untyped-def]
-    """Difference of two angles between -π and π."""
     turn = one - other
     return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
 
 
 @kernel
 def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
-    """Distance of a position on one line from another line."""
     x = t * math.cos(angle) - offset * math.sin(angle)
     y = t * math.sin(angle) + offset * math.cos(angle)
     return abs(y * math.cos(other_angle) - x * math.sin(other_angle) - other_offset)

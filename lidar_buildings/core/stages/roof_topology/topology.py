@@ -34,11 +34,7 @@ _SAME_DECIMALS = 9
 
 
 def find_topology(
-    points: FloatArray,
-    plane_id: ArrayLike,
-    outline: Outline,
-    *,
-    point_spacing: float | None = None,
+    points: FloatArray, plane_id: ArrayLike, outline: Outline, *, point_spacing: float | None = None
 ) -> RoofTopology:
     """
     Adjust a roof's planes, and find the ridges, hips, valleys and step edges between them.
@@ -79,11 +75,7 @@ def find_topology(
 
 
 def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
-    """
-    Return the number under which each plane's points are seen from above, item 0 being for no plane.
-
-    Walls have none, and planes that have become one all have that of the first.
-    """
+    """Return the number under which each plane is seen from above; planes that are one have the first's."""
     region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
     roofs = np.flatnonzero(adjustment.free.roof)
     rounded = np.round(adjustment.coefficients[roofs], _SAME_DECIMALS)

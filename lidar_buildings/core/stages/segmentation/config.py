@@ -28,9 +28,7 @@ class SegmentationConfig(StageConfig):
         within=(1.0, 40.0),
     )
     min_points: int = advanced(
-        10,
-        "Fewest points of a building; raising it drops more of the small clusters.",
-        within=(1, None),
+        10, "Fewest points of a building; raising it drops more of the small clusters.", within=(1, None)
     )
     min_area: float = parameter(
         SMALLEST_BUILDING / 2.0,

@@ -33,23 +33,9 @@ def cut_necks(
     Where at least two of the chains are as large as a building these are parts, and every other point goes to
     the part whose point is nearest.
 
-    Parameters
-    ----------
-    positions : ndarray of shape (n_points, 2)
-        In units of the spacing, in any order.
-    component : ndarray of int64, shape (n_points,)
-        From 0; no point of one lies in the window of another's.
-    window : float
-        Side of the window [spacings].
-    min_neck : float
-        Least width [spacings].
-    min_points, min_area : int, float
-        Of a building; the area in units of the spacing squared.
-
-    Returns
-    -------
-    list of (int, ndarray of int)
-        Component and rows of every part but the first of each component that falls apart.
+    Positions are (n_points, 2), in any order; `component` counts from 0, and no point of one lies in the
+    window of another's. Lengths and areas are in units of the spacing. Returned are component and rows of
+    every part but the first of each component that falls apart.
     """
     half = window / 2.0
     # A strip of width w has w points a spacing.

@@ -24,7 +24,6 @@ from lidar_buildings.core.stages.segmentation.windows import (
     Chains,
     chain_along_scan,
     occupied_areas,
-    sizes,
     turned,
 )
 
@@ -196,11 +195,7 @@ def _without_necks(
 def _by_unit(
     chains: Chains, own: NDArray[np.float64], spacing: float
 ) -> list[tuple[ScanPattern, NDArray[np.intp]]]:
-    """
-    Return the rows of components with their units; those with the general one, which keep apart, together.
-
-    `own` are the components' own spacings [m].
-    """
+    """Return the rows of components, of spacings `own` [m], with their units."""
     general = ScanPattern.isotropic(spacing)
     units = [
         _traced_pattern(pattern, float(one), spacing)
@@ -216,8 +211,7 @@ def _by_unit(
 def _buildings(
     cloud: NDArray[np.float64], chains: Chains, config: SegmentationConfig, spacing: float
 ) -> NDArray[np.int64]:
-    """Return every point's component, −1 where that is no building."""
-    n_points = sizes(chains.component, chains.n_components)
+    n_points = np.bincount(chains.component, minlength=chains.n_components)
     is_building = n_points >= config.min_points
     if config.min_area > 0.0:
         area = occupied_areas(cloud, chains.component, chains.n_components, spacing)
@@ -254,7 +248,6 @@ def _traced_pattern(own: ScanPattern, own_spacing: float, spacing: float) -> Sca
 
 
 def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
-    """Return how far the widest window extends along x and y [m]."""
     wide = [ScanPattern.isotropic(spacing), *(one for one in set(patterns) if not one.is_isotropic)]
     sides = np.array([(one.along, one.across) for one in wide]) * window
     cos, sin = np.abs([(np.cos(one.direction), np.sin(one.direction)) for one in wide]).T

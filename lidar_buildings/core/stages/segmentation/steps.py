@@ -70,9 +70,7 @@ def spread_width(sums: NDArray[np.float64]) -> float:
 
 
 def rectangle_width(area: float, perimeter: float) -> float:
-    """
-    Return the shorter side of the rectangle with this area and perimeter, of the square where there is none.
-    """
+    """Return the shorter side of the rectangle of an area and perimeter, or of the square if none."""
     half = perimeter / 2.0
     root = half * half - 4.0 * area
     return (half - math.sqrt(root)) / 2.0 if root > 0.0 else math.sqrt(area)
@@ -200,25 +198,8 @@ def split_blocks(
     belong where the nearest point on one does. Parts too small, too narrow or nearly enclosed by another go
     back to the one with which they share the longest border, the smallest first.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In any order [m].
-    block : ndarray of int64, shape (n_points,)
-        From 0, or −1 for points of none.
-    n_blocks : int
-        Number of blocks.
-    spacing : float
-        1/√density [m].
-    min_step_height, min_area : float
-        See `SegmentationConfig` [m], [m²].
-
-    Returns
-    -------
-    part : ndarray of int64, shape (n_points,)
-        From 0; −1 where there is no block.
-    block_of_part : ndarray of int64
-        The block of every part.
+    Points are (n_points, 3) in any order [m]; `block` counts from 0, −1 is none; `spacing` is 1/√density [m].
+    Returned are the part of each point, −1 where there is no block, and the block of every part, int64.
     """
     rows = np.flatnonzero(block >= 0)
     some, of_block = points[rows], block[rows]
@@ -241,7 +222,6 @@ def split_blocks(
 def _linked_parts(
     points: NDArray[np.float64], block: NDArray[np.int64], reach: float, min_step: float
 ) -> NDArray[np.int64]:
-    """Number the parts that links connect, before any goes back to another."""
     grid, n = sort_by_cell(points, reach), len(points)
     runs = grid.around(reach)[grid.cell]
     plane, best = np.empty((n, 4)), np.empty((n, 2))
@@ -266,11 +246,7 @@ def _follow_nearest(
     is_flat: NDArray[np.bool_],
     parent: NDArray[np.int64],
 ) -> None:
-    """
-    Give points on no plane the root of the nearest that is on one, or their block's first where none is.
-
-    Nearest in plan: half-way up a tower's wall, the roof of another tower may be nearer than its own.
-    """
+    """Give points on no plane the root of the nearest in plan on one, or their block's first."""
     for number in np.unique(block[~is_flat]):
         members = np.flatnonzero(block == number)
         flat, others = members[is_flat[members]], members[~is_flat[members]]
@@ -293,9 +269,7 @@ def _near(grid, runs, x, y, radius, near):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fit_planes(grid, runs, reach, plane, begin, end):  # type: ignore[no-untyped-def]
-    """
-    Fit a plane about each of the sorted points begin to end: slope in x, in y, height, rms of residuals.
-    """
+    """Fit a plane about each sorted point begin to end: slope in x, in y, height, rms of residuals."""
     near = np.empty(len(grid.points), dtype=np.int64)
     moments, fitted = np.empty(N_MOMENTS), np.empty(4)
     for i in range(begin, end):

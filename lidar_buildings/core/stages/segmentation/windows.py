@@ -54,9 +54,7 @@ def turned(xy: NDArray[np.float64], pattern: ScanPattern) -> NDArray[np.float64]
 
 
 def _without_gaps(xy: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """
-    Return positions with all gaps of several cells shortened, so that an enormous extent can be numbered.
-    """
+    """Return positions with gaps of several cells shortened, so that any extent can be numbered."""
     return np.column_stack(
         [one - np.floor(one / cell) * cell + without_gaps(one, cell)[0] * cell for one in xy[:, :2].T]
     )
@@ -133,11 +131,7 @@ def _link_cornerwise(parent, xy, rows, numbers, first, n_columns, box, reach):  
 
 @kernel
 def _reach_each_other(xy, rows, first, cell, other, side, box, reach):  # type: ignore[no-untyped-def]
-    """
-    Whether points of a cell and of another, to its north-east (side 1) or north-west (−1), are linked.
-
-    Only what is within reach of the other cell's box is compared with its points.
-    """
+    """Whether points of a cell and of one to its north-east (1) or north-west (−1) are linked."""
     nearest = box[other, 0] if side > 0 else box[other, 2]
     for i in range(first[cell], first[cell + 1]):
         x, y = xy[rows[i], 0], xy[rows[i], 1]
@@ -158,11 +152,7 @@ class Chains(NamedTuple):
 
 
 def chain_along_scan(
-    pulses: Pulses,
-    window: float,
-    spacing: float,
-    cells: CellGrid | None = None,
-    min_ratio: float = MIN_RATIO,
+    pulses: Pulses, window: float, spacing: float, cells: CellGrid | None = None, min_ratio: float = MIN_RATIO
 ) -> Chains:
     """
     Number the connected components of points that lie in each other's windows.
@@ -171,18 +161,8 @@ def chain_along_scan(
     own points, so that it does not matter what else there is in the tile, and where it has lines its points
     are chained by a rectangle along them; otherwise by a square.
 
-    Parameters
-    ----------
-    pulses : Pulses
-        In any order.
-    window : float
-        Sides of the window in units of the spacings along and across the lines.
-    spacing : float
-        1/√density [m].
-    cells : CellGrid, optional
-        The points by `lidar_buildings.core.neighbours.scan_pattern.scan_cells`, if they are at hand.
-    min_ratio : float
-        Ratio of the spacings along and across from which there are lines.
+    `window` are its sides in spacings along and across the lines, `spacing` is 1/√density [m]; `cells` are
+    the pulses by `scan_pattern.scan_cells`; lines are where spacings differ by the factor `min_ratio`.
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
@@ -206,15 +186,9 @@ def chain_along_scan(
 
 
 def _groups(
-    pulses: Pulses,
-    half: float,
-    spacing: float,
-    cells: CellGrid | None,
-    min_ratio: float,
+    pulses: Pulses, half: float, spacing: float, cells: CellGrid | None, min_ratio: float
 ) -> tuple[NDArray[np.int64], list[ScanPattern]]:
-    """
-    Return each point's group and the groups' patterns; no window of a group reaches another of its kind.
-    """
+    """Return each point's group and the groups' patterns; no window reaches another of its kind."""
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))
     patterns = measure_scan_patterns(pulses, group, n_groups, spacing, cells=cells, min_ratio=min_ratio)
@@ -229,11 +203,6 @@ def _groups(
     patterns += measure_scan_patterns(some, group_of_some, n_more, spacing, min_ratio=min_ratio)
     group[rows] = n_groups + group_of_some
     return group, patterns
-
-
-def sizes(component: NDArray[np.int64], n_components: int) -> NDArray[np.int64]:
-    """Return the number of points of every component."""
-    return np.bincount(component, minlength=n_components).astype(np.int64)
 
 
 def occupied_areas(

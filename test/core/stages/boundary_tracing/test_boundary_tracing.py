@@ -93,9 +93,7 @@ def test_no_points_give_an_empty_ring():
 
 
 @settings(max_examples=120, deadline=None)
-@given(
-    arrays(np.float32, st.tuples(st.integers(1, 80), st.just(2)), elements=st.floats(-50, 50, width=16)),
-)
+@given(arrays(np.float32, st.tuples(st.integers(1, 80), st.just(2)), elements=st.floats(-50, 50, width=16)))
 def test_any_cloud_has_a_valid_ring_that_holds_all_its_points(xy):
     points = np.column_stack([xy.astype(np.float64), np.zeros(len(xy))])
     assert_sound(trace_boundary(points), points)
