@@ -131,10 +131,7 @@ def _format_of(cloud: Cloud) -> str:
 
 
 #: How a density was measured, in words.
-_MEASURES = {
-    "spacing": "measured in the middle",
-    "bounds": "pulses by the area of the bounds",
-}
+_MEASURES = {"spacing": "measured in the middle", "bounds": "pulses by the area of the bounds"}
 
 
 def inspect_command(options: argparse.Namespace) -> int:

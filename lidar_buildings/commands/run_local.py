@@ -98,11 +98,7 @@ def run_local(
         seconds = {"wall": time.perf_counter() - started, **tiles.seconds}
         info = run_info(seconds, request.parameters(), tiles.failed, source.problems)
         summary = folder.finalise(
-            info,
-            pool.map,
-            source.unreadable,
-            has_failed=bool(tiles.failed),
-            write_report=write_report,
+            info, pool.map, source.unreadable, has_failed=bool(tiles.failed), write_report=write_report
         )
         return RunOutcome(summary, tiles.failed)
 

@@ -138,11 +138,4 @@ def test_latencies_of_a_feed_count_from_a_tiles_last_point():
     assert found["all"]["latency"][2] == 11.0
     assert [
         found[kind][name] for kind in ("last", "last_in_flight", "whole") for name in ("n", "points")
-    ] == [
-        3,
-        200,
-        2,
-        150,
-        1,
-        100,
-    ]
+    ] == [3, 200, 2, 150, 1, 100]

@@ -122,9 +122,7 @@ def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filte
 @pytest.fixture
 def tracer(context, bench):
     return bench(
-        BuildingTracer(context=context),
-        "edge_points tile_info",
-        "building_points traced_outlines node_state",
+        BuildingTracer(context=context), "edge_points tile_info", "building_points traced_outlines node_state"
     )
 
 

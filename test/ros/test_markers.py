@@ -27,11 +27,7 @@ def test_every_building_has_one_list_of_lines_of_its_own():
 
 def test_what_is_gone_or_has_no_solid_is_deleted():
     markers = model_markers(STAMP, {7: [], 8: [TETRAHEDRON]}, withdrawn=[9]).markers
-    assert {one.id: one.action for one in markers} == {
-        7: Marker.DELETE,
-        8: Marker.ADD,
-        9: Marker.DELETE,
-    }
+    assert {one.id: one.action for one in markers} == {7: Marker.DELETE, 8: Marker.ADD, 9: Marker.DELETE}
     assert [len(one.points) for one in markers if one.action == Marker.DELETE] == [0, 0]
 
 

@@ -133,11 +133,7 @@ class NodeProcesses:
 
 
 def _run_node(
-    module: str,
-    arguments: list[str],
-    slow: tuple[str, float] | None,
-    log: Path,
-    environment: dict[str, str],
+    module: str, arguments: list[str], slow: tuple[str, float] | None, log: Path, environment: dict[str, str]
 ) -> None:
     """Be a node; one of its module's functions may be slowed down."""
     os.environ.update(environment)

@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
-from lidar_buildings.evaluation.scores.cells import (
-    CellSet,
-    cell_centres,
-    cells_of_polygons,
-    keys_of,
-)
+from lidar_buildings.evaluation.scores.cells import CellSet, cell_centres, cells_of_polygons, keys_of
 
 #: Classes that say that nothing stood there.
 _GROUND = (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE)

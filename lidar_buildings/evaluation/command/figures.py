@@ -199,12 +199,7 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> Figur
         if k >= 0
     ]
     same = [models.same_roof_type(found, told) for found, told in types if found and told.get("roof_type")]
-    return {
-        **figures,
-        "roof_tolerance": tolerance,
-        **score,
-        "same_roof_type": ratio(sum(same), len(same)),
-    }
+    return {**figures, "roof_tolerance": tolerance, **score, "same_roof_type": ratio(sum(same), len(same))}
 
 
 def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> Figures:

@@ -19,10 +19,7 @@ if TYPE_CHECKING:  # imported late: --help answers at once
 #: The levels of detail of models.
 LODS = ("1.2", "1.3", "2.2")
 #: Option → its least and greatest value, from the precision of points and maps to the size of buildings.
-_RANGES = {
-    "cell": (0.05, 100.0),
-    "corner_tolerance": (0.01, 100.0),
-}
+_RANGES = {"cell": (0.05, 100.0), "corner_tolerance": (0.01, 100.0)}
 #: A result's building points, and a reference's unless told otherwise.
 BUILDING = (int(PointClass.BUILDING),)
 

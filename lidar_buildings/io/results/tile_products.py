@@ -132,9 +132,7 @@ def load_shapes(path: Path) -> Shapes:
     with _opened(path) as held:
         shapes, features = (json.loads(held[name].tobytes()) for name in ("shapes", "features"))
     return Shapes(
-        _outlines_from_lists(shapes["traced"]),
-        _outlines_from_lists(shapes["outlines"]),
-        tuple(features),
+        _outlines_from_lists(shapes["traced"]), _outlines_from_lists(shapes["outlines"]), tuple(features)
     )
 
 

@@ -54,8 +54,7 @@ def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: L
         if chosen.sum() >= least:
             parameters = _SELECTION if place == "within the outline" else (*_SELECTION, "segmentation.window")
             yield Finding(
-                f"High points {place} outside the building: {site.select(chosen).per_class()}.",
-                parameters,
+                f"High points {place} outside the building: {site.select(chosen).per_class()}.", parameters
             )
 
 

@@ -261,12 +261,7 @@ class SurveyBag:
     """
 
     def __init__(
-        self,
-        path: Path,
-        survey: MovingSurvey,
-        *,
-        with_tf: bool = True,
-        with_fix: bool = False,
+        self, path: Path, survey: MovingSurvey, *, with_tf: bool = True, with_fix: bool = False
     ) -> None:
         self.files = [path]
         self._bag = BagWriter(path, latched={_absolute(topic) for topic in LATCHED})

@@ -9,10 +9,7 @@ from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingC
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace
 from lidar_buildings.core.stages.ground_filter.bidirectional_slope import objects_between_slopes
-from lidar_buildings.core.stages.ground_filter.progressive_tin import (
-    facet_offsets,
-    histogram_limits,
-)
+from lidar_buildings.core.stages.ground_filter.progressive_tin import facet_offsets, histogram_limits
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.directions import (

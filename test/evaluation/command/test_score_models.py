@@ -67,11 +67,7 @@ def test_a_level_that_a_building_lacks_gives_no_solid(survey):
 def test_plain_city_json_with_parts_in_feet_and_without_semantics_is_read(tmp_path):
     ring = [[0, 0], [10, 0], [10, 10], [0, 10]]
     vertices = [[*xy, z] for z in (0, 20) for xy in ring]
-    shell = [
-        [[3, 2, 1, 0]],
-        [[4, 5, 6, 7]],
-        *([[i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4]] for i in range(4)),
-    ]
+    shell = [[[3, 2, 1, 0]], [[4, 5, 6, 7]], *([[i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4]] for i in range(4))]
     content = {
         "type": "CityJSON",
         "version": "2.0",

@@ -91,10 +91,7 @@ def test_a_model_agrees_with_itself():
     assert (score["n_matched"], score["height_rmse"], score["height_covered"]) == (2, 0.0, 1.0)
     assert (score["roof_corner_f1"], score["roof_edge_f1"], score["roof_corner_offset"]) == (1, 1, 0)
     assert (score["roof_edge_length_precision"], score["roof_edge_length_recall"]) == (1.0, 1.0)
-    assert (
-        score["ridge_recall"],
-        score["ridge_largest"],
-    ) == (1.0, 0.0)
+    assert (score["ridge_recall"], score["ridge_largest"]) == (1.0, 0.0)
     assert np.allclose(score["volume_ratio"], 1.0)
 
 

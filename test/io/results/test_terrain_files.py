@@ -21,12 +21,7 @@ from lidar_buildings.io.clouds.agreement import crs_with_heights
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.results.output_folder import OutputFolder
-from lidar_buildings.io.results.terrain_files import (
-    RASTERS,
-    merged,
-    terrain_meshes,
-    write_rasters,
-)
+from lidar_buildings.io.results.terrain_files import RASTERS, merged, terrain_meshes, write_rasters
 from lidar_buildings.io.results.tile_products import TileProducts, load_raster_window
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
 

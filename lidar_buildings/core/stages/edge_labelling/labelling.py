@@ -63,10 +63,7 @@ class EdgeLabels:
 
 
 def label_edges(
-    points: ArrayLike,
-    config: EdgeLabellingConfig | None = None,
-    *,
-    point_spacing: float | None = None,
+    points: ArrayLike, config: EdgeLabellingConfig | None = None, *, point_spacing: float | None = None
 ) -> EdgeLabels:
     """
     Tell roof points on edges from those on surfaces.

@@ -28,10 +28,7 @@ TREND_RADIUS, LESS_ON_TREND = 20.0, 0.1
 
 
 def profile_ground(
-    candidates: NDArray[np.float64],
-    spacing: float,
-    config: GroundFilterConfig,
-    scanned: Sequence[Profiles],
+    candidates: NDArray[np.float64], spacing: float, config: GroundFilterConfig, scanned: Sequence[Profiles]
 ) -> NDArray[np.bool_]:
     """
     Tell which candidates are ground by walking along profiles in both directions.

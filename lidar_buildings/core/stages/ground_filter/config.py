@@ -93,9 +93,7 @@ class GroundFilterConfig(StageConfig):
         within=(0.0, 1.0),
     )
     max_open_steep_share: float = advanced(
-        0.7,
-        "The same in open terrain, where hardly any object stands.",
-        within=(0.0, 1.0),
+        0.7, "The same in open terrain, where hardly any object stands.", within=(0.0, 1.0)
     )
     profile_directions: int = advanced(
         4,

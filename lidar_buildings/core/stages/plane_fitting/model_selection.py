@@ -310,7 +310,7 @@ def _merged(moments: FloatArray, pairs: IntArray, prices: Prices, parent: IntArr
 
 @kernel
 def _dissolved(points, labels, moments, by_size, first, beside, rows, begin, prices):  # type: ignore[no-untyped-def]
-    """Return the labels without the planes that do not pay; see `dissolve_planes`."""
+    """Return the labels without the planes that do not pay; see `select_planes`."""
     labels = labels.copy()
     equations = equations_of(moments)
     alive = np.zeros(len(moments), dtype=np.bool_)

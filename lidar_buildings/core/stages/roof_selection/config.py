@@ -106,16 +106,10 @@ class RoofSelectionConfig(StageConfig):
         0.2, "Height up to which vegetation is low.", unit="m", within=(0.01, 5.0)
     )
     medium_vegetation_height: float = advanced(
-        3.0,
-        "Height up to which vegetation is medium, high from there on.",
-        unit="m",
-        within=(0.1, 20.0),
+        3.0, "Height up to which vegetation is medium, high from there on.", unit="m", within=(0.1, 20.0)
     )
     max_vegetation_height: float = advanced(
-        150.0,
-        "Height from which on what is no roof stays unclassified.",
-        unit="m",
-        within=(5.0, 1000.0),
+        150.0, "Height from which on what is no roof stays unclassified.", unit="m", within=(5.0, 1000.0)
     )
     road_method: str = advanced(
         "automatic",

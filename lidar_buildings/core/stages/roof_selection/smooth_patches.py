@@ -86,10 +86,7 @@ def _small_parts(
 
 
 def _without_narrow(
-    candidates: Candidates,
-    roof: NDArray[np.bool_],
-    config: RoofSelectionConfig,
-    rejection: NDArray[np.uint8],
+    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, rejection: NDArray[np.uint8]
 ) -> NDArray[np.bool_]:
     """
     Take out of the roofs what is too narrow, in plan and on its level, and what is too small; note why.

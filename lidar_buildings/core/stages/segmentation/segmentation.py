@@ -20,12 +20,7 @@ from lidar_buildings.core.neighbours.scan_pattern import (
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.necks import cut_necks
 from lidar_buildings.core.stages.segmentation.steps import split_blocks
-from lidar_buildings.core.stages.segmentation.windows import (
-    Chains,
-    chain_along_scan,
-    occupied_areas,
-    turned,
-)
+from lidar_buildings.core.stages.segmentation.windows import Chains, chain_along_scan, occupied_areas, turned
 
 #: Ids are drawn from 1 to this number.
 LARGEST_ID = 2**32 - 1

@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.edge_labelling.labelling import (
-    SHAPES,
-    discriminant_edges,
-    nearest_shapes,
-)
+from lidar_buildings.core.stages.edge_labelling.labelling import SHAPES, discriminant_edges, nearest_shapes
 from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 
 #: Steps of the integration along a radius, and round a full turn.

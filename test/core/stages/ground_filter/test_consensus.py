@@ -8,10 +8,7 @@ from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import consensus
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.progressive_tin import (
-    GROUND_DISTANCE_SLOPE,
-    MAX_SLOPE,
-)
+from lidar_buildings.core.stages.ground_filter.progressive_tin import GROUND_DISTANCE_SLOPE, MAX_SLOPE
 from lidar_buildings.evaluation.scores.cells import score_ground
 
 CONFIG = GroundFilterConfig()

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 
 from lidar_buildings.core.stages.ground_filter import tin_growth
-from lidar_buildings.core.stages.ground_filter.tin_growth import (
-    GrowthLimits,
-    candidate_score,
-    start_growth,
-)
+from lidar_buildings.core.stages.ground_filter.tin_growth import GrowthLimits, candidate_score, start_growth
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex
 from lidar_buildings.core.surfaces.tin import walk
 

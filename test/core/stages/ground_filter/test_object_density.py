@@ -1,11 +1,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.landforms import (
-    CELL,
-    RADIUS,
-    object_density,
-)
+from lidar_buildings.core.stages.ground_filter.landforms import CELL, RADIUS, object_density
 
 
 def density_by_brute_force(candidates, is_object):

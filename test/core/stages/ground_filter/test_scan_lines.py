@@ -6,10 +6,7 @@ import laspy
 import numpy as np
 import pytest
 
-from lidar_buildings.core.stages.ground_filter.scan_profiles import (
-    cut_profiles,
-    find_scan_lines,
-)
+from lidar_buildings.core.stages.ground_filter.scan_profiles import cut_profiles, find_scan_lines
 
 SPACING = 1.0
 

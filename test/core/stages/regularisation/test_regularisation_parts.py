@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
-from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
+from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED
 from lidar_buildings.core.stages.regularisation.directions import (
     WallScatter,
     along_nearest,
@@ -260,17 +260,7 @@ def test_walls_of_a_single_edge_keep_the_direction(turn):
     ring = ring[(ring != (12, 13)).any(axis=1)]
     c, s = np.cos(turn), np.sin(turn)
     place = np.array([85_000.0, 447_500.0])
-    config = RegularisationConfig(
-        division="slope_changes",
-        adjustment="joint",
-        max_directions=1,
-        angle_tolerance_deg=45.0,
-        min_long_wall=10.0,
-        bridge_concavities=False,
-        finest_spacing=0.0,
-        direction_weight=100.0,
-    )
-    found = regularise_outline(Outline(ring @ np.array([[c, s], [-s, c]]) + place), config)
+    found = regularise_outline(Outline(ring @ np.array([[c, s], [-s, c]]) + place), AS_PUBLISHED)
     edges = np.roll(found.outline.exterior, -1, axis=0) - found.outline.exterior
     angle = (np.arctan2(edges[:, 1], edges[:, 0]) - turn) % (np.pi / 2)
     assert len(edges) == len(corners)

@@ -5,10 +5,7 @@ import numpy as np
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.roof_patches import (
-    find_voted_surface,
-    plane_votes,
-)
+from lidar_buildings.core.stages.roof_selection.roof_patches import find_voted_surface, plane_votes
 
 SPACING = 1.7
 

@@ -201,11 +201,7 @@ def at_edge(scene):
 def test_split_pulses_at_eaves_are_roof_only_where_all_returns_count(returns, kept):
     scene = scenes.gable(density=8.0)
     edge = at_edge(scene)
-    columns = {
-        **known(scene),
-        "return_number": np.ones(len(edge), dtype=int),
-        "number_of_returns": 1 + edge,
-    }
+    columns = {**known(scene), "return_number": np.ones(len(edge), dtype=int), "number_of_returns": 1 + edge}
     found = roofs(scene.points, "single_returns", columns, roof_returns=returns)
     assert found[edge].all() == kept
     assert found[edge].any() == kept

@@ -80,10 +80,7 @@ def test_the_ground_is_the_mean_of_its_points_so_noise_grows_less():
 def test_cells_are_aligned_to_multiples_of_the_resolution_in_source_coordinates(resolution, origin):
     xy = scattered((30, 20), 2.0)
     rasters = make_rasters(
-        on(SLOPE, xy),
-        np.full(len(xy), GROUND),
-        RasterConfig(raster_resolution=resolution),
-        origin=origin,
+        on(SLOPE, xy), np.full(len(xy), GROUND), RasterConfig(raster_resolution=resolution), origin=origin
     )
     window = rasters.window
     west, north = window.corner
