@@ -285,7 +285,7 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from lidar_buildings.evaluation.changes.comparing import compare_command
+    from lidar_buildings.evaluation.changes import compare_command
 
     return compare_command(options)
 

@@ -17,7 +17,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
-from lidar_buildings.core.stages.footprints.assignment import remark_on_points
+from lidar_buildings.core.stages.footprints.footprints import remark_on_points
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 #: What models and their attributes are made from.

@@ -21,9 +21,8 @@ from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingC
 from lidar_buildings.core.stages.boundary_tracing.open_ground import GROUND_REACH
 from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace, trace_boundary
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
-from lidar_buildings.core.stages.footprints.assignment import assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
-from lidar_buildings.core.stages.footprints.footprints import Footprints
+from lidar_buildings.core.stages.footprints.footprints import Footprints, assign_footprints
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings

@@ -43,6 +43,12 @@ class RoofFace:
         a, b, c = self.plane
         return np.asarray(a * xy[:, 0] + b * xy[:, 1] + c)
 
+    def moved(self, x: float, y: float, angle: float = 0.0, elevation: float = 0.0) -> RoofFace:
+        """Return the face turned counter-clockwise about the origin [rad], then moved [m]."""
+        a, b = _turned(np.array(self.plane[:2]), angle)
+        rings = tuple(_turned(ring, angle) + np.array([x, y]) for ring in self.rings)
+        return RoofFace(rings, (float(a), float(b), float(self.plane[2] + elevation - a * x - b * y)))
+
 
 @dataclass(frozen=True, eq=False)
 class Building:
@@ -93,14 +99,12 @@ class Building:
 
     def placed(self, x: float, y: float, rotation_deg: float = 0.0, elevation: float = 0.0) -> Building:
         """Return the building turned counter-clockwise about the origin, then moved by (x, y, elevation)."""
-        angle, shift = np.deg2rad(rotation_deg), np.array([x, y])
+        angle = np.deg2rad(rotation_deg)
+        exterior, *holes = (_turned(ring, angle) + np.array([x, y]) for ring in self.outline.rings)
         return replace(
             self,
-            faces=tuple(_placed(face, shift, angle, elevation) for face in self.faces),
-            outline=Outline(
-                _turned(self.outline.exterior, angle) + shift,
-                tuple(_turned(ring, angle) + shift for ring in self.outline.holes),
-            ),
+            faces=tuple(face.moved(x, y, angle, elevation) for face in self.faces),
+            outline=Outline(exterior, tuple(holes)),
             ground_elevation=self.ground_elevation + elevation,
         )
 
@@ -126,17 +130,8 @@ def _corners(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _turned(ring: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Turn positions counter-clockwise about the origin by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     return ring @ np.array([[cos, sin], [-sin, cos]])
-
-
-def _placed(face: RoofFace, shift: NDArray[np.float64], angle: float, elevation: float) -> RoofFace:
-    a, b = _turned(np.array(face.plane[:2]), angle)
-    c = face.plane[2] + elevation - a * shift[0] - b * shift[1]
-    return RoofFace(
-        tuple(_turned(ring, angle) + shift for ring in face.rings), (float(a), float(b), float(c))
-    )
 
 
 #: A vertex nearer than this to an edge lies on it [m].
@@ -171,15 +166,9 @@ class Shell:
         return (*self.roofs, *self.walls, self.floor)
 
 
-def walls_of(building: Building) -> tuple[Wall, ...]:
-    """Return the walls under all edges at which the roof ends or steps."""
-    return tuple(_walls(building, _noded_rings(building)))
-
-
 def shell_of(building: Building) -> Shell:
     """Return the building's solid, without vertices that only one of two neighbours has."""
-    noded = _noded_rings(building)
-    walls = _walls(building, noded)
+    noded, walls = _noded_rings(building), walls_of(building)
     levels = _levels(walls)
     roofs = tuple(
         tuple(np.column_stack([ring, face.elevation(ring)]) for ring in rings)
@@ -195,7 +184,6 @@ def _noded_rings(building: Building) -> list[list[NDArray[np.float64]]]:
 
 
 def _noded(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Insert the vertices that lie inside the ring's edges."""
     pieces = []
     for start, end in zip(ring, np.roll(ring, -1, axis=0), strict=True):
         edge = end - start
@@ -207,10 +195,10 @@ def _noded(ring: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[
     return np.concatenate(pieces)
 
 
-def _walls(building: Building, noded: list[list[NDArray[np.float64]]]) -> list[Wall]:
-    """Compare the roof's elevation on both sides of every edge."""
+def walls_of(building: Building) -> list[Wall]:
+    """Return the walls under all edges at which the roof ends or steps."""
     edges = {}
-    for face, rings in zip(building.faces, noded, strict=True):
+    for face, rings in zip(building.faces, _noded_rings(building), strict=True):
         for ring in rings:
             for start, end in zip(ring, np.roll(ring, -1, axis=0), strict=True):
                 z = face.elevation(np.array([start, end]))

@@ -116,11 +116,10 @@ def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, .
     corners = np.array([(0, 0), (scene.size[0], 0), scene.size, (0, scene.size[1])]) - middle
     half_length = np.ptp(corners @ heading) / 2 + RUN_IN
     swath = 2 * config.altitude * np.tan(np.deg2rad(config.max_scan_angle_deg))
-    offsets = _strip_offsets(float(np.ptp(corners @ left)), swath, config.overlap)
-    axes = [
-        (middle + o * left - half_length * heading, middle + o * left + half_length * heading)
-        for o in offsets
-    ]
+    spacing = swath * (1 - config.overlap)
+    n_strips = 1 + max(0, int(np.ceil((float(np.ptp(corners @ left)) - swath) / spacing)))
+    centres = [middle + spacing * (row - (n_strips - 1) / 2) * left for row in range(n_strips)]
+    axes = [(centre - half_length * heading, centre + half_length * heading) for centre in centres]
     area = shapely.box(0, 0, *scene.size)
     covered = [
         shapely.LineString(axis).buffer(swath / 2, cap_style="flat").intersection(area).area for axis in axes
@@ -148,9 +147,3 @@ def plan_flight(scene: VirtualScene, config: SimulationConfig) -> tuple[Strip, .
             )
         )
     return tuple(strips)
-
-
-def _strip_offsets(extent: float, swath: float, overlap: float) -> list[float]:
-    spacing = swath * (1 - overlap)
-    n_strips = 1 + max(0, int(np.ceil((extent - swath) / spacing)))
-    return [spacing * (row - (n_strips - 1) / 2) for row in range(n_strips)]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from lidar_buildings.simulation.building import GRID, Building, RoofFace, building_of, face_over
 
@@ -85,9 +84,8 @@ def _not_under(faces: tuple[RoofFace, ...], others: tuple[RoofFace, ...]) -> lis
         for other in others:
             if _same_plane(face, other):
                 continue
-            above = shapely.intersection(
-                other.polygon, _where_higher(other.plane, face.plane), grid_size=GRID
-            )
+            higher = _where_higher(other.plane, face.plane)
+            above = shapely.intersection(other.polygon, higher, grid_size=GRID)
             piece = shapely.difference(piece, above, grid_size=GRID)
         kept.extend(face_over(part, face.plane) for part in _polygons(piece))
     return kept
@@ -134,9 +132,8 @@ def gable(length: float = 14.0, width: float = 9.0, eave: float = 5.0, pitch_deg
 
 def hip(length: float = 15.0, width: float = 10.0, eave: float = 5.0, pitch_deg: float = 35.0) -> Building:
     """Return a building whose four faces have the same pitch; a pyramid if it is square."""
-    return building_of(
-        "hip", lowest(box(length, width), rim_planes(length, width, eave, slope_of(pitch_deg)))
-    )
+    planes = rim_planes(length, width, eave, slope_of(pitch_deg))
+    return building_of("hip", lowest(box(length, width), planes))
 
 
 def l_shape(length: float = 16.0, wing_length: float = 7.0, pitch_deg: float = 35.0) -> Building:
@@ -177,9 +174,7 @@ def dormer(
     top = eave + slope * setback + dormer_height
     back = front + dormer_height / slope
     if back >= 0:
-        raise ValueError(
-            f"dormer_height = {dormer_height:g} m: must be less than {-front * slope:.2f} m here"
-        )
+        raise ValueError(f"dormer_height = {dormer_height:g} m: must be less than {-front * slope:.2f} m")
     cut = shapely.box(-dormer_width / 2, front, dormer_width / 2, back)
     south, north = gable_faces(box(length, width), width / 2, eave, slope)
     return building_of(
@@ -212,8 +207,12 @@ def round_tower(
     if slope == 0:
         return building_of("round_tower", (face_over(shapely.Polygon(rim), (0.0, 0.0, eave)),))
     apex = eave + slope * diameter / 2
-    sides = zip(rim, np.roll(rim, -1, axis=0), strict=True)
-    return building_of("round_tower", tuple(_side_of_cone(a, b, eave, apex) for a, b in sides))
+    faces = []
+    for side in zip(rim, np.roll(rim, -1, axis=0), strict=True):
+        triangle = np.array([*side, [0.0, 0.0]])
+        a, b, c = np.linalg.solve(np.column_stack([triangle, np.ones(3)]), [eave, eave, apex]).tolist()
+        faces.append(RoofFace((triangle,), (a, b, c)))
+    return building_of("round_tower", tuple(faces))
 
 
 def _winged(roof_type: str, length: float, wing_length: float, wing_x: float, pitch_deg: float) -> Building:
@@ -231,13 +230,6 @@ def _winged(roof_type: str, length: float, wing_length: float, wing_x: float, pi
     return building_of(roof_type, faces)
 
 
-def _side_of_cone(a: NDArray[np.float64], b: NDArray[np.float64], eave: float, apex: float) -> RoofFace:
-    """The triangle between a side of the rim and the apex over the origin."""
-    corners = np.array([[*a, 1.0], [*b, 1.0], [0.0, 0.0, 1.0]])
-    plane = np.linalg.solve(corners, [eave, eave, apex])
-    return RoofFace((np.array([a, b, [0.0, 0.0]]),), (float(plane[0]), float(plane[1]), float(plane[2])))
-
-
 def half_hip() -> Building:
     """Return a gable house whose gables end in small hips, which begin half-way up the roof."""
     length, width, eave = 15.0, 10.0, 5.0
@@ -250,8 +242,7 @@ def half_hip() -> Building:
 
 def pyramid() -> Building:
     """Return a square building whose four faces meet in one point."""
-    side = 10.0
-    return building_of("pyramid", lowest(box(side, side), rim_planes(side, side, 5.0, slope_of(35.0))))
+    return building_of("pyramid", hip(10.0, 10.0).faces)
 
 
 def gambrel(lower_pitch_deg: float = 60.0, break_width: float = 1.8) -> Building:
@@ -283,13 +274,10 @@ def cross_gable() -> Building:
 
 def hipped_l() -> Building:
     """Return a hip roof over two wings of one width that make a corner in the south-west."""
-    length, width, depth, eave = 18.0, 8.0, 16.0, 5.0
-    slope = slope_of(35.0)
-    wing = box(width, depth)
-    first = lowest(box(length, width), rim_planes(length, width, eave, slope))
-    second = lowest(wing, rim_planes(width, depth, eave, slope))
+    length, width, depth = 18.0, 8.0, 16.0
+    first, second = hip(length, width).faces, hip(width, depth).faces
     shift = (width - length) / 2, (depth - width) / 2
-    moved = tuple(_moved(face, *shift) for face in second)
+    moved = tuple(face.moved(*shift) for face in second)
     return building_of("hipped_l", joined(highest_of(first, moved)))
 
 
@@ -297,11 +285,10 @@ def double_gable() -> Building:
     """Return two gable roofs side by side with a valley between: an M."""
     width = 16.0
     slope, quarter = slope_of(35.0), width / 4
-    faces: list[RoofFace] = []
-    for y in (-quarter, quarter):
-        half = gable_faces(box(14.0, width / 2), quarter, 5.0, slope)
-        faces += [_moved(face, 0.0, y) for face in half]
-    return building_of("double_gable", tuple(faces))
+    half = gable_faces(box(14.0, width / 2), quarter, 5.0, slope)
+    return building_of(
+        "double_gable", tuple(face.moved(0.0, y) for y in (-quarter, quarter) for face in half)
+    )
 
 
 def gable_dormer() -> Building:
@@ -340,13 +327,9 @@ def barrel() -> Building:
     y = np.round(radius * np.sin(angle) / GRID) * GRID
     z = 5.0 + radius * (np.cos(angle) - np.cos(reach))
     slope = np.diff(z) / np.diff(y)
-    faces = (
-        face_over(
-            shapely.box(-length / 2, y[k], length / 2, y[k + 1]), (0.0, slope[k], z[k] - slope[k] * y[k])
-        )
-        for k in range(n_facets)
-    )
-    return building_of("barrel", tuple(faces))
+    strips = (shapely.box(-length / 2, y[k], length / 2, y[k + 1]) for k in range(n_facets))
+    planes = ((0.0, slope[k], z[k] - slope[k] * y[k]) for k in range(n_facets))
+    return building_of("barrel", tuple(map(face_over, strips, planes)))
 
 
 def church() -> Building:
@@ -356,7 +339,7 @@ def church() -> Building:
     slope = 14.0 / (tower / 2)
     top = lowest(box(tower, tower), rim_planes(tower, tower, 20.0, slope))
     west = -(length + tower) / 2
-    return building_of("church", (*nave, *(_moved(face, west, 0.0) for face in top)))
+    return building_of("church", (*nave, *(face.moved(west, 0.0) for face in top)))
 
 
 def parapet(rim: float = 0.5, rim_height: float = 0.8) -> Building:
@@ -365,8 +348,3 @@ def parapet(rim: float = 0.5, rim_height: float = 0.8) -> Building:
     outer, inner = box(length, width), box(length - 2 * rim, width - 2 * rim)
     faces = face_over(outer - inner, (0.0, 0.0, eave + rim_height)), face_over(inner, (0.0, 0.0, eave))
     return building_of("parapet", faces)
-
-
-def _moved(face: RoofFace, x: float, y: float) -> RoofFace:
-    a, b, c = face.plane
-    return RoofFace(tuple(ring + np.array([x, y]) for ring in face.rings), (a, b, c - a * x - b * y))

@@ -64,7 +64,7 @@ def test_roof_points_lie_on_the_true_planes_within_the_noise(village, village_po
 
 def test_without_noise_roof_points_lie_exactly_on_their_planes_inside_their_outlines():
     tile, truth = simulate_tile("roof_types", 2, NOISELESS, density=3.0)
-    for building in truth.buildings:
+    for building in truth.scene.buildings:
         rows = (truth.building == building.number) & (truth.plane > 0)
         a, b, c = building.planes[truth.plane[rows] - 1].T
         x, y, z = tile.points[rows].T
@@ -104,7 +104,7 @@ def test_facade_points_lie_on_the_outline_between_ground_and_eave():
     facade = (truth.building > 0) & (truth.plane == 0)
     assert 100 < facade.sum() < 0.1 * (truth.building > 0).sum()
     assert (truth.classification[facade] == PointClass.BUILDING).all()
-    for building in truth.buildings[:4]:
+    for building in truth.scene.buildings[:4]:
         points = tile.points[facade & (truth.building == building.number)]
         distance = shapely.distance(building.polygon.exterior, shapely.points(points[:, :2]))
         assert np.all(distance < 1e-4)
@@ -204,4 +204,4 @@ def test_roads_are_darker_than_grass(village, village_points):
 def test_a_scene_of_ones_own_and_an_empty_one_can_be_scanned():
     tile, truth = simulate_tile(VirtualScene("patch", (5.0, 5.0), Terrain(1.0)), density=0.05)
     assert len(tile) == len(truth.classification)
-    assert truth.buildings == ()
+    assert truth.scene.buildings == ()

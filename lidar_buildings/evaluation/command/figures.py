@@ -68,7 +68,6 @@ def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) ->
 def _cells_of(
     path: Path, classes: Collection[int], options: ScoreOptions, *, is_reference: bool
 ) -> tuple[CellSet, str]:
-    """Return the building cells of a cloud or of polygons, and the name of their reference system."""
     if not has_clouds(path):
         layer = read_metric_polygons(path)
         return cells.cells_of_polygons(layer.polygons, options.cell), layer.crs
@@ -103,7 +102,6 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> Figure
 
 
 def _check_labels_were_made(result: Path) -> None:
-    """Refuse the output folder of a run that ended before the edges."""
     try:
         until = json.loads((result / "run.json").read_text())["until"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -203,7 +201,6 @@ def model_figures(result: Path, reference: Path, options: ScoreOptions) -> Figur
 
 
 def _own_figures(buildings: Sequence[CityBuilding], lod: str) -> Figures:
-    """Return the share of buildings per level of detail, and of valid solids."""
     levels = Counter(building.finest(lod)[0] for building in buildings)
     valid = [
         not check_solid(_near_origin(solid))

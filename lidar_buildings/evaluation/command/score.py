@@ -181,14 +181,12 @@ def _classes(text: str) -> tuple[int, ...]:
 
 
 def _none_for_nan(value: Any) -> Any:
-    """Return a figure, or a list of them, with None for shares and means of nothing."""
     if hasattr(value, "tolist"):
         return [_none_for_nan(one) for one in value.tolist()]
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def _text(value: Any) -> str:
-    """Return a figure as text, a dash for None."""
     if value is None:
         return "–"
     return f"{value:.4f}" if isinstance(value, float) else str(value)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,11 +76,7 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
 
 
 def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
-    """
-    Read points [m], their classes, and which of those of buildings are façade, some at a time.
-
-    InputError if there is no cloud, or one cannot be read.
-    """
+    """Yield points [m], classes and façade marks of buildings; InputError if a cloud cannot be read."""
     for file in find_clouds(path):
         yield from _parts(open_cloud(file), (CLASS, FACADE))
 
@@ -94,19 +91,19 @@ def read_label_pairs(result: Path, reference: Path, *, beside: tuple[str, ...] =
     """
     parts: list[tuple[NDArray[Any], ...]] = []
     clouds = []
-    for mine, theirs in matched_clouds(result, reference):
+    for mine, theirs in _matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
         clouds.append(pair[0])
         parts.extend(_paired_parts(*pair, (CLASS, *beside)))
     return _joined(parts, clouds, 2 + len(beside))
 
 
-def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
+def _matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
     """Pair the files of both sides: one with one as they are, else by name."""
     mine, theirs = find_clouds(result), find_clouds(reference)
     if len(mine) == len(theirs) == 1:
         return [(mine[0], theirs[0])]
-    by_name = [{_bare_name(file): file for file in files} for files in (mine, theirs)]
+    by_name = [{re.sub(r"(?i)\.copc$", "", one.stem): one for one in files} for files in (mine, theirs)]
     for side, (here, there) in zip((reference, result), (by_name, by_name[::-1]), strict=True):
         lonely = sorted(here.keys() - there.keys())
         if lonely:
@@ -117,15 +114,14 @@ def matched_clouds(result: Path, reference: Path) -> list[tuple[Path, Path]]:
     return [(by_name[0][name], by_name[1][name]) for name in sorted(by_name[0])]
 
 
-def check_same_count(mine: Cloud, theirs: Cloud) -> None:
-    """Refuse clouds of different numbers of points."""
+def _check_same_count(mine: Cloud, theirs: Cloud) -> None:
     if mine.point_count != theirs.point_count:
         raise InputError(
             f"{mine.path}: has {mine.point_count} points, but {theirs.path} has {theirs.point_count}: {_SAME}"
         )
 
 
-def check_same_points(
+def _check_same_points(
     pair: tuple[Cloud, Cloud], mine: NDArray[np.float64], theirs: NDArray[np.float64], first: int = 0
 ) -> None:
     """Refuse points [m] of two clouds, `first` on, that are others or in another order."""
@@ -139,43 +135,35 @@ def check_same_points(
         )
 
 
-def _bare_name(file: Path) -> str:
-    return file.stem[: -len(".copc")] if file.stem.lower().endswith(".copc") else file.stem
-
-
 def _class_of(cloud: Cloud, prefer_truth: bool) -> str:
     named = TRUE_CLASS in cloud.header.point_format.extra_dimension_names
     return TRUE_CLASS if prefer_truth and named else CLASS
 
 
 def _parts(cloud: Cloud, dimensions: tuple[str, ...]) -> Iterator[tuple[NDArray[Any], ...]]:
-    """Yield coordinates [m] and the labels of these dimensions, chunk by chunk."""
     if EDGE in dimensions and EDGE not in cloud.header.point_format.extra_dimension_names:
         raise InputError(
             f"{cloud.path}: has no dimension {EDGE}: give the output of lidar-buildings run, "
             "which labels the edges of roofs"
         )
+    no_facade = FACADE not in cloud.header.point_format.extra_dimension_names
     for chunk in cloud.chunks():
-        labels = (_label_of(cloud, chunk, name) for name in dimensions)
+        labels = (
+            np.asarray(np.zeros(len(chunk)) if name == FACADE and no_facade else chunk[name], dtype=np.uint8)
+            for name in dimensions
+        )
         yield xyz_of(chunk) * cloud.units, *labels
-
-
-def _label_of(cloud: Cloud, chunk: Any, name: str) -> NDArray[np.uint8]:
-    if name == FACADE and name not in cloud.header.point_format.extra_dimension_names:
-        return np.zeros(len(chunk), dtype=np.uint8)
-    return np.asarray(chunk[name], dtype=np.uint8)
 
 
 def _paired_parts(
     mine: Cloud, theirs: Cloud, dimensions: tuple[str, ...]
 ) -> Iterator[tuple[NDArray[Any], ...]]:
-    """Yield coordinates [m] and the labels of both clouds, which must hold the same points."""
-    check_same_count(mine, theirs)
+    _check_same_count(mine, theirs)
     row = 0
     for (points, *my_labels), (their_points, *their_labels) in zip(
         _parts(mine, dimensions), _parts(theirs, (_class_of(theirs, True),)), strict=True
     ):
-        check_same_points((mine, theirs), points, their_points, row)
+        _check_same_points((mine, theirs), points, their_points, row)
         row += len(points)
         yield points, *my_labels, *their_labels
 
@@ -218,13 +206,13 @@ def read_plane_labels(result: Path, reference: Path) -> Iterator[PlaneLabels]:
     InputError if a cloud cannot be read, says nothing of planes or has no counterpart, or if two are not of
     the same points in the same order.
     """
-    for mine, theirs in matched_clouds(result, reference):
+    for mine, theirs in _matched_clouds(result, reference):
         pair = open_cloud(mine), open_cloud(theirs)
-        check_same_count(*pair)
+        _check_same_count(*pair)
         points, numbers = _read(pair[0], _dimensions(pair[0], (NUMBERS,)))
         wanted = _dimensions(pair[1], (TRUTH, NUMBERS, COLOURS))
         their_points, their_numbers = _read(pair[1], wanted)
-        check_same_points(pair, points, their_points)
+        _check_same_points(pair, points, their_points)
         yield PlaneLabels(
             mine.name, points, numbers, their_numbers, wanted == COLOURS, pair[0].crs.name or pair[1].crs.name
         )

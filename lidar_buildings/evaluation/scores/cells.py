@@ -79,9 +79,7 @@ class Confusion:
 
 
 def confusion_of(result: ArrayLike, reference: ArrayLike) -> Confusion:
-    """
-    Count the agreement of two masks over the same items; ValueError if their shapes differ or are not 1D.
-    """
+    """Count the agreement of two masks of the same items; ValueError if their shapes differ or are not 1D."""
     result_mask, reference_mask = np.asarray(result, bool), np.asarray(reference, bool)
     if result_mask.ndim != 1 or result_mask.shape != reference_mask.shape:
         given = reference_mask.shape
@@ -163,7 +161,12 @@ def cells_of_points(points: ArrayLike, is_building: ArrayLike, cell: float) -> C
     if not len(own):
         return own
     distance = _REACH * measure_spacing(points)
-    empty = np.setdiff1d(_surroundings(own, distance, cell), _as_set(keys_of(plan, cell)), assume_unique=True)
+    # Cells around with their centre in reach, and a few more: a square grows by its rows, then its columns.
+    steps = np.arange(-int(distance / cell + 0.5), int(distance / cell + 0.5) + 1, dtype=np.int64)
+    around = own
+    for offsets in (steps, steps << 32):
+        around = _as_set((around[:, None] + offsets).ravel())
+    empty = np.setdiff1d(around, _as_set(keys_of(plan, cell)), assume_unique=True)
     filled = empty[_nearest_is_building(cell_centres(empty, cell), plan, chosen, distance)]
     return _as_set(np.concatenate([own, filled]))
 
@@ -198,16 +201,6 @@ def _cells_of_part(part: shapely.Polygon, cell: float) -> CellSet:
         keys = _join(np.repeat(columns, len(rows)), np.tile(rows, len(columns)))
         found.append(keys[shapely.intersects_xy(part, *cell_centres(keys, cell).T)])
     return np.concatenate(found)
-
-
-def _surroundings(cells: CellSet, reach: float, cell: float) -> CellSet:
-    """Return all cells with their centre within `reach` of a point in one of these cells, and a few more."""
-    steps = np.arange(-int(reach / cell + 0.5), int(reach / cell + 0.5) + 1, dtype=np.int64)
-    around = cells
-    # A square grows by its rows, then by its columns.
-    for offsets in (steps, steps << 32):
-        around = _as_set((around[:, None] + offsets).ravel())
-    return around
 
 
 def _nearest_is_building(
@@ -250,26 +243,18 @@ def cell_centres(cells: CellSet, cell: float) -> NDArray[np.float64]:
 
 
 def _checked_size(cell: float, coordinates: NDArray[np.float64]) -> None:
-    """Raise ValueError unless cells of this size can be numbered over these coordinates."""
     if not (np.isfinite(cell) and cell > 0):
         raise ValueError(f"cell = {cell}: must be a positive length [m]")
     largest = float(np.abs(coordinates).max()) if coordinates.size else 0.0
     # Surroundings stay in range too.
     if not largest / cell < MAX_NUMBER / 2:
-        raise ValueError(
-            f"cell = {cell}: too small for coordinates up to {largest:g} m, or one is not finite"
-        )
+        raise ValueError(f"cell = {cell}: too small for coordinates up to {largest:g} m, or not finite")
 
 
 def score_buildings(
     result: CellSet, reference: CellSet, *, cell: float = DEFAULT_CELL, area: ArrayLike | None = None
 ) -> Confusion:
-    """
-    Compare the building cells of a result with those of a reference (Rutzinger et al. 2009, pixel-based).
-
-    Only cells with their centre inside an area count, where one is given. Cells that are in neither are not
-    counted.
-    """
+    """Compare building cells (Rutzinger et al. 2009, pixel-based), those inside an area if given."""
     if area is not None:
         result, reference = cells_inside(result, area, cell), cells_inside(reference, area, cell)
     n_common = len(np.intersect1d(result, reference, assume_unique=True))
@@ -277,12 +262,8 @@ def score_buildings(
 
 
 #: A result's ground: roads and rails lie on it, and water kept from the source is part of its surface.
-RESULT_GROUND = (
-    int(PointClass.GROUND),
-    int(PointClass.WATER),
-    int(PointClass.RAIL),
-    int(PointClass.ROAD_SURFACE),
-)
+_ON_GROUND = (PointClass.GROUND, PointClass.WATER, PointClass.RAIL, PointClass.ROAD_SURFACE)
+RESULT_GROUND = tuple(map(int, _ON_GROUND))
 #: A reference's ground, unless it keeps water or roads in classes of their own.
 REFERENCE_GROUND = (int(PointClass.GROUND),)
 
@@ -290,9 +271,5 @@ REFERENCE_GROUND = (int(PointClass.GROUND),)
 def score_ground(
     result: ArrayLike, reference: ArrayLike, *, reference_ground: Collection[int] = REFERENCE_GROUND
 ) -> Confusion:
-    """
-    Compare two classifications of the same points: ground, or object (everything else).
-
-    Give 2, 9, 11 as ground where the reference has water and roads apart. ValueError if the lengths differ.
-    """
+    """Compare ground (2, 9, 11 with water and roads) with all else, by points."""
     return confusion_of(np.isin(result, RESULT_GROUND), np.isin(reference, list(reference_ground)))

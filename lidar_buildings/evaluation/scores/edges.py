@@ -27,11 +27,7 @@ def fewest_points(spacing: float) -> int:
 
 
 def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int64]:
-    """
-    Return the row of the polygon that each point lies in or on, of several the first; −1 for none.
-
-    There is one geometry a roof or block; invalid ones are repaired.
-    """
+    """Return the first of the polygons, one a roof or block, that each point lies in or on; −1 for none."""
     valid = shapely.make_valid(np.atleast_1d(np.asarray(polygons, dtype=object)))
     # From the last to the first, so that the first one stays.
     found = last_polygon_around(np.asarray(points, dtype=np.float64)[:, :2], valid[::-1])
@@ -39,11 +35,7 @@ def roofs_of_polygons(points: ArrayLike, polygons: ArrayLike) -> NDArray[np.int6
 
 
 def roofs_of_points(points: ArrayLike, gap: float, *, min_points: int = 1) -> NDArray[np.int64]:
-    """
-    Number the parts of a cloud that are connected in plan, −1 for too small ones.
-
-    Points no further apart than `gap` belong together.
-    """
+    """Number the parts of a cloud that gaps up to `gap` [m] in plan connect, −1 for too small ones."""
     cloud = checked_points(points)
     part = connected_parts(cloud, gap, in_plan=True)
     is_small = np.bincount(part, minlength=1)[part] < min_points if len(part) else np.zeros(0, dtype=bool)

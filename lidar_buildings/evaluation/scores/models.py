@@ -171,7 +171,6 @@ def _is_fold(sides: Sequence[_Side]) -> bool:
 
 
 def _is_ridge(sides: Sequence[_Side]) -> bool:
-    """Whether two roof faces fall away from a level edge."""
     if len(sides) != 2 or not all(side.is_roof for side in sides):
         return False
     along = sides[0].along
@@ -217,11 +216,7 @@ _N_NEAR = 12
 
 
 def score_wireframes(result: Wireframe, reference: Wireframe, tolerance: float) -> Figures:
-    """
-    Match corners one to one, as many as possible and then as near as possible, and edges by their ends.
-
-    As the Building3D benchmark does (Wang, Huang & Yang 2023), with a tolerance in metres.
-    """
+    """Match corners, and edges by their ends, as Building3D does (Wang, Huang & Yang 2023) [m]."""
     mine, theirs, distance = match_corners(result.corners, reference.corners, tolerance)
     n_mine, n_theirs = len(result.corners), len(reference.corners)
     # An edge is found if the partners of its ends are joined, too.
@@ -266,7 +261,6 @@ def _share_followed(edges: NDArray[np.float64], others: NDArray[np.float64], tol
 def _spots(
     edges: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return spots along edges, their directions, and the length that each stands for [m]."""
     row, spots = spots_along(edges, _STEP)
     vectors = edges[:, 1] - edges[:, 0]
     lengths = np.linalg.norm(vectors, axis=1)
@@ -388,7 +382,6 @@ def grid_spots(polygon: shapely.Geometry, step: float) -> NDArray[np.float64]:
 
 
 def _heights(result: list[Solid], reference: list[Solid], grounds: NDArray[Any]) -> Figures:
-    """Compare the elevations of both sides' roofs on a grid over the reference's grounds."""
     spots = np.concatenate([*(grid_spots(ground, STEP) for ground in grounds), np.empty((0, 2))])
     true = roof_elevations(reference, spots)
     has_roof = np.isfinite(true)
@@ -410,11 +403,7 @@ def _inside(frame: Wireframe, limits: shapely.Geometry | None) -> Wireframe:
 
 
 def same_roof_type(found: str, true: Mapping[str, Any]) -> bool:
-    """
-    Whether a result's word for a roof says what the reference's attributes say.
-
-    Whatever the outline's shape, one level plane, where `n_planes` is known, is a flat roof.
-    """
+    """Whether a word for a roof says what the reference says; one level plane of any outline is flat."""
     words = found, str(true["roof_type"])
     mine, theirs = (word.strip().lower().replace("_", "-").replace(" ", "-") for word in words)
     types = {theirs} | _ALSO.get(theirs, set())

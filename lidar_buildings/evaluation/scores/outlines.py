@@ -162,11 +162,7 @@ def _n_vertices(polygons: NDArray[Any]) -> int:
 def match_outlines(
     result: NDArray[Any], reference: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """
-    Give each reference outline at most one result outline and the reverse, largest IoU first.
-
-    Returned are the partner of each reference, −1 where no outline is left that overlaps, and their IoU.
-    """
+    """Return the partner of each reference, −1 without, and their IoU; one to one, the largest IoU first."""
     partner, best = np.full(len(reference), -1, dtype=np.int64), np.zeros(len(reference))
     theirs, mine = shapely.STRtree(result).query(reference, predicate="intersects")
     common = shapely.area(shapely.intersection(reference[theirs], result[mine]))
@@ -180,11 +176,7 @@ def match_outlines(
 
 
 def covered_share(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | None = None) -> float:
-    """
-    Return the share of the reference's buildings of which half or more lies under the result; NaN of nothing.
-
-    Where an area is given buildings are cut to it, and those mostly outside do not count.
-    """
+    """Return the share of reference buildings, in the area, of which half or more lies under the result."""
     theirs, inside = cut_to(valid_polygons(reference), limits_of(area))
     theirs = theirs[inside >= MIN_INSIDE]
     common = shapely.area(shapely.intersection(theirs, shapely.union_all(valid_polygons(result))))
@@ -194,11 +186,7 @@ def covered_share(result: ArrayLike, reference: ArrayLike, *, area: ArrayLike | 
 def boundary_distances(
     result: NDArray[Any], reference: NDArray[Any], *, limits: shapely.Geometry | None = None
 ) -> Figures:
-    """
-    Measure the distances between the boundaries of pairs of outlines, courtyards included.
-
-    Every metre has the same weight. Along the edge of the limits that both were cut to nothing is measured.
-    """
+    """Measure distances between boundaries of pairs of outlines, but along the edge of the limits."""
     cut = None if limits is None else shapely.boundary(limits)
     along, corners = [np.empty(0)], [np.empty(0)]
     for mine, theirs in zip(shapely.boundary(result), shapely.boundary(reference), strict=True):
@@ -241,12 +229,7 @@ def score_corners(
     tolerance: float = DEFAULT_TOLERANCE,
     area: ArrayLike | None = None,
 ) -> Figures:
-    """
-    Match corners one to one, as `match_corners` does, and count what is left on either side.
-
-    Polygons are one a building, invalid ones are repaired; only corners inside an area count, where one is
-    given.
-    """
+    """Match corners of polygons, one a building, one to one, and count the rest; inside an area if given."""
     limits = limits_of(area)
     corners = (corners_of(valid_polygons(side)) for side in (result, reference))
     mine, theirs = (own[within(own, limits)] for own in corners)
@@ -262,11 +245,7 @@ def score_corners(
 
 
 def corners_of(polygons: NDArray[Any]) -> NDArray[np.float64]:
-    """
-    Return the vertices at which simplified valid outlines turn by more than ten degrees, ring after ring.
-
-    Courtyards' corners included; where buildings touch, every one's own.
-    """
+    """Return the vertices, of courtyards too, at which simplified valid outlines turn by 10° or more."""
     corners = [ring[_turns(ring) > math.radians(MIN_TURN_DEG)] for ring in open_rings(simplified(polygons))]
     return np.concatenate([*corners, np.empty((0, 2))])
 
@@ -281,11 +260,7 @@ def _turns(ring: NDArray[np.float64]) -> NDArray[np.float64]:
 def match_corners(
     result: NDArray[np.float64], reference: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """
-    Pair points within the tolerance one to one: the most pairs, and of these the least sum of distances.
-
-    Returned are the rows of both, and the distances.
-    """
+    """Pair points within the tolerance one to one, most first, then nearest: rows of both, distances."""
     if not (len(result) and len(reference)):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
     near = cKDTree(result).sparse_distance_matrix(cKDTree(reference), tolerance, output_type="ndarray")
@@ -371,7 +346,6 @@ def _angles(mine: NDArray[np.float64], theirs: NDArray[np.float64], reach: float
 
 
 def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the most frequent value of every owner 0, 1, …; the smallest of those that are."""
     pairs, count = np.unique(np.column_stack((owner, value)), axis=0, return_counts=True)
     order = np.lexsort((pairs[:, 1], -count, pairs[:, 0]))
     first = np.unique(pairs[order, 0], return_index=True)[1]
@@ -379,7 +353,6 @@ def _most_frequent(owner: NDArray[np.int64], value: NDArray[np.int64]) -> NDArra
 
 
 def _weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], share: float) -> float:
-    """Return the smallest value that this share of the weight does not exceed; NaN of nothing."""
     if not len(values):
         return math.nan
     order = np.argsort(values)

@@ -112,7 +112,6 @@ def _overlaps(
 
 
 def _n_pairs(iou: NDArray[np.float64]) -> int:
-    """Return how many pairs of planes are the same, each plane in one pair only."""
     free_rows, free_columns = (np.ones(n, dtype=bool) for n in iou.shape)
     # More than one plane can only be the same as another if each is exactly half of it.
     for row, column in np.argwhere(iou >= MIN_IOU):

@@ -31,8 +31,7 @@ from lidar_buildings.simulation.survey import SCALE
 MOUNTING = "0.35,-0.12,-0.45,0.4,-0.25,0.6"
 #: An aircraft in ordinary air.
 AIRCRAFT = Sway(
-    (0.0, 1.5, 2.0),
-    ((0, 3.0, 4.1, 0.3), (0, 0.5, 1.7, 1.1), (1, 1.0, 5.3, 2.0), (2, 1.2, 6.7, 0.9)),
+    (0.0, 1.5, 2.0), ((0, 3.0, 4.1, 0.3), (0, 0.5, 1.7, 1.1), (1, 1.0, 5.3, 2.0), (2, 1.2, 6.7, 0.9))
 )
 #: Poses a second, as an inertial unit tells them.
 POSE_RATE = 200.0
@@ -49,10 +48,7 @@ ROW = np.dtype(
 
 
 def fly(
-    scene: VirtualScene,
-    seed: int = 0,
-    config: SimulationConfig = DEFAULTS,
-    pulse_rate: float | None = None,
+    scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS, pulse_rate: float | None = None
 ) -> MovingSurvey:
     """
     Fly over a scene with a scanner of this pulse rate, or what `config.ground_speed` makes it.
@@ -92,7 +88,6 @@ def _rows(leg: Leg, mounting: Pose, points: StripPoints, elapsed: NDArray[np.flo
 
 
 def _timed(strips: tuple[Strip, ...], pulse_rate: float | None) -> list[Strip]:
-    """Return strips flown at this pulse rate, with short turns between them."""
     timed: list[Strip] = []
     for strip in strips:
         faster = 1.0 if pulse_rate is None else pulse_rate / strip.pulse_rate

@@ -25,6 +25,7 @@ from lidar_buildings.simulation.live.moving_survey import (
     BodyPose,
     MovingSurvey,
     Scan,
+    mounting_pose,
 )
 
 SCAN, ODOMETRY, ORIGIN, FIX = "scan", "odometry", "map_origin", "fix"
@@ -86,7 +87,7 @@ class LiveMessages:
             place = self._vector("Point", frame.origin)
             yield Told(ORIGIN, self._of(ORIGIN, header=self._header(stamp, frame.crs), point=place))
         if self._with_tf:
-            mounting = self._survey.mounting_pose
+            mounting = mounting_pose(self._survey.mounting)
             yield Told(TF_STATIC, self._transform(TF_STATIC, stamp, BODY, SENSOR, mounting))
 
     def of(self, event: Scan | BodyPose) -> Iterator[Told]:
@@ -120,10 +121,8 @@ class LiveMessages:
         return self._geometry(kind, **dict(zip("xyzw", numbers, strict=False)))
 
     def _transform(self, topic: str, stamp: int, parent: str, child: str, pose: Pose) -> Any:
-        translation, rotation = (
-            self._vector("Vector3", pose.translation),
-            self._vector("Quaternion", pose.quaternion),
-        )
+        translation = self._vector("Vector3", pose.translation)
+        rotation = self._vector("Quaternion", pose.quaternion)
         moved = self._geometry("Transform", translation=translation, rotation=rotation)
         header = self._header(stamp, parent)
         one = self._geometry("TransformStamped", header=header, child_frame_id=child, transform=moved)
@@ -175,7 +174,6 @@ class LiveMessages:
 
 
 Item = TypeVar("Item")
-_SECOND = 1e-9
 
 
 @dataclass
@@ -195,8 +193,7 @@ class PlayReport:
 
     def __str__(self) -> str:
         return (
-            f"{self.n_points:,} points in {self.n_scans:,} scans"
-            f" in {self.busy:.1f} s ({self.rate:,.0f} points/s)"
+            f"{self.n_points:,} points in {self.n_scans:,} scans in {self.busy:.1f} s ({self.rate:,.0f} points/s)"
             f" and {self.pauses:.1f} s between; at worst {self.worst_delay * 1000:.0f} ms late"
         )
 
@@ -242,10 +239,10 @@ class Pace:
         now = self._now()
         if self._first is None:
             self._first, self._last = (stamp, now), stamp
-        due = self._first[1] + (stamp - self._first[0]) * _SECOND
+        due = self._first[1] + (stamp - self._first[0]) * 1e-9
         if due > now:
             self._wait(due - now)
-        step = (stamp - self._last) * _SECOND
+        step = (stamp - self._last) * 1e-9
         self._last = stamp
         if step > self._pause:
             self._report.pauses += step

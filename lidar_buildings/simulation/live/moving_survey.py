@@ -51,14 +51,6 @@ class Frames(NamedTuple):
         """Return points of the map, one per frame, in the frames."""
         return np.einsum("nji,nj->ni", self.axes, points - self.place)
 
-    def poses(self) -> list[Pose]:
-        """Return them as messages tell them."""
-        quaternions = Rotation.from_matrix(self.axes).as_quat()
-        return [
-            Pose((x, y, z), (qx, qy, qz, qw))
-            for (x, y, z), (qx, qy, qz, qw) in zip(self.place.tolist(), quaternions.tolist(), strict=True)
-        ]
-
 
 @dataclass(frozen=True)
 class Leg:
@@ -154,11 +146,6 @@ class MovingSurvey:
     scans_of: Callable[[Leg], Iterator[Scan]]  #: leg → its scans in the order of time
 
     @property
-    def mounting_pose(self) -> Pose:
-        """Where the sensor is in the body."""
-        return mounting_pose(self.mounting)
-
-    @property
     def settings(self) -> dict[str, str]:
         """Parameters that a reader of its scans needs: name → value."""
         speed = max(leg.speed for leg in self.legs)
@@ -183,9 +170,11 @@ class MovingSurvey:
         """Yield poses from before a leg's first point to behind its last one."""
         numbers = np.arange(-1, np.ceil(leg.duration * self.pose_rate) + 2)
         stamps = leg.stamp + np.rint(numbers * (SECOND / self.pose_rate)).astype(np.int64)
-        poses = leg.at((stamps - leg.stamp) / SECOND).poses()
-        for stamp, pose in zip(stamps.tolist(), poses, strict=True):
-            yield BodyPose(stamp, pose)
+        frames = leg.at((stamps - leg.stamp) / SECOND)
+        quaternions = Rotation.from_matrix(frames.axes).as_quat()
+        rows = zip(stamps.tolist(), frames.place.tolist(), quaternions.tolist(), strict=True)
+        for stamp, (x, y, z), (qx, qy, qz, qw) in rows:
+            yield BodyPose(stamp, Pose((x, y, z), (qx, qy, qz, qw)))
 
 
 def mounting_pose(mounting: str) -> Pose:

@@ -66,18 +66,16 @@ def test_a_file_without_counterpart_is_named(tmp_path, four_points, more, less):
         run_score("ground", tmp_path / "out", tmp_path / "survey")
 
 
-def test_clouds_of_different_length_are_refused(tmp_path, four_points):
-    result = write_cloud(tmp_path / "mine.laz", four_points[:3], [2] * 3)
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [([0, 1, 2], r"has 3 points, but .* has 4"), ([0, 2, 1, 3], "point 1 has other coordinates")],
+)
+def test_clouds_of_other_points_or_in_another_order_are_refused(tmp_path, four_points, rows, words):
+    result = write_cloud(tmp_path / "mine.laz", four_points[rows], [2] * len(rows))
     reference = write_cloud(tmp_path / "theirs.laz", four_points, [2] * 4)
-    with pytest.raises(InputError, match=r"has 3 points, but .* has 4"):
-        run_score("ground", result, reference)
-
-
-def test_clouds_in_another_order_are_refused_at_the_first_point_that_differs(tmp_path, four_points):
-    result = write_cloud(tmp_path / "mine.laz", four_points[[0, 2, 1, 3]], [2] * 4)
-    reference = write_cloud(tmp_path / "theirs.laz", four_points, [2] * 4)
-    with pytest.raises(InputError, match="point 1 has other coordinates"):
-        run_score("buildings", result, reference)
+    for kind in ("ground", "buildings"):
+        with pytest.raises(InputError, match=words):
+            run_score(kind, result, reference)
 
 
 def test_ground_is_counted_inside_the_area_of_interest_only(tmp_path, four_points):

@@ -14,7 +14,7 @@ from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.evaluation.command.score import run_score
 from lidar_buildings.evaluation.readers.city_model import read_city_model
 from lidar_buildings.simulation import make_scene
-from lidar_buildings.simulation.truth import write_truth_city_model
+from lidar_buildings.simulation.survey import write_truth_city_model
 
 
 @pytest.fixture(scope="module")

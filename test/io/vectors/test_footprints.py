@@ -12,7 +12,7 @@ from support.vector_files import write_vectors
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.footprints.assignment import assign_footprints
+from lidar_buildings.core.stages.footprints.footprints import assign_footprints
 from lidar_buildings.io.files.failures import SAID
 from lidar_buildings.io.vectors.footprints import FootprintSource, check_overlap, read_footprints
 

@@ -125,10 +125,7 @@ def two_means(
 
     Lloyd's iteration from a start by linearity, repeatable. With the Manhattan distance centres are medians;
     with the Mahalanobis distance features are whitened by their covariance over all the points given.
-    ValueError if a feature is not finite.
     """
-    if not np.isfinite(features).all():
-        raise ValueError("features: must be finite")
     second = linearity > np.percentile(linearity, START_PERCENTILES).mean()
     if _is_one(second):
         second = linearity > 0.5 * (linearity.min() + linearity.max())
@@ -184,7 +181,6 @@ def _k_means(features: NDArray[np.float64], second: NDArray[np.bool_], distance:
 def _part_centres(
     features: NDArray[np.float64], second: NDArray[np.bool_], distance: str
 ) -> NDArray[np.float64]:
-    """Return the medians of both parts, or their means."""
     parts = np.array([~second, second])
     if distance == "manhattan":
         return np.array([np.median(features[part], axis=0) for part in parts])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from lidar_buildings.core.model.point_array import checked_points
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.point_spacing import given_or_measured
 from lidar_buildings.core.stages.edge_labelling.clusters import (
     OK,
@@ -26,7 +26,7 @@ from lidar_buildings.core.stages.edge_labelling.clusters import (
 )
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.rims import on_rims
-from lidar_buildings.core.surfaces.eigenfeatures import EigenFeatures, eigen_features
+from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
 
 #: Smallest radius that the entropy can choose [spacings]: eight points on an even surface.
 #: Wide margin: edge F of `bench.edges.run` is 97.1 with 1.4, 96.9 with 1.6, 97.0 with 1.8.
@@ -105,7 +105,18 @@ def label_edges(
     radii = np.unique(np.geomspace(MIN_RADIUS, max(config.max_radius, MIN_RADIUS), config.n_radii)) * spacing
     found = eigen_features(points, list(radii), min_neighbours=MIN_NEIGHBOURS)
     cells = sort_by_cell(points, max(2.0 * config.rim_radius, config.band_reach) * spacing)
-    edge, clusters, status = _band(found, cells, config)
+    has_shape = found.eigenvalues[:, 0] > 0.0
+    clusters: tuple[Clusters, ...] = ()
+    if config.method == "discriminant_analysis":
+        edge, status = (
+            discriminant_edges(eigenvalues_by_area(found)),
+            OK if has_shape.any() else TOO_FEW_POINTS,
+        )
+    else:
+        roof = roofs_in_plan(cells) if config.scope == "roof" else None
+        measures = measures_of(found, config.features)
+        edge, clusters = cluster_edges(measures, found.linearity, has_shape, roof, config)
+        status = overall(clusters)
     if config.thinning != "none":
         max_step = MAX_STEP * spacing if config.thinning == "surface" else np.inf
         radius, reach = config.rim_radius * spacing, config.band_reach * spacing
@@ -113,20 +124,6 @@ def label_edges(
     return EdgeLabels(
         edge.astype(np.uint8), found.linearity, found.planarity, found.normals, found.radius, status, clusters
     )
-
-
-def _band(
-    found: EigenFeatures, cells: CellGrid, config: EdgeLabellingConfig
-) -> tuple[NDArray[np.bool_], tuple[Clusters, ...], str]:
-    """Label the band along edges; return the clusters and the status, too."""
-    has_shape = found.eigenvalues[:, 0] > 0.0
-    if config.method == "discriminant_analysis":
-        return discriminant_edges(eigenvalues_by_area(found)), (), OK if has_shape.any() else TOO_FEW_POINTS
-    roof = roofs_in_plan(cells) if config.scope == "roof" else None
-    band, clusters = cluster_edges(
-        measures_of(found, config.features), found.linearity, has_shape, roof, config
-    )
-    return band, clusters, overall(clusters)
 
 
 class Shape(NamedTuple):

@@ -112,13 +112,8 @@ def classify_ground(
     """
     config = config or GroundFilterConfig()
     points = checked_points(points)
-    scan = checked_columns(
-        len(points),
-        gps_time=gps_time,
-        scan_angle=scan_angle,
-        scan_direction_flag=scan_direction_flag,
-        point_source_id=point_source_id,
-    )
+    lines = {"scan_direction_flag": scan_direction_flag, "point_source_id": point_source_id}
+    scan = checked_columns(len(points), gps_time=gps_time, scan_angle=scan_angle, **lines)
     aside = None if set_aside is None else checked_column("set_aside", set_aside, len(points), bool)
     if len(points) == 0:
         return GroundResult(np.zeros(0, dtype=np.uint8), np.zeros(0))
@@ -128,15 +123,16 @@ def classify_ground(
         classes[classes == 0] = PointClass.UNCLASSIFIED
         height = np.full(len(points), HEIGHT_WITHOUT_GROUND)
         return GroundResult(in_rows_order(cloud, classes), height)
-    free = _free(classes, None if aside is None else aside[cloud.rows])
+    free = classes == 0
+    if aside is not None and (free & ~aside[cloud.rows]).any():  # unless nothing else is left
+        free &= ~aside[cloud.rows]
     labels = None
     if config.method == "slope_pairs":
         labels = slope_pair_ground(points, in_rows_order(cloud, free), config, **scan)[cloud.rows]
     if point_spacing is not None:
         point_spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
-    vertices, cut_off = _ground_of_cells(
-        points, cloud, free if labels is None else labels, point_spacing, config, scan
-    )
+    may_be_ground = free if labels is None else labels
+    vertices, cut_off = _ground_of_cells(points, cloud, may_be_ground, point_spacing, config, scan)
     terrain = build_tin(vertices, extent_of(cloud.points)[:, :2])
     elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
@@ -144,14 +140,6 @@ def classify_ground(
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
     return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height), cut_off)
-
-
-def _free(noise: NDArray[np.uint8], aside: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
-    """Return which points may be ground: no gross errors, nor set aside unless nothing else is left."""
-    free = noise == 0
-    if aside is not None and (free & ~aside).any():
-        free &= ~aside
-    return free
 
 
 def _ground_of_cells(
@@ -215,6 +203,4 @@ def used_classes(
 def _has_near(places: NDArray[np.float64], others: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
     if not len(others):
         return np.zeros(len(places), dtype=bool)
-    distance = cKDTree(others).query(places, distance_upper_bound=reach)[0]
-    near: NDArray[np.bool_] = np.isfinite(distance)
-    return near
+    return np.asarray(np.isfinite(cKDTree(others).query(places, distance_upper_bound=reach)[0]))

@@ -161,7 +161,6 @@ def _judged(
 def _extents(
     xy: NDArray[np.float64], label: NDArray[np.int64], chosen: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Return the least and greatest x and y of the points of some labels."""
     rows = np.flatnonzero(chosen[label])
     of_rows = (np.cumsum(chosen) - 1)[label[rows]]
     extents = np.full((2, int(chosen.sum()), 2), [[[np.inf]], [[-np.inf]]])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
+from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, rows_by_cell, sort_by_cell
 from lidar_buildings.core.stages.ground_filter.layers import (
     Layers,
     columns_in_row,
@@ -44,31 +44,20 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
     The cells of `cloud` may be no larger than the columns have to be.
     """
     step = _column_cells(cloud)
-    if step == 1:
-        return _find_in_columns(cloud)
-    columns = sort_by_cell(cloud.points, step * cloud.size)
-    noise = np.empty(len(cloud.points), dtype=np.uint8)
-    noise[columns.rows] = _find_in_columns(columns)
-    return noise
-
-
-def _find_in_columns(cloud: CellGrid) -> NDArray[np.uint8]:
-    layers = split_into_layers(cloud, LOW_GAP)
+    columns = cloud if step == 1 else sort_by_cell(cloud.points, step * cloud.size)
+    layers = split_into_layers(columns, LOW_GAP)
     low = find_low_layers(layers)
     high = find_cloud_layers(layers, low)
-    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * cloud.size))
+    high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * columns.size))
     noise = np.zeros(len(low), dtype=np.uint8)
     noise[high] = PointClass.HIGH_NOISE
     noise[low] = PointClass.LOW_NOISE
-    return np.repeat(noise, np.diff(layers.begin))
+    of_points = np.repeat(noise, np.diff(layers.begin))
+    return of_points if step == 1 else in_rows_order(columns, of_points)
 
 
 def _column_cells(cloud: CellGrid) -> int:
-    """
-    Return how many cells wide a column is: about as wide as points are apart, whole cells.
-
-    Points are as far apart as in the block in which the middle cell lies: where most of them are.
-    """
+    """Return how many whole cells wide a column is: as wide as points are apart where most are."""
     lowest = cloud.points[cloud.first[:-1]]
     side = BLOCK_CELLS
     while True:
@@ -112,20 +101,14 @@ def find_low_layers(layers: Layers) -> NDArray[np.bool_]:
         if len(errors) == 0:
             break
         state[errors] = ERROR
-        seeds = np.append(open_cases, _new_bottoms(layers, bottom, state, np.unique(layers.column[errors])))
+        columns = np.unique(layers.column[errors])
+        for k in columns:  # whose bottoms rise above the errors; −1 where nothing is left
+            left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
+            bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
+        raised = bottom[columns]
+        seeds = np.append(open_cases, raised[raised >= 0])
         group_of[:] = -1
     return state == ERROR
-
-
-def _new_bottoms(
-    layers: Layers, bottom: NDArray[np.int64], state: NDArray[np.uint8], columns: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Raise the bottom of some columns above the errors; −1 where none is left. Return the new ones."""
-    for k in columns:
-        left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
-        bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
-    raised = bottom[columns]
-    return raised[raised >= 0]
 
 
 @kernel
@@ -201,11 +184,7 @@ def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore
 
 @kernel
 def _is_supported(layers, bottom, group, state, group_of, counted, judged):  # type: ignore[no-untyped-def]
-    """
-    Whether enough columns around reach down to a group's level, or too few are there to tell.
-
-    Another small group, which may be an error as well, counts for no more than two of its columns.
-    """
+    """Whether enough columns around reach down to a group, two of any small group, or too few tell."""
     seed, k = group[0], layers.column[group[0]]
     top = -np.inf
     for layer in group:
@@ -228,19 +207,14 @@ def _is_supported(layers, bottom, group, state, group_of, counted, judged):  # t
             elif state[b] == LARGE or group_of[b] < 0:
                 n_level += 1
             else:
-                n_level += _count_small(group_of[b], seed, counted, judged)
+                small = group_of[b]
+                if judged[small] != seed:
+                    judged[small], counted[small] = seed, 0
+                counted[small] += 1
+                n_level += counted[small] <= MAX_OF_SMALL
             if n_level >= MIN_SUPPORT:
                 return True
     return n_above < max(MIN_SUPPORT, MIN_SURROUNDINGS * len(group))
-
-
-@kernel
-def _count_small(small, seed, counted, judged):  # type: ignore[no-untyped-def]
-    """Count a column of a small group for the group of a seed: 1 until there are enough of it, then 0."""
-    if judged[small] != seed:
-        judged[small], counted[small] = seed, 0
-    counted[small] += 1
-    return 1 if counted[small] <= MAX_OF_SMALL else 0
 
 
 # Chosen with `bench.ground.noise` and the courtyards, pits and shafts of the tests.
@@ -287,11 +261,7 @@ def is_open_pit(layers, group):  # type: ignore[no-untyped-def]
 
 @kernel
 def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
-    """
-    Return the spacing of the points in the columns around a group that hold none of it [m].
-
-    In each row of columns, empty ones count from the first to the last that is not.
-    """
+    """Return the spacing of points in the columns around a group, empty ones within rows too [m]."""
     k = layers.column[group[0]]
     n_points, n_columns = 0, 0
     for step in range(-DENSITY_REACH, DENSITY_REACH + 1):
@@ -344,11 +314,7 @@ def find_high_layers(layers: Layers, errors: NDArray[np.bool_], gap: float) -> N
     Layers that are known as low gross errors do not count. The surface has to lie below within `RADIUS`.
     """
     state = np.where(errors, np.uint8(ERROR), np.uint8(UNKNOWN))
-    return _judge_high(layers, _isolated(layers, gap), state, gap)
-
-
-def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
-    """Return the columns' top layers that are small and stand far above what is next to them."""
+    # It starts from small top layers of columns that stand far above what is next to them.
     z = layers.points[:, 2]
     low, high = z[layers.begin[:-1]], z[layers.begin[1:] - 1]
     top = layers.first[1:] - 1
@@ -357,7 +323,8 @@ def _isolated(layers: Layers, gap: float) -> NDArray[np.int64]:
     beside[1:] |= low[top[1:]] - high[top[:-1]] > LOWER_SHARE * gap
     beside[:-1] |= low[top[:-1]] - high[top[1:]] > LOWER_SHARE * gap
     is_small = layers.begin[top + 1] - layers.begin[top] <= MAX_POINTS
-    return top[is_small & np.where(top > layers.first[:-1], above, beside)]
+    seeds = top[is_small & np.where(top > layers.first[:-1], above, beside)]
+    return np.asarray(_judge_high(layers, seeds, state, gap))
 
 
 @kernel
@@ -410,28 +377,16 @@ def find_cloud_layers(layers: Layers, errors: NDArray[np.bool_]) -> NDArray[np.b
     if np.ptp(layers.points[:, 2]) <= CLOUD_GAP:
         return np.zeros(len(layers.column), dtype=np.bool_)
     side = BLOCK_COLUMNS * layers.size
-    lowest = layers.points[layers.begin[:-1]]
-    shifted = lowest + np.array([0.5 * side, 0.5 * side, 0.0])
-    clouds = _clouds_of_blocks(layers, errors, lowest, side)
-    return clouds & _clouds_of_blocks(layers, errors, shifted, side)
-
-
-def _clouds_of_blocks(
-    layers: Layers, errors: NDArray[np.bool_], lowest: NDArray[np.float64], side: float
-) -> NDArray[np.bool_]:
-    clouds = np.zeros(len(layers.column), dtype=np.bool_)
-    blocks = sort_by_cell(lowest, side)
-    _mark_clouds(layers, errors, blocks.rows, blocks.first, clouds)
-    return clouds
+    clouds = np.zeros((2, len(layers.column)), dtype=np.bool_)
+    for shift, marked in zip((0.0, 0.5 * side), clouds, strict=True):
+        blocks = sort_by_cell(layers.points[layers.begin[:-1]] + np.array([shift, shift, 0.0]), side)
+        _mark_clouds(layers, errors, blocks.rows, blocks.first, marked)
+    return np.asarray(clouds.all(axis=0))
 
 
 @kernel
 def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-untyped-def]
-    """
-    Mark what lies above the lowest gap of each block that divides surface and clouds.
-
-    `rising` holds the layers block by block, in each by their lowest point.
-    """
+    """Mark what lies above the lowest gap of each block; `rising` are its layers by lowest point."""
     for block in range(len(first) - 1):
         top = np.inf
         for i in range(first[block], first[block + 1]):

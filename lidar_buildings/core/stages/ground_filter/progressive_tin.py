@@ -11,7 +11,7 @@ from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.landforms import find_landforms
-from lidar_buildings.core.stages.ground_filter.tin_growth import GrowthLimits, TerrainGrowth, start_growth
+from lidar_buildings.core.stages.ground_filter.tin_growth import GrowthLimits, start_growth
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
@@ -28,11 +28,8 @@ def grown_ground(
     """
     Return which candidates lie on the terrain that they make up (Axelsson 2000, thresholds facet by facet).
 
-    A candidate joins the TIN if its distance to its facet and the angles at which it is seen from the facet's
-    corners stay within limits; the angle's limit grows with the facet's own slope. Candidates below a facet
-    may join at any depth. On a facet that may span a step, a candidate too far above is mirrored at the
-    facet's nearest corner and tested against the terrain there. Each round inserts one candidate a facet, the
-    lowest below it or the one under the smallest angle: a single point on an object pulls no others after it.
+    A candidate joins the TIN, see `tin_growth`, if its distance to its facet and the angles at which it is
+    seen from the facet's corners stay within limits; the angle's limit grows with the facet's own slope.
 
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
@@ -43,42 +40,23 @@ def grown_ground(
     cover [m]. The second mask tells what narrow limits do not reach and may be of landforms, none if these
     are not looked for. Only candidates whose facet changed are looked at again: the time is near linear.
     """
-    terrain = start_growth(candidates, _are_seeds(candidates, config.seed_cell), extent)
+    # Of two grids, one shifted by half a cell, so that less depends on where a grid happens to lie.
+    is_seed = np.zeros(len(candidates), dtype=np.bool_)
+    for shift in (0.0, 0.5 * config.seed_cell):
+        is_seed[lowest_per_cell(np.add(candidates, (shift, shift, 0.0)), config.seed_cell)] = True
+    terrain = start_growth(candidates, is_seed, extent)
     limits = GrowthLimits(math.radians(config.iteration_angle), config.slope_gain, config.iteration_distance)
     terrain.grow(limits)
     ground = near_terrain(*terrain.height_and_slope(), config)
     if config.landform_distance <= config.iteration_distance:
         return ground, np.zeros_like(ground)
-    _add_landforms(terrain, candidates, ground, limits, spacing, config)
-    return near_terrain(*terrain.height_and_slope(), config), ~ground
-
-
-def _are_seeds(candidates: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
-    """
-    Tell which candidates start the TIN: the lowest ones of cells.
-
-    Of two grids, one shifted by half a cell, so that less depends on where a grid happens to lie.
-    """
-    is_seed = np.zeros(len(candidates), dtype=np.bool_)
-    for shift in (0.0, 0.5 * cell):
-        is_seed[lowest_per_cell(np.add(candidates, (shift, shift, 0.0)), cell)] = True
-    return is_seed
-
-
-def _add_landforms(
-    terrain: TerrainGrowth,
-    candidates: NDArray[np.float64],
-    ground: NDArray[np.bool_],
-    limits: GrowthLimits,
-    spacing: float,
-    config: GroundFilterConfig,
-) -> None:
     trial = terrain.copy()
     trial.grow(GrowthLimits(math.radians(LANDFORM_ANGLE), LANDFORM_SLOPE_GAIN, config.landform_distance))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
     landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
     terrain.insert(landform)
     terrain.grow(limits, excluded)
+    return near_terrain(*terrain.height_and_slope(), config), ~ground
 
 
 def near_terrain(
@@ -128,19 +106,14 @@ def histogram_limits(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     Return the upper limit of each column: as far above the median as the minimum is below, or the maximum.
 
-    The study names minimum, median and maximum and leaves open how they are combined. Here terrain is taken
-    to be symmetrical about the median, and what lies in a longer tail above it for objects.
+    How the study combines minimum, median and maximum it leaves open: a longer tail is taken for objects.
     """
     least, middle, most = values.min(axis=0), np.median(values, axis=0), values.max(axis=0)
     return np.minimum(2.0 * middle - least, most)
 
 
 def facet_offsets(tin: Tin, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return each point's distance to its facet [m] and the largest angle at a corner of it [rad].
-
-    Shape (n_points, 2); the angle is the largest at the nearest corner.
-    """
+    """Return each point's distance to its facet [m] and angle at the nearest corner [rad], shape (n, 2)."""
     corners = tin.vertices[tin.triangles[tin.locate(points)]]
     local = points - [*tin.origin, 0.0]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

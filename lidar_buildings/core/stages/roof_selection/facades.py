@@ -64,9 +64,7 @@ MIN_RISE = 2.5
 def wall_areas(
     points: NDArray[np.float64], label: NDArray[np.int64], min_width: float
 ) -> NDArray[np.float64]:
-    """
-    Return length times height of upright patches [m²], 0 for those that are too low or short for a building.
-    """
+    """Return length times height of upright patches [m²], 0 for those too low or short for a building."""
     n = np.bincount(label)
     order = np.lexsort((points[:, 2], label))
     last = np.cumsum(n) - 1

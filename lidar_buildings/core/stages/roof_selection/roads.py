@@ -48,8 +48,10 @@ def find_roads(
     if config.road_method == "none" or not is_single.any():
         return nothing
     raster = brightness_raster(ground, normalised, is_single, spacing, cover)
-    limits = _limits(raster, config, dark_limit)
-    if limits is None:
+    limits: tuple[float, float | None] = config.min_road_intensity, config.max_road_intensity
+    if config.road_method != "thresholds":
+        limits = 0.0, raster.dark_limit() if dark_limit is None else dark_limit
+    if limits[1] is None:
         return nothing
     with np.errstate(invalid="ignore"):
         dark = (raster.brightness >= limits[0]) & (raster.brightness <= limits[1])
@@ -61,16 +63,6 @@ def find_roads(
 def of_road_grey(intensity: NDArray[np.floating], config: RoofSelectionConfig) -> NDArray[np.bool_]:
     """Tell which intensities as recorded are grey values of roads (Mancera-Taboada and others, 2012)."""
     return (intensity >= config.min_road_intensity) & (intensity <= config.max_road_intensity)
-
-
-def _limits(
-    raster: BrightnessRaster, config: RoofSelectionConfig, dark_limit: float | None
-) -> tuple[float, float] | None:
-    """Return the lowest and the highest brightness of roads, None where there are none."""
-    if config.road_method == "thresholds":
-        return config.min_road_intensity, config.max_road_intensity
-    limit = raster.dark_limit() if dark_limit is None else dark_limit
-    return None if limit is None else (0.0, limit)
 
 
 def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
@@ -99,7 +91,6 @@ def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.boo
 
 
 def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
-    """Keep the connected parts that have so many cells that count."""
     part, _ = ndimage.label(road, structure=_AROUND)
     size = np.bincount(part[counts], minlength=part.max() + 1)
     return (size >= n_cells)[part] & road
@@ -118,8 +109,6 @@ def point_brightness(
     if intensity is None:
         return None
     values = checked_column("intensity", intensity, n_points, np.float32)
-    if strip is None:
-        strips = np.zeros(n_points, dtype=np.int64)
-    else:
-        strips = checked_column("point_source_id", strip, n_points, np.int64)
+    given = np.zeros(n_points, dtype=np.int64) if strip is None else strip
+    strips = checked_column("point_source_id", given, n_points, np.int64)
     return normalised_by_strip(values, strips, strip_scales(values, strips, is_only))

@@ -149,9 +149,9 @@ def select_roofs(
     points = checked_points(points)
     height, classes = _prepared(points, height_above_ground, classification)
     is_last, is_only = last_and_only_returns(points, return_number, number_of_returns)
-    is_open = _is_of(OPEN)[classes]
+    is_open = np.isin(np.arange(256), OPEN)[classes]
     spacing = given_or_measured(points, point_spacing)
-    is_low = (height < LOW_SHARE * config.min_height) & ~_is_of(NOISE)[classes]
+    is_low = (height < LOW_SHARE * config.min_height) & ~np.isin(np.arange(256), NOISE)[classes]
     rows = np.flatnonzero(is_open)
     radius = max(RADIUS_SPACINGS * spacing, MIN_RADIUS)
     columns = sort_by_cell(points.take(rows, axis=0), radius / COLUMNS_A_RADIUS)
@@ -204,36 +204,17 @@ def select_roofs(
         return RoofSelection(classes, facade, rejection)
     brightness = point_brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
-        _mark_roads(classes, points, brightness, is_only, spacing, config, dark_limit)
+        ground = np.flatnonzero(classes == PointClass.GROUND)
+        of_ground = points.take(ground, axis=0), brightness[ground], is_only[ground]
+        cover = points.take(np.flatnonzero(classes == PointClass.HIGH_VEGETATION), axis=0)
+        is_road = find_roads(*of_ground, spacing, config, cover=cover, dark_limit=dark_limit)
+        classes[ground[is_road]] = PointClass.ROAD_SURFACE
     return RoofSelection(classes, facade, rejection)
-
-
-def _mark_roads(
-    classes: NDArray[np.uint8],
-    points: NDArray[np.float64],
-    brightness: NDArray[np.float32],
-    is_only: NDArray[np.bool_],
-    spacing: float,
-    config: RoofSelectionConfig,
-    dark_limit: float | None,
-) -> None:
-    ground = np.flatnonzero(classes == PointClass.GROUND)
-    is_road = find_roads(
-        points.take(ground, axis=0),
-        brightness[ground],
-        is_only[ground],
-        spacing,
-        config,
-        cover=points.take(np.flatnonzero(classes == PointClass.HIGH_VEGETATION), axis=0),
-        dark_limit=dark_limit,
-    )
-    classes[ground[is_road]] = PointClass.ROAD_SURFACE
 
 
 def _prepared(
     points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
 ) -> tuple[NDArray[np.floating[Any]], NDArray[np.uint8]]:
-    """Return heights and classes, derived where they are not given."""
     n = len(points)
     if height_above_ground is None:
         height = points[:, 2] - opened_terrain(points, *OPENINGS)[0]
@@ -247,11 +228,6 @@ def _prepared(
         is_ground = np.abs(height) <= GROUND_TOLERANCE
         return height, np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)
     return height, checked_column("classification", classification, n, np.uint8).copy()
-
-
-def _is_of(classes: tuple[PointClass, ...]) -> NDArray[np.bool_]:
-    """Return whether each class there can be is one of these."""
-    return np.isin(np.arange(256), classes)
 
 
 def _filled(

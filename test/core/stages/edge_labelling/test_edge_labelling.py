@@ -51,14 +51,6 @@ def test_thinned_edges_are_rows_of_points_not_bands():
     assert thin.sum() < 0.8 * band.sum()
 
 
-def test_the_edge_cluster_is_the_more_linear_one():
-    points, _ = roof_and_truth("l_shape", density=8.0)
-    found = label_edges(points, AS_PUBLISHED)
-    edge = found.edge == 1
-    assert found.linearity[edge].mean() > found.linearity[~edge].mean() + 0.2
-    assert found.planarity[edge].mean() < found.planarity[~edge].mean()
-
-
 def high_beside_low():
     """Return a high roof that touches a low one along x = 15, and which points are within 0.3 m of it."""
     points = np.vstack([level_roof((0, 15), (0, 12), 12.0), level_roof((15, 30), (0, 12), 8.0, seed=1)])

@@ -66,11 +66,3 @@ def test_features_that_are_functions_of_one_another_are_clustered(distance):
     second = in_second(features, centres, metric_of(features, distance))
     assert 0.1 < second.mean() < 0.2
     assert linearity[second].min() > linearity[~second].max()
-
-
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_features_that_are_no_numbers_are_refused(value):
-    features, linearity = points_of(2)
-    features[3, 1] = value
-    with pytest.raises(ValueError, match="features"):
-        two_means(features, linearity, "euclidean")

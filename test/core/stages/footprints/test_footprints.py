@@ -6,9 +6,9 @@ import shapely
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.footprints.assignment import assign_footprints
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.footprints.footprints import (
+    assign_footprints,
     footprints_of,
     last_polygon_around,
     repaired_polygons,

@@ -78,12 +78,6 @@ def test_the_mean_error_over_the_scenes_is_small():
     assert np.median(errors) < 0.1
 
 
-def test_a_road_on_a_bank_is_ground_where_the_same_road_on_a_bridge_is_not():
-    points = lattice(120.0, 80.0)
-    points[:, 2] += np.clip((6.0 - (abs(points[:, 1]) - 5.0) * np.tan(np.deg2rad(35))), 0.0, 6.0)
-    assert is_ground(points).all()
-
-
 @pytest.mark.parametrize(("spacing", "height"), [(0.8, 4.0), (1.6, 6.0), (2.4, 8.0)])
 def test_a_narrow_bank_of_45_degrees_is_ground_in_sparse_clouds_as_well(spacing, height):
     points = lattice(120.0, 120.0, spacing)

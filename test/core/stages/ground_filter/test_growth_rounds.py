@@ -77,21 +77,3 @@ def test_growth_with_wider_limits_goes_on_from_where_it_stopped_and_leaves_the_e
     assert (growth.joined & ~before).any()
     assert not (growth.joined & ~before & excluded[~growth.is_seed]).any()
     np.testing.assert_array_equal(triangles_of(growth), triangles_of(plain))
-
-
-def test_threads_do_not_change_the_terrain(monkeypatch):
-    _, growth = started(seed=6)
-    other = growth.copy()
-    growth.grow(LIMITS)
-    in_blocks = tin_growth.for_row_blocks
-    monkeypatch.setattr(tin_growth, "for_row_blocks", lambda kernel, n: in_blocks(kernel, n, 7))
-    other.grow(LIMITS)
-    np.testing.assert_array_equal(triangles_of(growth), triangles_of(other))
-
-
-def test_a_terrain_without_waiting_candidates_stays_as_it_is():
-    points, _ = started()
-    growth = start_growth(points, np.ones(len(points), dtype=bool), np.array([[0.0, 0.0], [60.0, 60.0]]))
-    before = triangles_of(growth).copy()
-    growth.grow(LIMITS)
-    np.testing.assert_array_equal(triangles_of(growth), before)

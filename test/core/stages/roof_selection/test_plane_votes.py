@@ -5,7 +5,7 @@ import numpy as np
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.roof_patches import find_voted_surface, plane_votes
+from lidar_buildings.core.stages.roof_selection.roof_patches import find_voted_surface
 
 SPACING = 1.7
 
@@ -39,17 +39,6 @@ def is_roof(points, is_last=None, is_only=None, ground=None, member="is_surface"
 def roof_share(points, **known):
     """Return the share of points that start roofs."""
     return is_roof(points, **known).mean()
-
-
-def test_neighbours_on_both_faces_of_a_gable_of_forty_points_vote():
-    points = gable_of_a_few_points()
-    assert len(points) == 40
-    # Where faces are two points wide, half of twelve neighbours or so lie on the other one.
-    assert (plane_votes(points, 0.125)[0] >= 6).mean() > 0.7
-
-
-def test_a_crown_has_few_votes():
-    assert (plane_votes(crown(), 0.125)[0] >= 7).mean() < 0.1
 
 
 def test_a_gable_of_forty_points_is_roof_up_to_the_ridge_whether_returns_are_known_or_not():
