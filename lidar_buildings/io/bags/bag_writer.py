@@ -82,6 +82,10 @@ class BagWriter:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def make(self, kind: str, **members: Any) -> Any:
+        """Return a message of a type (``std_msgs/msg/Header``); all of its members must be given."""
+        return self._types.types[kind](**members)
+
     def abandon(self) -> None:
         """Leave the bag as it is, without an end: it cannot be written any more."""
         with suppress(OSError):

@@ -193,7 +193,8 @@ class PlayReport:
 
     def __str__(self) -> str:
         return (
-            f"{self.n_points:,} points in {self.n_scans:,} scans in {self.busy:.1f} s ({self.rate:,.0f} points/s)"
+            f"{self.n_points:,} points in {self.n_scans:,} scans"
+            f" in {self.busy:.1f} s ({self.rate:,.0f} points/s)"
             f" and {self.pauses:.1f} s between; at worst {self.worst_delay * 1000:.0f} ms late"
         )
 
