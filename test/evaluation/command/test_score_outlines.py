@@ -52,9 +52,3 @@ def test_every_figure_is_explained(run, tmp_path):
     figures = run_score("outlines", run[0], survey, merge_touching=True).figures
     page = (ROOT / "doc" / "scores.md").read_text(encoding="utf-8")
     assert [name for name in figures if f"`{name}`" not in page] == []
-
-
-def test_the_table_names_what_the_distances_are_of(run, capsys):
-    assert main(["score", "outlines", *map(str, run)]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[1] for line in lines if "boundary_of_unions_hausdorff" in line] == ["40.0000"]

@@ -167,14 +167,3 @@ def test_total_error_on_the_isprs_samples_stays_at_the_level_reached(data_folder
     assert errors_of.get("samp31", 0) < 2.9
     assert errors_of.get("samp42", 0) < 2.0
     assert max(errors_of.values()) < 14.0
-
-
-@pytest.mark.real_data
-def test_building_blocks_of_a_real_town_are_not_ground(data_folder):
-    cloud = laspy.read(data_folder / "delft" / "ahn3_cropped_2.laz")
-    points = cloud.xyz - np.floor(cloud.xyz.min(axis=0))
-    reference = np.asarray(cloud.classification)
-    scan = {name: np.asarray(cloud[name]) for name in ("gps_time", "scan_direction_flag", "point_source_id")}
-    ground = classify_ground(points, CONFIG, **scan).classification == 2
-    assert ground[reference == 6].mean() < 0.01
-    assert ground[reference == 2].mean() > 0.98
