@@ -9,8 +9,8 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
@@ -25,7 +25,9 @@ from lidar_buildings.commands.run_options import (
     add_run_arguments,
     add_settings,
 )
+from lidar_buildings.commands.view import add_view_arguments
 from lidar_buildings.core.model.errors import ExitStatus
+from lidar_buildings.evaluation.command.score import add_score_arguments
 
 #: What ends a command as Ctrl-C does: of schedulers and containers, and of a terminal that is closed.
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
@@ -99,32 +101,37 @@ def command_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    run = commands.add_parser("run", help="turn point clouds into classified points, outlines and models")
-    add_run_arguments(run)
-    run.set_defaults(command=_run)
-    plan = commands.add_parser("plan", help="estimate what a run will take, from headers alone")
-    add_plan_arguments(plan)
-    plan.set_defaults(command=_later("plan"))
-    _add_inspect(commands.add_parser("inspect", help="describe files and bags"))
-    _add_live(commands.add_parser("live", help="process the feed of a scanner until interrupted"))
-    _add_simulate(commands.add_parser("simulate", help="simulate a survey with ground truth"))
-    _add_score(commands.add_parser("score", help="compare a result with a reference"))
-    _add_compare(commands.add_parser("compare", help="report what changed between two results"))
-    _add_report(commands.add_parser("report", help="rebuild the report of a result"))
-    _add_view(commands.add_parser("view", help="show a result in a window, or save a picture (extra [view])"))
-    _add_explain(commands.add_parser("explain", help="explain the outline and roof of a building"))
-    _add_top(commands.add_parser("top", help="monitor running graphs"))
-    _add_node(commands.add_parser("node", help="run one node of the graph in this process"))
-    _add_warm_up(commands.add_parser("warm-up", help="compile now what the first run would compile"))
-    for one in commands.choices.values():
+    for name, add_arguments, command, words in (
+        ("run", add_run_arguments, _run, "turn point clouds into classified points, outlines and models"),
+        ("plan", add_plan_arguments, "commands.plan", "estimate what a run will take, from headers alone"),
+        ("inspect", _add_inspect, "commands.inspect", "describe files and bags"),
+        ("live", _add_live, "commands.live", "process the feed of a scanner until interrupted"),
+        ("simulate", _add_simulate, _simulate, "simulate a survey with ground truth"),
+        ("score", add_score_arguments, "evaluation.command.score", "compare a result with a reference"),
+        ("compare", _add_compare, "evaluation.changes", "report what changed between two results"),
+        ("report", _add_folder, "commands.view", "rebuild the report of a result"),
+        (
+            "view",
+            add_view_arguments,
+            "commands.view",
+            "show a result in a window, or save a picture (extra [view])",
+        ),
+        ("explain", _add_explain, "commands.view", "explain the outline and roof of a building"),
+        ("top", _add_top, "commands.top", "monitor running graphs"),
+        ("node", _add_node, "commands.node", "run one node of the graph in this process"),
+        ("warm-up", _add_warm_up, "commands.warm_up", "compile now what the first run would compile"),
+    ):
+        one = commands.add_parser(name, help=words)
+        add_arguments(one)
         one.add_argument("--debug", action="store_true", help="show tracebacks")
+        one.set_defaults(command=partial(_call, name, command) if isinstance(command, str) else command)
     return parser
 
 
-def _later(name: str, module: str = "") -> Callable[[argparse.Namespace], int]:
-    """Return what calls a command of a module that is imported when it is called: --help answers at once."""
-    place = f"lidar_buildings.commands.{module or name}"
-    return lambda options: getattr(import_module(place), f"{name}_command")(options)
+def _call(name: str, module: str, options: argparse.Namespace) -> int:
+    """Call a command of a module that is not imported before: --help answers at once."""
+    command = getattr(import_module(f"lidar_buildings.{module}"), f"{name.replace('-', '_')}_command")
+    return command(options)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -170,14 +177,13 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     add("--overwrite", action="store_true", help="replace the contents of DIR")
     add("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: none)")
-    parser.set_defaults(command=_later("live"), **UNTOLD)
+    parser.set_defaults(**UNTOLD)
 
 
 def _add_inspect(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs")
     add("--json", action="store_true", help="print JSON, for scripts")
-    parser.set_defaults(command=_later("inspect"))
 
 
 def _add_simulate(parser: argparse.ArgumentParser) -> None:
@@ -207,7 +213,6 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--wait", action=switch, default=True, help="live: wait for a subscriber to the scans")
     add("--reliable", action="store_true", help="live: publish scans reliably")
     add("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
-    parser.set_defaults(command=_simulate)
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -220,28 +225,19 @@ def _simulate(options: argparse.Namespace) -> int:
     return simulate_command(options)
 
 
-def _add_report(parser: argparse.ArgumentParser) -> None:
+def _add_folder(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
-    parser.set_defaults(command=_later("report", "view"))
-
-
-def _add_view(parser: argparse.ArgumentParser) -> None:
-    from lidar_buildings.commands.view import add_view_arguments
-
-    add_view_arguments(parser)
-    parser.set_defaults(command=_later("view"))
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("folder", type=Path, metavar="DIR", help="output folder of a run")
+    _add_folder(parser)
     add(
         "building",
         metavar="BUILDING",
         help="readable_id, building_id, or coordinates X,Y (also where a building is missing)",
     )
     add("--page", type=Path, metavar="FILE", help="also write an HTML page about the building")
-    parser.set_defaults(command=_later("explain", "view"))
 
 
 def _add_top(parser: argparse.ArgumentParser) -> None:
@@ -249,7 +245,6 @@ def _add_top(parser: argparse.ArgumentParser) -> None:
     add("--namespace", metavar="NAME", help="show only this graph (default: all)")
     add("--once", action="store_true", help="print one table and exit")
     add("--wait", type=float, default=10.0, metavar="S", help="time to wait for a graph [s] (default: 10)")
-    parser.set_defaults(command=_later("top"))
 
 
 def _add_node(parser: argparse.ArgumentParser) -> None:
@@ -257,19 +252,10 @@ def _add_node(parser: argparse.ArgumentParser) -> None:
     add("name", metavar="NAME", help="name such as ground_filter (see doc/nodes.md)")
     ros = "as `ros2 run` takes them, such as --ros-args -p output:=result"
     add("arguments", nargs=argparse.REMAINDER, metavar="...", help=ros)
-    parser.set_defaults(command=_later("node"))
 
 
 def _add_warm_up(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="print nothing at the end")
-    parser.set_defaults(command=_later("warm_up"))
-
-
-def _add_score(parser: argparse.ArgumentParser) -> None:
-    from lidar_buildings.evaluation.command.score import add_score_arguments, score_command
-
-    add_score_arguments(parser)
-    parser.set_defaults(command=score_command)
 
 
 def _add_compare(parser: argparse.ArgumentParser) -> None:
@@ -281,13 +267,6 @@ def _add_compare(parser: argparse.ArgumentParser) -> None:
     add("--min-height", type=float, default=0.5, metavar="M", help=f"{height} [m] (default: 0.5)")
     add("--min-area", type=float, default=4.0, metavar="M2", help="smallest part of a roof [m²] (default: 4)")
     add("--json", action="store_true", help="print JSON with a row per change")
-    parser.set_defaults(command=_compare)
-
-
-def _compare(options: argparse.Namespace) -> int:
-    from lidar_buildings.evaluation.changes import compare_command
-
-    return compare_command(options)
 
 
 if __name__ == "__main__":

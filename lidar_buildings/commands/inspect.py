@@ -7,7 +7,7 @@ import json
 import logging
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from pathlib import Path
@@ -130,10 +130,6 @@ def _format_of(cloud: Cloud) -> str:
     return f"LAS {header.version}, point format {header.point_format.id}, {packing}"
 
 
-#: How a density was measured, in words.
-_MEASURES = {"spacing": "measured in the middle", "bounds": "pulses by the area of the bounds"}
-
-
 def inspect_command(options: argparse.Namespace) -> int:
     """Print what every input holds; return 0, or 2 if one could not be read to its end, said on stderr."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
@@ -162,21 +158,17 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
     for file in files:
         try:
             if is_bag(file):
-                yield _bag(file)
+                from lidar_buildings.io.bags.bag_summary import summarise_bag  # takes time to import
+
+                bag = summarise_bag(file)
+                taken = None if bag.taken is None else bag.taken._asdict()
+                topics = [one._asdict() for one in bag.topics]
+                yield "bag", {**bag._asdict(), "topics": topics, "taken": taken}, bag_lines(bag)
             else:
                 cloud = summarise_cloud(file)
                 yield "cloud", asdict(cloud), cloud_lines(cloud)
         except InputError as error:
             problems.append(str(error))
-
-
-def _bag(path: Path) -> tuple[str, dict[str, Any], list[str]]:
-    from lidar_buildings.io.bags.bag_summary import summarise_bag  # what reads bags takes time to import
-
-    found = summarise_bag(path)
-    taken = None if found.taken is None else found.taken._asdict()
-    topics = [one._asdict() for one in found.topics]
-    return "bag", {**found._asdict(), "topics": topics, "taken": taken}, bag_lines(found)
 
 
 def _named(path: Path) -> list[Path]:
@@ -199,15 +191,24 @@ def cloud_lines(found: CloudSummary) -> list[str]:
     units = (
         "" if found.units == [1.0, 1.0] else f" (units of {found.units[0]:g} m, heights {found.units[1]:g} m)"
     )
+    measure = (
+        "measured in the middle" if found.density_from == "spacing" else "pulses by the area of the bounds"
+    )
+    spans = [f"{low:.2f} to {high:.2f}" for low, high in zip(found.mins, found.maxs, strict=True)]
+    width, depth, height = found.size
     rows = {
         "system": f"{system}{units}",
-        "extent": _extent(found),
+        "extent": f"x {spans[0]}, y {spans[1]}, z {spans[2]}: {width:,.0f} × {depth:,.0f} × {height:,.0f} m",
         "density": f"{found.density:.3g} pulses/m², spacing {found.point_spacing:.2f} m "
-        f"({_MEASURES[found.density_from]}); {counted(found.n_pulses, 'pulse')}"
+        f"({measure}); {counted(found.n_pulses, 'pulse')}"
         if found.density
         else "none: the points span no area",
-        "returns": _counts(found.returns, {0: "not known"}, "of "),
-        "classes": _counts(found.classes, CLASS_NAMES, ""),
+        "returns": ", ".join(
+            f"of {k}: {n:,}" if k else f"not known: {n:,}" for k, n in found.returns.items()
+        ),
+        "classes": ", ".join(
+            f"{CLASS_NAMES.get(number, 'other')} ({number}): {n:,}" for number, n in found.classes.items()
+        ),
         "withheld": f"{found.n_withheld:,}" if found.n_withheld else "",
         "times": " to ".join(found.times) or "none",
         "strips": f"{found.n_strips:,}" if found.n_strips else "",
@@ -229,17 +230,3 @@ def bag_lines(found: BagSummary) -> list[str]:
         poses = [*filter(None, [taken.odometry]), *taken.transforms]
         lines.append(f"  a run takes: scans {taken.clouds}, poses {', '.join(poses) or 'none'}")
     return lines + [f"  {note}" for note in found.notes]
-
-
-def _extent(found: CloudSummary) -> str:
-    spans = [f"{low:.2f} to {high:.2f}" for low, high in zip(found.mins, found.maxs, strict=True)]
-    width, depth, height = found.size
-    return f"x {spans[0]}, y {spans[1]}, z {spans[2]}: {width:,.0f} × {depth:,.0f} × {height:,.0f} m"
-
-
-def _counts(counts: Mapping[int, int], names: Mapping[int, str], before: str) -> str:
-    return ", ".join(
-        f"{names.get(number, f'{before}{number}' if before else 'other')}"
-        f"{f' ({number})' if not before else ''}: {n:,}"
-        for number, n in counts.items()
-    )

@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.commands.running_graph import running_graph
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ExitStatus, InputError, ParameterError
@@ -97,7 +97,7 @@ class Replay:
                 frame = None
             if self._rate and message.topic not in self._topics.of_whole:
                 pace.wait_for(round(message.time / self._rate))
-            while feed.fullness > _MOST_WAITING and not self._is_stopping.wait(_LOOK):
+            while feed.fullness() > _MOST_WAITING and not self._is_stopping.wait(_LOOK):
                 pass
             if self._is_stopping.is_set():
                 return
@@ -124,7 +124,12 @@ def live_command(options: argparse.Namespace) -> int:
     the same command goes on.
     """
     request = request_of(options)
-    replay = _replay(options, request)
+    given = [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]
+    replay = None
+    if options.replay is not None:
+        replay = Replay(options.replay, request.choice, 1.0 if options.rate is None else options.rate)
+    elif given:
+        raise ParameterError(f"{', '.join(given)}: applies only to bags: add --replay BAG")
     with sole_use(request.output):
         if request.overwrite:
             discard_unfinished(request.output)
@@ -133,14 +138,6 @@ def live_command(options: argparse.Namespace) -> int:
         namespace = (request.namespace or "").strip("/")
         with running_graph(request, _NODE, namespace, _ros_arguments(options)) as (composition, nodes):
             return _until_interrupted(composition, nodes, replay)
-
-
-def _replay(options: argparse.Namespace, request: RunRequest) -> Replay | None:
-    if options.replay is not None:
-        return Replay(options.replay, request.choice, 1.0 if options.rate is None else options.rate)
-    if given := [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]:
-        raise ParameterError(f"{', '.join(given)}: applies only to bags: add --replay BAG")
-    return None
 
 
 def _ros_arguments(options: argparse.Namespace) -> list[str]:
@@ -174,12 +171,10 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
         def is_empty() -> bool:
             return writer.is_over and not source.tiles.tile_count
 
-        _watch(
-            composition,
-            source,
-            writer,
-            lambda: n_interruptions() > 1 or writer.n_finished > n_finished or is_empty(),
-        )
+        def is_finished() -> bool:
+            return n_interruptions() > 1 or writer.n_finished > n_finished or is_empty()
+
+        _watch(composition, source, writer, is_finished)
         if is_empty():
             _tell(f"{_come(source)}; nothing to write: no point was placed")
             return ExitStatus.WRONG_USE

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import closing
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import rclpy
@@ -43,15 +44,6 @@ def message_class(kind: str) -> Any:
     return getattr(import_module(f"{package}.msg"), name)
 
 
-def is_installed(kind: str) -> bool:
-    """Whether there is such a type here; PyPI has no tf2_msgs."""
-    try:
-        message_class(kind)
-    except ImportError:
-        return False
-    return True
-
-
 def make_message(kind: str, **members: Any) -> Any:
     """Return a message of a type; a cloud takes any array for its data, without copying it."""
     data = members.pop("data", None) if kind == "sensor_msgs/msg/PointCloud2" else None
@@ -79,7 +71,7 @@ class LivePublisher:
         with_fix: bool = False,
         is_reliable: bool = False,
     ) -> None:
-        self.has_tf = with_tf and is_installed(TYPES[TF])
+        self.has_tf = with_tf and find_spec("tf2_msgs") is not None  # PyPI has none
         self.report = PlayReport()
         self._survey = survey
         self._messages = LiveMessages(survey, make_message, with_tf=self.has_tf, with_fix=with_fix)
@@ -112,7 +104,8 @@ class LivePublisher:
     def play(self, events: Iterable[Scan | BodyPose]) -> None:
         """Publish scans and poses, each when its time has come; a thread of its own reads `events` ahead."""
         pace = Pace(self.report, 2.0 / self._survey.pose_rate)
-        with closing(ahead(self._made(events), DEPTH)) as made:
+        messages = ((event, list(self._messages.of(event))) for event in events)
+        with closing(ahead(messages, DEPTH)) as made:
             for event, tidings in made:
                 pace.wait_for(event.sent)
                 for told in tidings:
@@ -126,10 +119,6 @@ class LivePublisher:
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(Duration(seconds=_LAST))
         self._node.destroy_node()
-
-    def _made(self, events: Iterable[Scan | BodyPose]) -> Iterator[tuple[Any, list[Told]]]:
-        for event in events:
-            yield event, list(self._messages.of(event))
 
     def _tell(self, told: Told) -> None:
         self._publishers[told.topic].publish(told.message)

@@ -12,11 +12,7 @@ from lidar_buildings.nodes.table import NODE_TABLE
 
 
 def node_command(options: argparse.Namespace) -> int:
-    """
-    Run a node until it is done or interrupted; return its exit status.
-
-    LidarBuildingsError if there is no such node, or a library is missing.
-    """
+    """Run a node, return its exit status; LidarBuildingsError if there is no such node or library."""
     names = [card.name for card in NODE_TABLE]
     if options.name not in names:
         raise ParameterError(f"node {options.name}: must be one of {', '.join(names)}")
@@ -25,12 +21,7 @@ def node_command(options: argparse.Namespace) -> int:
 
 
 def node_process(name: str = "") -> int:
-    """
-    Run the node after which the executable is named; return its exit status.
-
-    That is 2 with one line on stderr where a user's mistake keeps it from running, or a library is missing or
-    too old.
-    """
+    """Run the node after which the executable is named; 2, and one line on stderr, if it cannot run."""
     try:
         check_versions()
         return _run(name or Path(sys.argv[0]).name)

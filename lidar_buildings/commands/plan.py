@@ -8,14 +8,12 @@ import logging
 import math
 import sys
 import time
-from dataclasses import asdict, dataclass
-from enum import Enum
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from lidar_buildings.commands.run_request import RunRequest, request_of
+from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
@@ -50,7 +48,9 @@ _REFERENCE = 0.00434
 _REPEATS = 3
 
 
-class _WayFigures(NamedTuple):
+class Way(NamedTuple):
+    """How a run works: in processes of this machine, through the graph, or on workers of dask."""
+
     #: Processor time until it works, and of each worker until that does [s].
     start: float
     worker_start: float
@@ -60,17 +60,13 @@ class _WayFigures(NamedTuple):
     kept: float  #: temporary files of a point more: it stays decoded [bytes]
 
 
-class Way(Enum):
-    """How a run works: in processes of this machine, through the graph, or on workers of dask."""
-
-    PROCESSES = _WayFigures(1.6, 0.0, 330e6, 60e6, 30.0)
-    GRAPH = _WayFigures(1.8, 0.0, 430e6, 60e6, 30.0)
-    #: Workers load compiled loops each for itself, where the others are forked with them.
-    CLUSTER = _WayFigures(2.0, 1.2, 270e6, 160e6, 0.0)
+PROCESSES = Way(1.6, 0.0, 330e6, 60e6, 30.0)
+GRAPH = Way(1.8, 0.0, 430e6, 60e6, 30.0)
+#: Workers load compiled loops each for itself, where the others are forked with them.
+CLUSTER = Way(2.0, 1.2, 270e6, 160e6, 0.0)
 
 
-@dataclass(frozen=True)
-class Cost:
+class Cost(NamedTuple):
     """What a run is expected to take."""
 
     #: Time with nothing else on the machine, and that of all processes [s].
@@ -88,21 +84,20 @@ def expected_cost(
     plan: SurveyPlan, n_workers: int, way: Way, until: str = STAGES[-1], slowness: float = 1.0
 ) -> Cost:
     """Estimate a run until a stage, with so many processes, on a machine of this slowness."""
-    of_way, share = way.value, 1.0 - sum(_STAGE_SHARES[STAGES.index(until) + 1 :])
+    share = 1.0 - sum(_STAGE_SHARES[STAGES.index(until) + 1 :])
     work = _POINT * plan.n_points + _SEEN_POINT * plan.tile_points.sum() + _SQUARE_METRE * plan.area
     work *= slowness * share
-    start = slowness * of_way.start
-    n_busy = min(n_workers, plan.n_tiles) if way is Way.CLUSTER else n_workers
-    processor = start + slowness * of_way.worker_start * n_busy + work
-    wall = start + slowness * of_way.worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
+    start, worker_start = slowness * way.start, slowness * way.worker_start
+    n_busy = min(n_workers, plan.n_tiles) if way is CLUSTER else n_workers
+    processor = start + worker_start * n_busy + work
+    wall = start + worker_start + work * (1.0 + _LOSS * (n_busy > 1)) / max(n_busy, 1)
     heaviest = np.sort(_POINT_MEMORY * plan.tile_points + _METRE_MEMORY * plan.tile_areas)[::-1]
-    worker = of_way.worker_memory + heaviest.max(initial=0.0)
     return Cost(
         wall,
         processor,
-        of_way.memory + of_way.worker_memory * n_workers + heaviest[:n_workers].sum(),
-        worker,
-        (_POINT_DISK + of_way.kept) * plan.n_points + _METRE_DISK * plan.area,
+        way.memory + way.worker_memory * n_workers + heaviest[:n_workers].sum(),
+        way.worker_memory + heaviest.max(initial=0.0),
+        (_POINT_DISK + way.kept) * plan.n_points + _METRE_DISK * plan.area,
         _BYTE_OUTPUT * plan.n_bytes + _METRE_OUTPUT * plan.area,
     )
 
@@ -122,29 +117,22 @@ def plan_command(options: argparse.Namespace) -> int:
     """Print what a run of these inputs will take; return 0, or 2 if an input could not be read."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
-    plan, problems = _planned(request)
-    way = Way.CLUSTER if options.workers else Way.PROCESSES if options.no_ros else Way.GRAPH
+    if bags := bags_among(request.inputs):
+        raise InputError(f"{bags[0]}: is a bag: only point clouds can be planned")
+    clouds, problems = open_each(request.inputs, read_extent)
+    plan = plan_survey(clouds, request.tiling, request.bounds)
+    problems = [*problems, *filter(None, [excess_of(len(clouds))])]
+    way = CLUSTER if options.workers else PROCESSES if options.no_ros else GRAPH
     n_workers = options.workers or n_cores()
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
-        print(
-            json.dumps(
-                {**_survey(plan), "workers": n_workers, **asdict(cost), "problems": problems}, indent=2
-            )
-        )
+        told = {**_survey(plan), "workers": n_workers, **cost._asdict(), "problems": problems}
+        print(json.dumps(told, indent=2))
     else:
         print("\n".join(_lines(plan, n_workers, cost)))
     for problem in problems:
         print(f"lidar-buildings: {problem}", file=sys.stderr)
     return ExitStatus.WRONG_USE if problems else ExitStatus.DONE
-
-
-def _planned(request: RunRequest) -> tuple[SurveyPlan, list[str]]:
-    if bags := bags_among(request.inputs):
-        raise InputError(f"{bags[0]}: is a bag: only point clouds can be planned")
-    clouds, problems = open_each(request.inputs, read_extent)
-    plan = plan_survey(clouds, request.tiling, request.bounds)
-    return plan, [*problems, *filter(None, [excess_of(len(clouds))])]
 
 
 def _survey(plan: SurveyPlan) -> dict[str, Any]:

@@ -59,11 +59,7 @@ def progress_bar(
         return
     began, is_terminal, told = clock(), sys.stderr.isatty(), 0
     colour = None if os.environ.get("NO_COLOR") else "green"
-    style = {
-        "bar_format": "{percentage:3.0f}%|{bar:20}| {desc}",
-        "colour": colour,
-        "disable": not is_terminal,
-    }
+    style = {"bar_format": "{percentage:3.0f}%|{bar:20}| {desc}", "colour": colour}
 
     def show(n_finished: int, done: TilesDone, at_work: Sequence[str] = ()) -> None:
         nonlocal told
@@ -78,7 +74,7 @@ def progress_bar(
             sys.stderr.write(f"{words}\n")
             sys.stderr.flush()
 
-    with _Bar(total=tile_count(), **style) as bar:
+    with _Bar(total=tile_count(), disable=not is_terminal, **style) as bar:
         yield show
 
 
@@ -123,13 +119,17 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
 def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     """Print what was found, what it took and where it is, last what to open first."""
     summary, bag = outcome.summary, outcome.recording
-    counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
+    statuses = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
-    print(f"buildings: {sum(summary.buildings.values())} ({counts})")
+    print(f"buildings: {sum(summary.buildings.values())} ({statuses})")
     if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
         print(f"set aside by class: {aside}")
-    if summary.footprints:
-        print(_footprints_line(summary.footprints))
+    if record := summary.footprints:
+        counts = [f"{record['n_read']:,} read"]
+        counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
+        counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
+        counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
+        print(f"footprints: {', '.join(counts)}")
     for remark in summary.remarks:
         print(remark)
     for name in summary.files:
@@ -154,11 +154,3 @@ def outcome_as_json(output: Path, outcome: RunOutcome, wall: float) -> dict[str,
         "failed_tiles": {str(stamp): reason for stamp, reason in outcome.failed.items()},
         "problems": list(summary.problems),
     }
-
-
-def _footprints_line(record: Mapping[str, Any]) -> str:
-    counts = [f"{record['n_read']:,} read"]
-    counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
-    counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
-    counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
-    return f"footprints: {', '.join(counts)}"

@@ -49,10 +49,7 @@ def run_command(options: argparse.Namespace) -> int:
         footprints = _footprints(request)
         if compiling is not None:
             compiling.wait()
-        if options.workers or options.scheduler:
-            outcome = _run_cluster(request, footprints, options.workers, options.scheduler)
-        else:
-            outcome = _run_local(request, footprints) if options.no_ros else _run_graph(request)
+        outcome = _outcome(request, options, footprints)
         return _report(request, options, outcome, time.perf_counter() - started)
 
 
@@ -94,8 +91,31 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
     return found
 
 
-def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutcome:
+def _outcome(
+    request: RunRequest, options: argparse.Namespace, footprints: FootprintFile | None
+) -> RunOutcome:
+    if not options.no_ros:
+        if importlib.util.find_spec("rclpy") is None:
+            raise LidarBuildingsError(
+                "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
+                "in the sources, or add --no-ros"
+            )
+        from lidar_buildings.commands.running_graph import run_graph
+
+        return run_graph(request)
+    is_cluster = options.workers or options.scheduler
+    if is_cluster and importlib.util.find_spec("distributed") is None:
+        raise LidarBuildingsError(
+            "--workers and --scheduler need dask.distributed: pip install 'lidar_buildings[cluster]'"
+        )
     from lidar_buildings.commands.run_local import run_local
+
+    if is_cluster:
+        from lidar_buildings.pipeline.tile_cluster import TileCluster
+
+        with TileCluster(options.workers, options.scheduler) as cluster:
+            print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
+            return run_local(request, footprints, cluster)
     from lidar_buildings.commands.stage_calls import load_stages
     from lidar_buildings.pipeline.building_pool import BuildingPool
 
@@ -103,32 +123,6 @@ def _run_local(request: RunRequest, footprints: FootprintFile | None) -> RunOutc
     load_stages()  # before the pool: its processes are forked
     with BuildingPool() as pool:
         return run_local(request, footprints, pool)
-
-
-def _run_cluster(
-    request: RunRequest, footprints: FootprintFile | None, n_workers: int, scheduler: str
-) -> RunOutcome:
-    if importlib.util.find_spec("distributed") is None:
-        raise LidarBuildingsError(
-            "--workers and --scheduler need dask.distributed: pip install 'lidar_buildings[cluster]'"
-        )
-    from lidar_buildings.commands.run_local import run_local
-    from lidar_buildings.pipeline.tile_cluster import TileCluster
-
-    with TileCluster(n_workers, scheduler) as cluster:
-        print(f"dashboard: {cluster.dashboard}", file=sys.stderr)
-        return run_local(request, footprints, cluster)
-
-
-def _run_graph(request: RunRequest) -> RunOutcome:
-    if importlib.util.find_spec("rclpy") is None:
-        raise LidarBuildingsError(
-            "rclpy is not installed: source a ROS 2 Jazzy workspace, or pip install '.[ros]' "
-            "in the sources, or add --no-ros"
-        )
-    from lidar_buildings.commands.running_graph import run_graph
-
-    return run_graph(request)
 
 
 def with_placed_bags(request: RunRequest) -> RunRequest:

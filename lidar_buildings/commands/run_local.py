@@ -159,11 +159,7 @@ class _Tiles:
         answer.add_done_callback(self._answered.put)
 
     def finish(self, n_left: int = 0) -> None:
-        """
-        Note what has become of tiles, and wait until no more than so many are under way.
-
-        A LidarBuildingsError, as of a full disk, ends the whole run.
-        """
+        """Note what has become of tiles until no more than so many are under way; a full disk ends all."""
         while len(self._waiting) > n_left or not self._answered.empty():
             answer = self._answered.get()
             work = self._waiting.pop(answer)

@@ -111,11 +111,22 @@ def request_of(options: argparse.Namespace) -> RunRequest:
     for stage in (_TILING, "model_writer") if options.crs else ():
         settings.setdefault(stage, {})["crs"] = options.crs
     if options.record is not None:
-        settings.setdefault("recorder", {})["output"] = str(_new_bag(options))
-    _check_namespace(options.namespace)
-    footprints = _footprints(options)
-    if footprints is not None:
-        _use_footprints(settings, footprints)
+        if options.no_ros:
+            raise ParameterError("--record: recording needs ROS: remove --no-ros or --record")
+        from lidar_buildings.io.bags.bag_writer import Recording, bag_folder  # takes time to import
+
+        settings.setdefault("recorder", {})["output"] = str(Recording(bag_folder(options.record)).path)
+    if options.namespace is not None and not _NAMESPACE.fullmatch(options.namespace):
+        raise ParameterError(
+            f"--namespace {options.namespace!r}: must be names of letters, digits and _, not starting with a "
+            "digit, separated by /"
+        )
+    if options.bounds is not None:
+        west, south, east, north = options.bounds
+        if not (west < east and south < north):
+            said = " ".join(f"{edge:.12g}" for edge in options.bounds)
+            raise ParameterError(f"--bounds {said}: must be WEST SOUTH EAST NORTH")
+    footprints = _footprints(options, settings)
     return RunRequest(
         inputs=tuple(options.input),
         output=options.output,
@@ -133,26 +144,8 @@ def request_of(options: argparse.Namespace) -> RunRequest:
         use=Use.UPDATE if options.update else Use.RETRY if options.retry_failed else Use.NONE,
         is_quiet=options.quiet or options.json,
         crs=options.crs or "",
-        bounds=_bounds(options.bounds),
+        bounds=None if options.bounds is None else tuple(options.bounds),
     )
-
-
-def _bounds(given: list[float] | None) -> tuple[float, ...] | None:
-    if given is None:
-        return None
-    west, south, east, north = given
-    if not (west < east and south < north):
-        said = " ".join(f"{edge:.12g}" for edge in given)
-        raise ParameterError(f"--bounds {said}: must be WEST SOUTH EAST NORTH")
-    return west, south, east, north
-
-
-def _new_bag(options: argparse.Namespace) -> Path:
-    if options.no_ros:
-        raise ParameterError("--record: recording needs ROS: remove --no-ros or --record")
-    from lidar_buildings.io.bags.bag_writer import Recording, bag_folder  # takes time to import
-
-    return Recording(bag_folder(options.record)).path
 
 
 def _short_forms(options: argparse.Namespace) -> list[str]:
@@ -164,7 +157,8 @@ def _short_forms(options: argparse.Namespace) -> list[str]:
     return forms + [f"{_TILING}.{name}={json.dumps(value)}" for name, value in told.items()]
 
 
-def _footprints(options: argparse.Namespace) -> FootprintSource | None:
+def _footprints(options: argparse.Namespace, settings: Settings) -> FootprintSource | None:
+    """Return where footprints come from, and have them used."""
     layer, column = options.footprints_layer, options.footprint_id
     if options.footprints is None:
         if layer is not None or column is not None:
@@ -175,15 +169,13 @@ def _footprints(options: argparse.Namespace) -> FootprintSource | None:
         raise InputError(f"{options.footprints}: no such file: check the path of --footprints")
     from lidar_buildings.io.vectors.footprints import FootprintSource  # what reads them takes time to import
 
-    return FootprintSource(options.footprints, layer or "", column or "")
-
-
-def _use_footprints(settings: Settings, source: FootprintSource) -> None:
+    source = FootprintSource(options.footprints, layer or "", column or "")
     settings.setdefault(FootprintConfig.stage, {}).update(file=str(source.path), layer=source.layer)
     settings.setdefault(RegularisationConfig.stage, {})["keep_outlines"] = True
     settings.setdefault("model_writer", {}).update(
         footprints=str(source.path), footprints_layer=source.layer, footprint_id=source.id_column
     )
+    return source
 
 
 def _check_own(settings: Settings) -> None:
@@ -195,14 +187,6 @@ def _check_own(settings: Settings) -> None:
     if settings.get(_TILING, {}).get("max_tiles_in_flight") == 0:
         raise ParameterError(
             f"{_TILING}.max_tiles_in_flight = 0: must be at least 1 for a run that writes files"
-        )
-
-
-def _check_namespace(namespace: str | None) -> None:
-    if namespace is not None and not _NAMESPACE.fullmatch(namespace):
-        raise ParameterError(
-            f"--namespace {namespace!r}: must be names of letters, digits and _, not starting with a digit, "
-            "separated by /"
         )
 
 

@@ -71,11 +71,7 @@ def running_graph(
 
 
 def run_graph(request: RunRequest) -> RunOutcome:
-    """
-    Compose the nodes that a run needs, and wait until the writer has made the files.
-
-    LidarBuildingsError if a node cannot start or go on.
-    """
+    """Run a request through the graph until its files are written; LidarBuildingsError if a node fails."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
     with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -46,38 +45,32 @@ def read_settings(params: Path | None, assignments: list[str], *, preset: Path |
     value not allowed, or if the file gives one parameter two values: it begins with the file's name or with
     ``--set``.
     """
-    settings = _read_file(preset)
-    for stage, given in _read_file(params).items():
-        settings.setdefault(stage, {}).update(given)
+    settings: Settings = {}
+    for path in filter(None, (preset, params)):
+        for stage, given in _read_file(path).items():
+            settings.setdefault(stage, {}).update(given)
     for text in assignments:
         stage, name, value = _assignment(text)
         settings.setdefault(stage, {})[name] = value
     return settings
 
 
-def _read_file(path: Path | None) -> Settings:
+def _read_file(path: Path) -> Settings:
     settings: Settings = {}
-    for stage, name, value in _from_file(path):
-        if settings.setdefault(stage, {}).setdefault(name, value) != value:
-            raise ParameterError(
-                f"{path}: two nodes set {stage}.{name}, to {settings[stage][name]!r} and {value!r}: "
-                "give one value"
-            )
-    return settings
-
-
-def _from_file(path: Path | None) -> Iterator[tuple[str, str, Any]]:
-    """Yield (stage, name, value) for every parameter of a file."""
-    if path is None:
-        return
     for key, body in _content(path).items():
         node = str(key).rsplit("/", maxsplit=1)[-1]
         if node not in NODE_CONFIGS:
             raise ParameterError(f"{path}: there is no node {node!r}{nearest(node, NODE_CONFIGS)}")
         if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
             raise ParameterError(f"{path}: {key} has no ros__parameters: {_COMPARE}")
-        for name, value in flat_names(body["ros__parameters"]):
-            yield _checked(str(path), *_stage_of(str(path), node, name), value)
+        for given, content in flat_names(body["ros__parameters"]):
+            stage, name, value = _checked(str(path), *_stage_of(str(path), node, given), content)
+            if settings.setdefault(stage, {}).setdefault(name, value) != value:
+                raise ParameterError(
+                    f"{path}: two nodes set {stage}.{name}, to {settings[stage][name]!r} and {value!r}: "
+                    "give one value"
+                )
+    return settings
 
 
 def _content(path: Path) -> dict[Any, Any]:
@@ -86,17 +79,13 @@ def _content(path: Path) -> dict[Any, Any]:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}: give --params a readable YAML file") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid YAML ({_place(error)}): {_COMPARE}") from error
+        where, mark = " ".join(str(error).split()), getattr(error, "problem_mark", None)
+        if mark is not None:
+            where = f"line {mark.line + 1}, column {mark.column + 1}: {getattr(error, 'problem', None)}"
+        raise InputError(f"{path}: not valid YAML ({where}): {_COMPARE}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: no node names at its top: {_COMPARE}")
     return content
-
-
-def _place(error: Exception) -> str:
-    mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
-    if mark is None:
-        return " ".join(str(error).split())
-    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
 
 
 def _assignment(text: str) -> tuple[str, str, Any]:
@@ -123,19 +112,15 @@ def _checked(origin: str, stage: str, name: str, value: Any) -> tuple[str, str, 
         meant = nearest(name.removeprefix(ADVANCED), [one.name for _, one in members.values()])
         raise ParameterError(f"{origin}: there is no parameter {stage}.{name}{meant}")
     _, one = members[known[name]]
+    # as ROS understands the same YAML
+    if isinstance(value, list) and not any(value):
+        value = []  # an empty list of texts is written as one empty text
+    elif isinstance(value, str) and _EXPONENT.fullmatch(value):
+        value = float(value)  # 1e-3 is a text to YAML 1.1
     try:
-        return stage, one.name, checked_value(stage, one, _as_ros_reads(value))
+        return stage, one.name, checked_value(stage, one, value)
     except ParameterError as error:
         raise ParameterError(f"{origin}: {error}") from error
-
-
-def _as_ros_reads(value: Any) -> Any:
-    """Return a value as ROS understands the same YAML."""
-    if isinstance(value, list) and not any(value):
-        return []  # an empty list of texts is written as one empty text
-    if isinstance(value, str) and _EXPONENT.fullmatch(value):
-        return float(value)  # 1e-3 is a text to YAML 1.1
-    return value
 
 
 def _stage_of(origin: str, node: str, name: str) -> tuple[str, str]:
@@ -154,11 +139,7 @@ def _stage_of(origin: str, node: str, name: str) -> tuple[str, str]:
 
 
 def preset_file(name: str) -> Path:
-    """
-    Return the parameter file of a preset.
-
-    ParameterError if there is no such preset, InputError if its file was not installed.
-    """
+    """Return a preset's parameter file; ParameterError if there is no such preset, InputError no file."""
     if name not in PRESETS:
         raise ParameterError(f"--preset {name}: must be one of {', '.join(PRESETS)}")
     found = shared_file(f"{name}.param.yaml")

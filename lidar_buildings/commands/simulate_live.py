@@ -20,12 +20,7 @@ Event = Scan | BodyPose
 
 
 def simulate_live_command(options: argparse.Namespace) -> int:
-    """
-    Make a survey scan by scan, publish it or write it down, and say how it went.
-
-    OutputError if there is something under the name of the bag or in the folder, or it cannot be written;
-    ParameterError if there is no such scene, a value is out of range, or ROS is not installed.
-    """
+    """Make a survey scan by scan, publish or write it; OutputError or ParameterError if it cannot be."""
     if not (options.live or options.bag or options.output):
         raise ParameterError(NOWHERE)
     survey = survey_of(options)
@@ -42,7 +37,13 @@ def simulate_live_command(options: argparse.Namespace) -> int:
             written = stack.enter_context(SurveyFiles(options.output, survey.scene))
             recorders.append(partial(_add_returns, written))
             files.append(written.files)
-        _announce(options, survey)
+        duration = sum(leg.duration for leg in survey.legs)
+        print(
+            f"{options.scene}: {options.scanner} scanner, {len(survey.scene.buildings)} buildings, "
+            f"{len(survey.legs)} legs, {duration:.1f} s at {survey.legs[0].speed:.1f} m/s"
+        )
+        needed = " ".join(f"--set {name}={value}" for name, value in survey.settings.items())
+        print(f"  parameters for the reader: {needed}")
         events = _recorded(survey, recorders)
         if options.live:
             _publish(options, survey, events)
@@ -65,16 +66,6 @@ def survey_of(options: argparse.Namespace) -> MovingSurvey:
         return drive(scene, options.seed, VehicleConfig() if rate is None else VehicleConfig(pulse_rate=rate))
     config = SimulationConfig() if options.density is None else SimulationConfig(density=options.density)
     return fly(scene, options.seed, config, rate)
-
-
-def _announce(options: argparse.Namespace, survey: MovingSurvey) -> None:
-    duration = sum(leg.duration for leg in survey.legs)
-    print(
-        f"{options.scene}: {options.scanner} scanner, {len(survey.scene.buildings)} buildings, "
-        f"{len(survey.legs)} legs, {duration:.1f} s at {survey.legs[0].speed:.1f} m/s"
-    )
-    needed = " ".join(f"--set {name}={value}" for name, value in survey.settings.items())
-    print(f"  parameters for the reader: {needed}")
 
 
 def _recorded(survey: MovingSurvey, recorders: Iterable[Callable[[Event], None]]) -> Iterator[Event]:

@@ -98,16 +98,15 @@ def _rare() -> None:
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 
 
-class SampleTile(NamedTuple):
-    """A tile with the columns of all stages, and its outlines before and after regularisation."""
-
-    tile: PointTile
+class _SampleTile(NamedTuple):
+    tile: PointTile  #: with the columns of all stages
+    #: Before and after regularisation.
     traced: tuple[BuildingOutline, ...]
     outlines: tuple[BuildingOutline, ...]
 
 
 @cache
-def sample_tile() -> SampleTile:
+def sample_tile() -> _SampleTile:
     """Read the tile."""
     with np.load(SAMPLE) as stored:
         columns = {name: stored[name] for name in stored.files}
@@ -115,7 +114,7 @@ def sample_tile() -> SampleTile:
     n = len(columns["points"])
     spacing = float(columns.pop("point_spacing"))
     tile = PointTile(**columns, point_spacing=spacing, source=np.zeros(n), index=np.arange(n))
-    return SampleTile(tile, traced, outlines)
+    return _SampleTile(tile, traced, outlines)
 
 
 def _stored_outlines(rows: NDArray[np.float64]) -> tuple[BuildingOutline, ...]:

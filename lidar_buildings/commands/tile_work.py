@@ -31,7 +31,7 @@ from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import TileResult, reconstruct_tile
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
 
-#: What beside a saved tile tells of the points that it was made from.
+#: What beside a saved tile tells of the points that it was made from, those of each buffer that it grew to.
 _ENDING = ".points"
 #: The id in a line of the city model, whose coordinates are those of the building's anchor.
 _NAME = re.compile(r'"id":"building-(-?\d+\.\d)-(-?\d+\.\d)"')
@@ -48,12 +48,6 @@ def digest_of(tile: PointTile) -> str:
         digest.update(f"{name} {column.shape}".encode())
         digest.update(np.ascontiguousarray(column).data)
     return digest.hexdigest()
-
-
-def write_digests(saved: Path, digests: Iterable[tuple[Buffer, str]]) -> None:
-    """Note beside a saved tile from which points it was made, those of each buffer that it grew to."""
-    with atomic_file(saved.with_suffix(_ENDING), has_rivals=True) as temporary:
-        temporary.write_text(json.dumps(list(digests)))
 
 
 def is_unchanged(tile: SpooledTile, saved: Path) -> bool:
@@ -200,7 +194,8 @@ def do_tile(work: TileWork, pool: BuildingPool | None = None) -> TileOutcome:
     products = products_of(result, frame, rasters[-1].result())
     products.save(work.path)
     if digests:
-        write_digests(work.path, digests)
+        with atomic_file(work.path.with_suffix(_ENDING), has_rivals=True) as temporary:
+            temporary.write_text(json.dumps(digests))
     outcome = TileOutcome(result.seconds, n_points=len(products.core), n_buildings=products.n_buildings)
     del result, products
     rasters.clear()

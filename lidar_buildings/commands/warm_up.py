@@ -1,9 +1,4 @@
-"""
-The command ``lidar-buildings warm-up``: compile all loops now, in as many processes as there are cores.
-
-A run and every node do the same when they start and find that it has not been done. Of processes that start
-together, the first one compiles and the others wait for it.
-"""
+"""The command ``lidar-buildings warm-up``: compile all loops, of processes started together in one."""
 
 from __future__ import annotations
 

@@ -26,7 +26,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from functools import partial
 from logging.handlers import QueueHandler
 from multiprocessing.shared_memory import SharedMemory
 from typing import Any, NamedTuple, TypeVar
@@ -259,28 +258,27 @@ def _discard(packed: _Packed) -> None:
 
 def map_buildings(
     pool: BuildingPool | None,
-    function: Callable[[_Job], _Result],
-    jobs: Sequence[_Job],
+    jobs: Sequence[tuple[int, Callable[[], _Result]]],
     sizes: Sequence[int],
-    failed: Callable[..., _Result],
+    failed: Callable[[int, str], _Result],
     problem: str,
 ) -> list[_Result]:
     """
-    Call a function for each of many buildings, and return the results in their order.
+    Make the calls of many buildings, pairs of building id and call, and return the results in their order.
 
     With a pool they are shared out in batches, the largest first; `sizes` are the buildings' numbers of
-    points. The function stands at the top of a module, and its result depends on the job alone.
-    ``failed(job, reason=…)`` stands in for the result of a building at which the function raises an
-    exception, whose `problem`, in a few words, is logged with the job's `building_id`, or at which two
-    processes ended; one that was merely in a batch with it is done again.
+    points. A call is a `functools.partial` of a function at the top of a module. ``failed(k, reason)`` stands
+    in for result `k` where the call raises an exception, whose `problem`, in a few words, is logged, or where
+    two processes ended; a building that was merely in a batch with it is done again.
     """
-    attempt = partial(_attempted, function, failed, problem)
     weights = [size + _LEAST_SIZE for size in sizes]
+    results: dict[int, _Result | _Failure] = {}
     if pool is None or not pool.n_workers or len(jobs) < 2 or sum(weights) < _LITTLE:
-        return [attempt(job) for job in jobs]
-    results: dict[int, _Result] = {}
-    batches = _batches(weights, pool.n_workers)
-    answers = [pool._submit(_each, (attempt, [jobs[k] for k in batch]), 1) for batch in batches]
+        batches = []
+        results.update(enumerate(_attempted(jobs, problem)))
+    else:
+        batches = _batches(weights, pool.n_workers)
+    answers = [pool._submit(_attempted, ([jobs[k] for k in batch], problem), 1) for batch in batches]
     again: list[int] = []
     for batch, answer in zip(batches, answers, strict=True):
         try:
@@ -289,22 +287,26 @@ def map_buildings(
             again += batch
     for k in again:
         try:
-            results[k] = pool._submit(attempt, (jobs[k],), 1).result()
+            results[k] = pool._submit(_attempted, (jobs[k : k + 1], problem), 1).result()[0]
         except WorkerLostError:
-            results[k] = failed(jobs[k], reason="two processes ended at it")
-    return [results[k] for k in range(len(jobs))]
+            results[k] = _Failure("two processes ended at it")
+    found = [results[k] for k in range(len(jobs))]
+    return [failed(k, str(one)) if isinstance(one, _Failure) else one for k, one in enumerate(found)]
 
 
-def _attempted(function: Callable[..., Any], failed: Callable[..., Any], problem: str, job: Any) -> Any:
-    try:
-        return function(job)
-    except Exception as error:
-        _log.exception("building %d: %s", job.building_id, problem)
-        return failed(job, reason=f"unexpected error: {error!r}")
+class _Failure(str):
+    """Why a building has no result."""
 
 
-def _each(function: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> list[_Result]:
-    return [function(job) for job in jobs]
+def _attempted(jobs: Sequence[tuple[int, Callable[[], Any]]], problem: str) -> list[Any]:
+    results: list[Any] = []
+    for building_id, call in jobs:
+        try:
+            results.append(call())
+        except Exception as error:
+            _log.exception("building %d: %s", building_id, problem)
+            results.append(_Failure(f"unexpected error: {error!r}"))
+    return results
 
 
 def _batches(weights: Sequence[int], n_workers: int) -> list[list[int]]:

@@ -46,7 +46,14 @@ class TileCluster:
     def __init__(self, n_workers: int = 0, scheduler: str = "") -> None:
         for name in _LOGGERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)  # what it means for a run is said here
-        self._local = _local_cluster(n_workers) if n_workers else None
+        self._local: LocalCluster | None = None
+        if n_workers:
+            self._local = LocalCluster(  # type: ignore[no-untyped-call]
+                n_workers=n_workers,
+                threads_per_worker=1,
+                dashboard_address=":0",
+                silence_logs=logging.CRITICAL,
+            )
         address = self._local.scheduler_address if self._local else scheduler
         try:
             self._client = _client_of(address)
@@ -120,9 +127,3 @@ def _client_of(address: str) -> Client:
         client.close()
         raise
     return client
-
-
-def _local_cluster(n_workers: int) -> LocalCluster:
-    return LocalCluster(  # type: ignore[no-untyped-call]
-        n_workers=n_workers, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
-    )

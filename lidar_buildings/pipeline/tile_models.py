@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
-from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
+from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
@@ -55,9 +54,19 @@ def build_models(
     needed = tile.with_columns(**dict.fromkeys(tile.columns.keys() - _NEEDED))
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
-    jobs = [_job(part, one, config) for one, part in zip(ordered, buildings, strict=True)]
-    sizes = [len(part) for part in buildings]
-    models = map_buildings(pool, _built, jobs, sizes, _failed, "no model was built")
+    jobs = [(one.building_id, _job(part, one, config)) for one, part in zip(ordered, buildings, strict=True)]
+
+    def failed(k: int, reason: str) -> BuildingModel:
+        known: dict[str, Any] = dict.fromkeys(ATTRIBUTES) | {
+            "lod": "",
+            "validity": "",
+            "roof_type": "unknown",
+        }
+        points, outline, _ = jobs[k][1].args
+        known |= {"area": outline.area, "n_points": len(points)}
+        return BuildingModel({}, known, BuildingStatus.FAILED, reason)
+
+    models = map_buildings(pool, jobs, list(map(len, buildings)), failed, "no model was built")
     return tuple(map(_with_attributes, buildings, ordered, models))
 
 
@@ -66,46 +75,23 @@ def _is_closed(building: PointTile, one: BuildingOutline) -> bool:
     return building.has_bare_walls and one.ground_elevation is None
 
 
-def _tell_height(building: PointTile) -> NDArray[np.bool_]:
-    """Tell which points are at the level of the walls that the scanner saw no roof over, or above it."""
-    is_bare, z = building.facade == Facade.BARE, building.points[:, 2]
-    return is_bare | (z >= np.median(z[is_bare]) - _LEVEL)
-
-
-class _Job(NamedTuple):
-    building_id: int
-    points: FloatArray
-    outline: Outline
-    plane_id: NDArray[np.uint16] | None
-    ground_elevation: float | None
-    is_closed: bool
-    config: BuildingModelConfig
-
-
-def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> _Job:
-    points, plane_id, is_closed = building.points, building.plane_id, _is_closed(building, one)
-    if is_closed:
-        points, plane_id = points[_tell_height(building)], None
-    ground = _ground_elevation(building, one)
-    return _Job(one.building_id, points, one.outline, plane_id, ground, is_closed, config)
-
-
-def _built(job: _Job) -> BuildingModel:
-    return build_model(
-        job.points,
-        job.outline,
-        job.config,
-        plane_id=job.plane_id,
-        ground_elevation=job.ground_elevation,
-        is_roof_seen=not job.is_closed,
+def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> partial[BuildingModel]:
+    points, plane_id, ground = building.points, building.plane_id, one.ground_elevation
+    is_closed = _is_closed(building, one)
+    if is_closed:  # of points those that tell the height of the walls, or lie above them
+        is_bare, z = building.facade == Facade.BARE, points[:, 2]
+        points, plane_id = points[is_bare | (z >= np.median(z[is_bare]) - _LEVEL)], None
+    if building.height_above_ground is not None and len(building):  # the lowest ground under it
+        ground = float(np.min(building.points[:, 2] - building.height_above_ground))
+    return partial(
+        build_model,
+        points,
+        one.outline,
+        config,
+        plane_id=plane_id,
+        ground_elevation=ground,
+        is_roof_seen=not is_closed,
     )
-
-
-def _failed(job: _Job, reason: str) -> BuildingModel:
-    known: dict[str, Any] = dict.fromkeys(ATTRIBUTES)
-    known |= {"area": job.outline.area, "n_points": len(job.points), "roof_type": "unknown"}
-    known |= {"lod": "", "validity": ""}
-    return BuildingModel({}, known, BuildingStatus.FAILED, reason)
 
 
 def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
@@ -114,32 +100,16 @@ def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingM
     reason = "; ".join(text for text in (remark, model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
-    if one.quality is not None:
-        attributes.update(_outline_attributes(model, reason, one.quality))
+    if (quality := one.quality) is not None:
+        attributes.update(outline_sigma=quality.sigma, outline_max_offset=quality.max_offset)
+        if quality.reason:
+            attributes["reason"] = "; ".join(filter(None, (reason, quality.reason)))
+        if model.status is BuildingStatus.OK:  # the model's own failure outweighs the outline's
+            attributes["status"] = quality.status.value
     if is_closed:  # its ring was drawn, not traced
         attributes.update(outline_sigma=None, outline_max_offset=None)
-    return TileModel(one.building_id, anchor_near(one.building_id, _west(building, one)), model, attributes)
-
-
-def _west(building: PointTile, one: BuildingOutline) -> NDArray[np.float64]:
-    """Return the westernmost point of a building, without points the corner of its ring's limits."""
+    ring = one.outline.exterior
+    west = ring.min(axis=0) if len(ring) else np.zeros(2)
     if len(building):
-        return building.points[anchor_row(building.points)]
-    return one.outline.exterior.min(axis=0) if len(one.outline.exterior) else np.zeros(2)
-
-
-def _outline_attributes(model: BuildingModel, reason: str, quality: OutlineQuality) -> dict[str, Any]:
-    """Return what the outline's quality adds; the model's own failure outweighs the outline's."""
-    attributes: dict[str, Any] = {"outline_sigma": quality.sigma, "outline_max_offset": quality.max_offset}
-    if quality.reason:
-        attributes["reason"] = "; ".join(filter(None, (reason, quality.reason)))
-    if model.status is BuildingStatus.OK:
-        attributes["status"] = quality.status.value
-    return attributes
-
-
-def _ground_elevation(building: PointTile, one: BuildingOutline) -> float | None:
-    """Return the lowest ground under a building's points [m], else what its outline knows of the ground."""
-    if building.height_above_ground is None or not len(building):
-        return one.ground_elevation
-    return float(np.min(building.points[:, 2] - building.height_above_ground))
+        west = building.points[anchor_row(building.points)]
+    return TileModel(one.building_id, anchor_near(one.building_id, west), model, attributes)

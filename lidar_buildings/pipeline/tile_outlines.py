@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 import shapely
@@ -49,10 +49,12 @@ def regularise_outlines(
         return tuple(replace(one, quality=given) for one in outlines)
     traced = [one.outline for one in outlines]
     sizes = [sum(map(len, one.rings)) for one in traced]
-    jobs = [_Job(one.building_id, one.outline, config) for one in outlines]
-    own = map_buildings(
-        pool, _regularised, jobs, sizes, _kept, "regularisation failed, the traced ring is kept"
-    )
+    jobs = [(one.building_id, partial(regularise_outline, one.outline, config)) for one in outlines]
+
+    def kept(k: int, reason: str) -> RegularisedOutline:
+        return RegularisedOutline(traced[k], np.nan, np.nan, (), BuildingStatus.FAILED, reason)
+
+    own = map_buildings(pool, jobs, sizes, kept, "regularisation failed, the traced ring is kept")
     regular = [one.outline for one in own]
     groups = touching_groups(traced)
     if config.max_wall_gap:
@@ -61,10 +63,13 @@ def regularise_outlines(
     regular = [_sound(outline.as_carried(), ring) for outline, ring in zip(regular, traced, strict=True)]
     for members in groups:
         _part(regular, traced, members)
-    return tuple(
-        replace(one, outline=outline, quality=_quality(one.outline, outline, alone, config))
-        for one, outline, alone in zip(outlines, regular, own, strict=True)
-    )
+    finished = []
+    for one, outline, alone in zip(outlines, regular, own, strict=True):
+        quality = OutlineQuality(alone.sigma, alone.max_offset, alone.status, alone.reason)
+        if alone.status is not BuildingStatus.FAILED:
+            quality = outline_quality(one.outline, outline, alone, config)
+        finished.append(replace(one, outline=outline, quality=quality))
+    return tuple(finished)
 
 
 def touching_groups(traced: Sequence[Outline]) -> list[list[int]]:
@@ -101,28 +106,6 @@ def _share_walls(
         if reason:
             _log.info("building at (%.1f, %.1f): %s", *outlines[row].exterior[0], reason)
         outlines[row] = outline
-
-
-class _Job(NamedTuple):
-    building_id: int
-    traced: Outline
-    config: RegularisationConfig
-
-
-def _regularised(job: _Job) -> RegularisedOutline:
-    return regularise_outline(job.traced, job.config)
-
-
-def _kept(job: _Job, reason: str) -> RegularisedOutline:
-    return RegularisedOutline(job.traced, np.nan, np.nan, (), BuildingStatus.FAILED, reason)
-
-
-def _quality(
-    traced: Outline, outline: Outline, own: RegularisedOutline, config: RegularisationConfig
-) -> OutlineQuality:
-    if own.status is BuildingStatus.FAILED:
-        return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
-    return outline_quality(traced, outline, own, config)
 
 
 def _sound(outline: Outline, traced: Outline) -> Outline:

@@ -7,9 +7,8 @@ The nodes and the ROS-free pipeline both call these functions, so that they do t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,27 +147,17 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool |
     buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
     if tile.has_bare_walls:
         buildings = [one for one in buildings if not (tile.facade[one[1]] == Facade.BARE).any()]
-    jobs = [_PlaneJob(number, tile.points[rows], config, tile.point_spacing) for number, rows in buildings]
+    fit = partial(number_planes, config=config, point_spacing=tile.point_spacing)
+    jobs = [(number, partial(fit, tile.points[rows])) for number, rows in buildings]
     sizes = [len(rows) for _, rows in buildings]
-    found = map_buildings(pool, _fitted_planes, jobs, sizes, _no_planes, "no planes were fitted")
+
+    def no_planes(k: int, reason: str) -> NDArray[np.uint16]:
+        return np.zeros(sizes[k], dtype=np.uint16)
+
+    found = map_buildings(pool, jobs, sizes, no_planes, "no planes were fitted")
     for (_, rows), numbers in zip(buildings, found, strict=True):
         plane_id[rows] = numbers
     return tile.with_columns(plane_id=plane_id)
-
-
-class _PlaneJob(NamedTuple):
-    building_id: int
-    points: NDArray[np.float64]
-    config: PlaneFittingConfig
-    point_spacing: float | None
-
-
-def _fitted_planes(job: _PlaneJob) -> NDArray[np.uint16]:
-    return number_planes(job.points, job.config, point_spacing=job.point_spacing)
-
-
-def _no_planes(job: _PlaneJob, reason: str) -> NDArray[np.uint16]:
-    return np.zeros(len(job.points), dtype=np.uint16)
 
 
 def rasterise_tile(tile: PointTile, config: RasterConfig, frame: MapFrame) -> TerrainRasters | None:

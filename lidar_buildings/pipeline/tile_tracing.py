@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,10 +83,16 @@ def trace_buildings(
         cloud = tile.points.take(rows_to_trace(rows, tile.edge, boundary_tracing), axis=0)
         pattern = found.patterns[number]
         near = None if ground is None else _about(ground, cloud, GROUND_REACH * (spacing or pattern.spacing))
-        jobs.append(_TracingJob(number, cloud, boundary_tracing, pattern, spacing, near))
+        jobs.append((number, partial(_traced, cloud, boundary_tracing, pattern, spacing, near)))
     sizes = [len(rows) for _, rows in owned]
-    rings = map_buildings(pool, _traced, jobs, sizes, _square, "tracing failed, a square marks its anchor")
-    outlines = [BuildingOutline(job.building_id, ring) for job, ring in zip(jobs, rings, strict=True)]
+
+    def marker(k: int, reason: str) -> Outline:
+        square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
+        points = jobs[k][1].args[0]
+        return Outline(points[anchor_row(points), :2] + square).as_carried()
+
+    rings = map_buildings(pool, jobs, sizes, marker, "tracing failed, a square marks its anchor")
+    outlines = [BuildingOutline(number, ring) for (number, _), ring in zip(jobs, rings, strict=True)]
     places = (extent_of(tile.points.take(rows, axis=0)[:, :2]) for _, rows in owned)
     clipped = reduce(
         or_, (Sides.passed(*corners, tile.bounds, max(found.window)) for corners in places), NONE
@@ -180,22 +185,12 @@ def _with_others(
     return roofs.joined(others).select(np.argsort(rows, kind="stable"))
 
 
-class _TracingJob(NamedTuple):
-    building_id: int
-    points: NDArray[np.float64]
-    config: BoundaryTracingConfig
-    pattern: ScanPattern
-    point_spacing: float | None
-    ground: NDArray[np.float64] | None
-
-
-def _traced(job: _TracingJob) -> Outline:
-    traced = trace_boundary(
-        job.points, job.config, pattern=job.pattern, point_spacing=job.point_spacing, ground=job.ground
-    )
+def _traced(
+    points: NDArray[np.float64],
+    config: BoundaryTracingConfig,
+    pattern: ScanPattern,
+    point_spacing: float | None,
+    ground: NDArray[np.float64] | None,
+) -> Outline:
+    traced = trace_boundary(points, config, pattern=pattern, point_spacing=point_spacing, ground=ground)
     return traced.outline.as_carried()
-
-
-def _square(job: _TracingJob, reason: str) -> Outline:
-    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * _MARKER_SIZE
-    return Outline(job.points[anchor_row(job.points), :2] + square).as_carried()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -36,21 +34,6 @@ SPARSE = 0.375
 _TOP = 0.5
 
 
-class WalledBuilding(NamedTuple):
-    """A building that is closed behind its walls."""
-
-    rows: NDArray[np.intp]  #: its roof points and the tops of its walls, rising
-    outline: Outline
-
-
-class WalledBuildings(NamedTuple):
-    """What there is of such buildings in a tile."""
-
-    buildings: list[WalledBuilding]
-    #: On which sides walls that may be of more of them reach the tile's `bounds`.
-    clipped: Sides
-
-
 def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     """
     Tell which points of a tile with its final classes and façades go on from the roof selection.
@@ -72,11 +55,15 @@ def roofs_and_walls(tile: PointTile) -> NDArray[np.bool_]:
     return goes_on
 
 
-def walled_buildings(tile: PointTile, min_area: float) -> WalledBuildings:
+def walled_buildings(
+    tile: PointTile, min_area: float
+) -> tuple[list[tuple[NDArray[np.intp], Outline]], Sides]:
     """
     Find the buildings of which walls were seen, but not the roof over all that they enclose.
 
     The tile holds all points, or those of `roofs_and_walls`; `min_area` is that of a building in plan [m²].
+    Returns the rows of each one's roof points and the tops of its walls, rising, and its outline; and on
+    which sides walls that may be of more of them reach the tile's `bounds`.
     """
     found, clipped, groups = [], NONE, _bare_groups(tile)
     ground = _Ground(tile) if groups else None
@@ -92,8 +79,8 @@ def walled_buildings(tile: PointTile, min_area: float) -> WalledBuildings:
         for outline in outlines:
             own = rows[is_told & shapely.contains_xy(outline.polygon.buffer(_EAVES), points[:, :2])]
             if outline.area >= min_area and len(own):
-                found.append(WalledBuilding(own, outline))
-    return WalledBuildings(found, clipped)
+                found.append((own, outline))
+    return found, clipped
 
 
 def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
@@ -115,13 +102,13 @@ def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
     chosen = np.flatnonzero(np.isin(part, own))
     chosen = chosen[np.argsort(part[chosen], kind="stable")]
     groups = np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1)
-    return [one for one in groups if tile.is_core[one].any() and _bare_share(tile, one) >= _MIN_BARE_SHARE]
 
+    def is_bare(rows: NDArray[np.intp]) -> bool:
+        walls = rows[tile.facade[rows] != Facade.NONE]
+        held = walls[lowest_per_cell(tile.points[walls], WALL_CELL)]
+        return bool(np.mean(tile.facade[held] == Facade.BARE) >= _MIN_BARE_SHARE)
 
-def _bare_share(tile: PointTile, rows: NDArray[np.intp]) -> float:
-    walls = rows[tile.facade[rows] != Facade.NONE]
-    held = walls[lowest_per_cell(tile.points[walls], WALL_CELL)]
-    return float(np.mean(tile.facade[held] == Facade.BARE))
+    return [one for one in groups if tile.is_core[one].any() and is_bare(one)]
 
 
 class _Ground:

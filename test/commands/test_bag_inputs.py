@@ -63,7 +63,7 @@ def test_what_was_left_out_is_said_and_a_placed_bag_is_not_placed_again(command,
     drive = write_drive(tmp_path / "drive")
     run = ("run", drive.path, "--no-ros", "--output", tmp_path / "out", *MOUNTED)
     with monkeypatch.context() as failing:
-        failing.setattr("lidar_buildings.commands.run._run_local", lambda *_: 1 / 0)
+        failing.setattr("lidar_buildings.commands.run._outcome", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             command(*run)
     monkeypatch.setattr("lidar_buildings.io.bags.placed_cloud.write_placed", lambda *_: 1 / 0)

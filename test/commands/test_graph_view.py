@@ -1,6 +1,6 @@
 """The running graph as a table."""
 
-from lidar_buildings.commands.graph_view import GraphView
+from lidar_buildings.commands.top import GraphView
 
 OK, WARN, ERROR = range(3)
 

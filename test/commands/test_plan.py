@@ -9,7 +9,7 @@ import pytest
 from support import cloud_files
 
 from bench.scale.headers import make_survey
-from lidar_buildings.commands.plan import Way, expected_cost, measure_slowness
+from lidar_buildings.commands.plan import CLUSTER, expected_cost, measure_slowness
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.clouds import agreement
 from lidar_buildings.io.clouds.find_inputs import open_each
@@ -83,16 +83,16 @@ def test_a_plan_says_when_one_run_does_not_take_all_files(command, headers, monk
 
 def test_more_workers_take_less_time_and_more_memory(headers):
     plan = planned(headers, tile_size=50.0)
-    few, many = (expected_cost(plan, n, Way.CLUSTER) for n in (2, 20))
+    few, many = (expected_cost(plan, n, CLUSTER) for n in (2, 20))
     assert many.wall < few.wall
     assert many.memory > few.memory
     assert many.worker_memory == few.worker_memory
-    assert expected_cost(plan, 10_000, Way.CLUSTER).wall == pytest.approx(
-        expected_cost(plan, plan.n_tiles, Way.CLUSTER).wall
+    assert expected_cost(plan, 10_000, CLUSTER).wall == pytest.approx(
+        expected_cost(plan, plan.n_tiles, CLUSTER).wall
     ), "no more workers than tiles"
-    slow = expected_cost(plan, 2, Way.CLUSTER, slowness=2.0)
+    slow = expected_cost(plan, 2, CLUSTER, slowness=2.0)
     assert (slow.wall, slow.memory) == (pytest.approx(2 * few.wall), few.memory)
-    assert expected_cost(plan, 2, Way.CLUSTER, "ground_filter").processor < few.processor
+    assert expected_cost(plan, 2, CLUSTER, "ground_filter").processor < few.processor
 
 
 def test_a_machine_is_compared_with_the_one_that_was_measured():

@@ -1,11 +1,11 @@
 """What a user sets in a file or on the command line, by stage."""
 
 import pytest
-from lidar_buildings.nodes.reference import parameter_yaml
 from support.bags import write_drive
 from support.cli_runs import Command
 from support.cloud_files import random_cloud, saved
 
+from bench.pages.node_reference import parameter_yaml
 from lidar_buildings.cli import command_parser
 from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.commands.settings import PRESETS, read_settings

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,8 @@ def do(job):
 
 
 def shared(pool, function, jobs, sizes=None):
-    return map_buildings(pool, function, jobs, sizes or [LARGE] * len(jobs), lost, "no beam")
+    calls = [(k, partial(function, job)) for k, job in enumerate(jobs)]
+    return map_buildings(pool, calls, sizes or [LARGE] * len(jobs), lambda _, reason: reason, "no beam")
 
 
 def wait(job):
@@ -83,10 +85,6 @@ def is_alive(process):
         return "State:\tZ" not in Path(f"/proc/{process}/status").read_text()
     except (FileNotFoundError, ProcessLookupError):
         return False
-
-
-def lost(job, reason):
-    return reason
 
 
 @pytest.fixture(autouse=True)

@@ -73,12 +73,12 @@ def test_what_goes_on_tells_the_same_as_all_points():
     tile = street_scene()
     part = roof_points(tile)
     assert len(part) < 0.7 * len(tile)
-    found, every = walled_buildings(part, 12.0).buildings, walled_buildings(tile, 12.0).buildings
+    found, every = walled_buildings(part, 12.0)[0], walled_buildings(tile, 12.0)[0]
     for one, other in zip(found, every, strict=True):
         assert one.outline.same_as(other.outline)
         np.testing.assert_array_equal(part.points[one.rows], tile.points[other.rows])
     assert len(every) == 1
-    assert not walled_buildings(tile, 1000.0).buildings
+    assert not walled_buildings(tile, 1000.0)[0]
 
 
 def sparse_yard(spacing):

@@ -147,7 +147,7 @@ class LiveFeed:
 
     def add_fix(self, message: Any) -> None:
         """Take a sensor_msgs/NavSatFix."""
-        self._put(lambda: self._search.take_fix(message, self._placer), POSES_TOO_FAST)
+        self._put(lambda: self._search.fixes.take(message, self._placer), POSES_TOO_FAST)
 
     def add_frame(self, frame: MapFrame) -> None:
         """Take what others say of where the map lies; too late once points are kept."""
@@ -166,11 +166,7 @@ class LiveFeed:
         self._put(self._reset)
 
     def take(self) -> PointTile | None:
-        """
-        Return the next tile; None if it must be made first, with all points there are then: `wake` tells.
-
-        One that waited would miss points, and come again for them.
-        """
+        """Return the next tile; None if it must be made first, of all points there are then: `wake` tells."""
         with self._made_lock:
             tile, self._made = self._made, None
             self._is_wanted = tile is None
@@ -182,18 +178,14 @@ class LiveFeed:
         """Return a tile with a larger buffer, None if there is none."""
         return None if self._survey is None else self._survey.grown(tile, sides)
 
-    @property
-    def fullness(self) -> float:
-        """Share of the room that is taken by what waits to be placed."""
-        return self._fullness(0)
-
-    def _fullness(self, n_more: int) -> float:
+    def fullness(self, n_more: int = 0) -> float:
+        """Return the share of the room that is taken by what waits to be placed, and so many points more."""
         n_points = self._n_come - self._n_taken + n_more
         return max(n_points / _MOST_POINTS, self._inbox.qsize() / _MOST_MESSAGES)
 
     def _put(self, work: Callable[[], Any], too_fast: str = "", n_points: int = 0) -> None:
         """Let work wait; what may be left out, with a reason for it, only if there is room."""
-        if too_fast and self._fullness(n_points) > 1.0:
+        if too_fast and self.fullness(n_points) > 1.0:
             self._too_fast[too_fast] += n_points or 1
             return
         self._n_come += n_points

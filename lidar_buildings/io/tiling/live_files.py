@@ -88,6 +88,8 @@ def _left_behind(xy: NDArray[np.float64], times: NDArray[np.int64]) -> tuple[NDA
 CLOUDS = "clouds"
 _NAME = "points_{:05d}.laz"
 _SURVEY = "survey.json"
+#: What a LAZ file holds of points beside their coordinates.
+_COLUMNS = [name for name in RECORD.names or () if name not in ("x", "y", "z", "source", "index")]
 
 
 class Recorded(NamedTuple):
@@ -148,7 +150,8 @@ def recorded_of(folder: Path, tiling: LiveTilingConfig) -> Recorded | None:
         spacing = noted["spacing"]
         scale = FeedScale(float(noted["side"]), None if spacing is None else float(spacing))
         given, level = _frame_of(noted["given"]), noted["level"]
-        place = MapPlace(given, level and _level_of(given.crs, **level))
+        yaw = level.pop("yaw", 0.0) if level else 0.0  # a feed of earlier versions has none
+        place = MapPlace(given, level and LevelFrame(Geodetic(**level), given.crs, yaw))
         recorded = Recorded(scale, place, _frame_of(noted["frame"]))
     except FileNotFoundError:
         return None
@@ -182,25 +185,16 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
             try:
                 file.place(survey.frame)
                 for records in survey.records(number):
-                    file.add(_scan_of(records))
+                    points = np.column_stack([records[axis] for axis in "xyz"]).astype(np.float64)
+                    columns = {name: records[name] for name in _COLUMNS}
+                    file.add(PlacedScan(points, np.zeros(len(points), np.int64), columns))
             finally:
                 file.close()
     yield 0
 
 
-def _scan_of(records: Any) -> PlacedScan:
-    points = np.column_stack([records[axis] for axis in "xyz"]).astype(np.float64)
-    names = [name for name in RECORD.names or () if name not in ("x", "y", "z", "source", "index")]
-    return PlacedScan(points, np.zeros(len(points), np.int64), {name: records[name] for name in names})
-
-
 def _identity(tiling: LiveTilingConfig) -> dict[str, float]:
     return {name: getattr(tiling, name) for name in ("tile_size", "buffer", "max_buffer")}
-
-
-def _level_of(crs: str, yaw: float = 0.0, **origin: float) -> LevelFrame:
-    """Return a level frame as noted; a feed of earlier versions has no yaw."""
-    return LevelFrame(Geodetic(**origin), crs, yaw)
 
 
 def _frame_of(noted: dict[str, Any]) -> MapFrame:

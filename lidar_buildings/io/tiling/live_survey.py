@@ -135,11 +135,7 @@ class LiveSurvey:
         return len(self._changed) + len(self._ready) + bool(self._batch or self._unwritten)
 
     def add(self, scan: PlacedScan, now: float) -> None:
-        """
-        Take a scan in the map; `now` is the time by which tiles are waited for [s].
-
-        OutputError if the disk is full; the scan waits in memory for the next call that can write it.
-        """
+        """Take a scan in the map at a time [s]; OutputError if the disk is full: the next call writes it."""
         with self._lock:
             self._batch.append(scan)
             self._arrived = now
@@ -249,13 +245,6 @@ class LiveSurvey:
 
     # tiles
 
-    def _new_tile(self, place: Cell, gps_time: float) -> None:
-        """Make a tile of which the first point has come; neighbours' points may have come before."""
-        block, buffer = self._grid.block_of(place), Buffer.of(self.config.buffer)
-        stamp = stamp_of_time(gps_time, is_standard=True) or stamp_of_number(len(self._tiles) + 1)
-        tile = LiveTile(place, self._free(stamp), block, buffer, self._block_near(block, buffer))
-        self._tiles[place] = self._by_stamp[tile.stamp] = tile
-
     def _resume(self, last: dict[Cell, dict[str, Any]]) -> None:
         """Give tiles the stamps and revisions that they had in an earlier life."""
         for place in last.keys() & self._tiles.keys():
@@ -285,25 +274,18 @@ class LiveSurvey:
         tile.n_sent += self._n_near(tile) - n_before
         self._widest = max(self._widest, *buffer)
 
-    def _last_touched(self, tile: LiveTile) -> float:
-        return max(self._touched[cell] for cell in tile.near.cells)
-
     def _turn(self, place: Cell) -> tuple[bool, bool, float]:
         """Order ready tiles: cells that have had no point may be filled by later passes."""
         tile = self._tiles[place]
-        own, near = (
-            any(self._touched[cell] == -math.inf for cell in one.cells) for one in (tile.block, tile.near)
-        )
-        return own, near, self._last_touched(tile)
+        own, near = ([self._touched[cell] for cell in one.cells] for one in (tile.block, tile.near))
+        return -math.inf in own, -math.inf in near, max(near)
 
     def _is_due(self, tile: LiveTile, now: float) -> bool:
-        """
-        Whether no point has fallen into a tile or its buffer for long enough.
-
-        With half of `_FEW` new points it waits twice as long, and so on.
-        """
+        """Whether no point has fallen into a tile or its buffer for long enough: longer with few new ones."""
         share_new = 1.0 - max(tile.n_sent, 0) / max(self._n_near(tile), 1)
-        return (now - self._last_touched(tile)) * min(share_new / _FEW, 1.0) >= self.config.leave_after
+        return (now - max(self._touched[cell] for cell in tile.near.cells)) * min(
+            share_new / _FEW, 1.0
+        ) >= self.config.leave_after
 
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
@@ -372,7 +354,11 @@ class LiveSurvey:
         k, reach = self._grid.cells_per_side, math.ceil(self._widest / self._grid.cell_size) + 1
         for place in sorted({self._grid.tile_of(cell) for cell in touched} - self._tiles.keys()):
             row = np.flatnonzero((cells // k == place).all(axis=1))[0]
-            self._new_tile(place, float(records["gps_time"][row]))
+            gps_time, number = float(records["gps_time"][row]), len(self._tiles) + 1
+            stamp = self._free(stamp_of_time(gps_time, is_standard=True) or stamp_of_number(number))
+            block, buffer = self._grid.block_of(place), Buffer.of(self.config.buffer)
+            tile = LiveTile(place, stamp, block, buffer, self._block_near(block, buffer))
+            self._tiles[place] = self._by_stamp[stamp] = tile
         for cell in touched:
             self._touched[cell] = now
             columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)

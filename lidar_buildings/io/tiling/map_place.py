@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -83,14 +84,10 @@ class LevelFrame:
         """Return points of the frame, shape (n, 3), in the grid, less `place` [m]."""
         return grid_coordinates(self.geodetic(points), self.crs) - self.place
 
-    def placed(self, scan: PlacedScan) -> PlacedScan:
-        """Return a scan of the frame in the grid, less `place`."""
-        return scan._replace(points=self.in_grid(scan.points))
-
 
 def grid_coordinates(places: Geodetic, crs: str) -> NDArray[np.float64]:
     """Return where places, arrays of shape (n,) or one, lie in a reference system, shape (n, 3) or (3,)."""
-    return np.nan_to_num(np.stack(_way(GEODETIC, crs).transform(*places), axis=-1), posinf=_NOWHERE)
+    return np.nan_to_num(np.stack(_way(GEODETIC, crs)(*places), axis=-1), posinf=_NOWHERE)
 
 
 def middle_of(places: Geodetic) -> Geodetic:
@@ -100,17 +97,16 @@ def middle_of(places: Geodetic) -> Geodetic:
 
 def _geodetic(geocentric: NDArray[np.float64]) -> Geodetic:
     x, y, z = geocentric.T
-    return Geodetic(*_way(GEOCENTRIC, GEODETIC).transform(x, y, z))
+    return Geodetic(*_way(GEOCENTRIC, GEODETIC)(x, y, z))
 
 
 def _geocentric(place: Geodetic) -> NDArray[np.float64]:
-    return np.stack(_way(GEODETIC, GEOCENTRIC).transform(*place), axis=-1)
+    return np.stack(_way(GEODETIC, GEOCENTRIC)(*place), axis=-1)
 
 
 @cache
-def _way(source: str, target: str) -> pyproj.Transformer:
-    """Return the way between two systems: to make it takes as long as to go it with ten thousand points."""
-    return pyproj.Transformer.from_crs(source, target, always_xy=True)
+def _way(source: str, target: str) -> Callable[..., Any]:
+    return pyproj.Transformer.from_crs(source, target, always_xy=True).transform
 
 
 #: EPSG's numbers of the zones of UTM on WGS 84, north and south of the equator, less the zone.
@@ -158,7 +154,7 @@ class MapPlace(NamedTuple):
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan in the map."""
-        return scan if self.level is None else self.level.placed(scan)
+        return scan if self.level is None else scan._replace(points=self.level.in_grid(scan.points))
 
     def distances(self, pairs: Pairs) -> _Floats:
         """Return how far satellite positions are in plan from where they are by the poses, shape (n,) [m]."""
@@ -179,7 +175,9 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
         in_grid = grid_coordinates(pairs.seen, crs)
         if np.hypot(*np.median(in_grid - pairs.track, axis=0)[:2]) <= _SAME_PLACE:
             fit = fit_track(pairs.track, in_grid, pairs.weighed, may_turn=False)
-            x, y, z = (round(float(one), 3) for one in _beyond_errors(fit.shift))
+            # poses that are told in the grid are as good as fixes where these are near
+            is_far = np.repeat([math.hypot(*fit.shift[:2]) > _AS_TOLD, abs(fit.shift[2]) > _AS_TOLD], [2, 1])
+            x, y, z = (round(float(one), 3) for one in np.where(is_far, fit.shift, 0.0))
             said = f"the poses are in its grid ({math.hypot(*fit.shift[:2]):.2f} m from the fixes)"
             return MapPlace(MapFrame(crs, (x, y, z)), None, *_words(pairs, fit, crs, said))
     x, y, _ = np.median(pairs.track, axis=0)
@@ -188,7 +186,9 @@ def place_by_fixes(pairs: Pairs) -> MapPlace:
         return MapPlace(warnings=(f"{said}; outputs have no reference system",))
     crs = zone_of(middle)
     level, fit = LevelFrame.fitted(pairs.track, pairs.seen, pairs.weighed, crs)
-    said = f"points {_direction(math.degrees(fit.yaw))} (± {math.degrees(fit.yaw_error):.2f}°)"
+    degrees = math.degrees(fit.yaw)
+    way = f"{abs(degrees):.2f}° {'north' if degrees > 0.0 else 'south'} of east" if degrees else "east"
+    said = f"points {way} (± {math.degrees(fit.yaw_error):.2f}°)"
     if not fit.tells_yaw:
         said = "is assumed to be east, as they moved too little to measure it"
     words = _words(pairs, fit, crs, f"x of the poses {said}")
@@ -199,16 +199,6 @@ def zone_of(place: Geodetic, by: int = 0) -> str:
     """Return the zone of UTM on WGS 84 in which a place lies, or the one so many further east."""
     zone = (min(int((place.longitude + 180.0) // 6.0), 59) + by) % 60 + 1
     return f"EPSG:{(_NORTH if place.latitude >= 0.0 else _SOUTH) + zone}"
-
-
-def _direction(degrees: float) -> str:
-    return f"{abs(degrees):.2f}° {'north' if degrees > 0.0 else 'south'} of east" if degrees else "east"
-
-
-def _beyond_errors(shift: _Floats) -> _Floats:
-    """Return a shift of poses that are told in the grid; they are as good as fixes where these are near."""
-    is_far = np.repeat([math.hypot(*shift[:2]) > _AS_TOLD, abs(shift[2]) > _AS_TOLD], [2, 1])
-    return np.where(is_far, shift, 0.0)
 
 
 def _words(pairs: Pairs, fit: TrackFit, crs: str, said: str) -> tuple[str, tuple[str, ...]]:
@@ -261,11 +251,7 @@ class Fix(NamedTuple):
 
 
 class SatelliteFixes:
-    """
-    Gathers fixes and the poses at their times; `n_came` have come, of which `n_usable` are valid.
-
-    GPS time or TAI beside poses in UTC, or the other way round, is corrected.
-    """
+    """Pairs fixes with poses (`n_came`, of which `n_usable` are valid); corrects clocks of GPS and TAI."""
 
     def __init__(self) -> None:
         self.n_came = self.n_usable = 0
@@ -284,7 +270,8 @@ class SatelliteFixes:
         self._waiting.append(fix)
         if len(self._lags) < _N_LAGS and (antenna := Antenna.of(fix.frame, placer)) is not None:
             self._lags.append((fix.stamp - antenna.known_until(placer)) / _SECOND)
-            self._clock = _clock_of(float(np.median(self._lags)))
+            lag, clocks = float(np.median(self._lags)), (sign * one for one in _CLOCKS for sign in (1, -1))
+            self._clock = next((one for one in clocks if abs(lag - one) <= _DELAY), 0)
 
     def pair(self, placer: ScanPlacer) -> int:
         """Find the poses of fixes that wait; return how many were found."""
@@ -332,19 +319,11 @@ class SatelliteFixes:
 
     def no_place(self) -> MapPlace:
         """Return that the map lies nowhere, and why, if fixes have come."""
-        lag = (
-            f": their times differ from those of the poses by {np.median(self._lags):+.1f} s"
-            if self._lags
-            else ""
-        )
+        lag = ""
+        if self._lags:
+            lag = f": their times differ from those of the poses by {np.median(self._lags):+.1f} s"
         said = f"none of {self.n_usable:,} satellite fixes has a pose at its time{lag}; the map is unplaced"
         return MapPlace(warnings=(said,) if self.n_usable else ())
-
-
-def _clock_of(lag: float) -> int:
-    """Return by how much a clock is ahead of another one, if its stamps come ahead by so much [s]."""
-    leaps = [sign * one for one in _CLOCKS for sign in (1, -1)]
-    return next((one for one in leaps if abs(lag - one) <= _DELAY), 0)
 
 
 #: Coordinates of the map beyond this lose more than a centimetre in float32: the origin moves in steps [m].
@@ -361,14 +340,10 @@ class FrameSearch:
 
     def __init__(self, given: MapFrame | None) -> None:
         self._found = None if given is None else MapPlace(given)
-        self._fixes = SatelliteFixes()
+        self.fixes = SatelliteFixes()  #: they come after the poses that came before them
         self._by_fixes: MapPlace | None = None
         self._first_at: float | None = None
         self._off = 0.0
-
-    def take_fix(self, message: Any, placer: ScanPlacer) -> None:
-        """Take a sensor_msgs/NavSatFix, after the poses that came before it."""
-        self._fixes.take(message, placer)
 
     def take_frame(self, frame: MapFrame) -> None:
         """Take what others say."""
@@ -382,24 +357,24 @@ class FrameSearch:
         infinite has it wait no longer.
         """
         self._first_at = min(now, math.inf if self._first_at is None else self._first_at)
-        if self._found is None and self._fixes.pair(placer):
-            self._by_fixes = self._fixes.place()
-        is_last = self.is_over(now, n_points, _FIX_PATIENCE if self._fixes.n_usable else _PATIENCE)
+        if self._found is None and self.fixes.pair(placer):
+            self._by_fixes = self.fixes.place()
+        is_last = self.is_over(now, n_points, _FIX_PATIENCE if self.fixes.n_usable else _PATIENCE)
         is_sure = self._by_fixes is not None and self._by_fixes.is_sure and self.is_over(now, n_points)
         if self._found is None and (is_sure or is_last):
-            self._found = self._by_fixes or self._fixes.no_place()
-            self._fixes.forget()
+            self._found = self._by_fixes or self.fixes.no_place()
+            self.fixes.forget()
         return self._found
 
     def doubts(self, place: MapPlace, placer: ScanPlacer) -> list[str]:
         """Return how later fixes contradict the place that the first ones gave; again if it gets worse."""
         if place.level is None and not place.said:
             return []
-        self._fixes.pair(placer)
-        pairs = self._fixes.pairs()
+        self.fixes.pair(placer)
+        pairs = self.fixes.pairs()
         if pairs is None or len(pairs.sigma) < _N_LATER:
             return []
-        self._fixes.forget()
+        self.fixes.forget()
         off = float(np.median(place.distances(pairs)))
         if off <= max(pairs.usual, _WORSE * self._off):
             return []

@@ -18,8 +18,7 @@ from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 
 #: Resolution of the coordinates [m]: finer than any scanner measures.
 SCALE = 0.001
-#: What one unit of a dimension stands for, and the numbers it holds (LAS 1.4, point format 6).
-_STEPS = {"scan_angle": SCAN_ANGLE_STEP}
+#: The numbers that a dimension holds (LAS 1.4, point format 6).
 _LIMITS = {
     "scan_angle": (-30_000, 30_000),
     "return_number": (0, 15),
@@ -38,11 +37,7 @@ FAR = "further than 2,000 km from the first points"
 
 
 class PlacedLaz:
-    """
-    A LAZ file that grows by scans.
-
-    `n_points` were written, `n_far` were not, since they are too far from the others.
-    """
+    """A LAZ file that grows by scans: `n_points` were written, `n_far` were too far from the others."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -83,7 +78,11 @@ class PlacedLaz:
         points = self._frame.to_source(points)
         if self._writer is None:
             self._writer = self._opened(points)
-            self._brightness = _brightness(self._batch)
+            # drivers count to 255 and more, or from 0 to 1
+            seen = [
+                one.columns["intensity"].max(initial=0) for one in self._batch if "intensity" in one.columns
+            ]
+            self._brightness = 1.0 / 255.0 if 0 < max(seen, default=0) <= 1 else 1.0
         near = (np.abs(points - self._writer.header.offsets) < _REACH).all(axis=1)
         n_near = int(np.count_nonzero(near))
         record = laspy.ScaleAwarePointRecord.zeros(n_near, header=self._writer.header)
@@ -100,9 +99,10 @@ class PlacedLaz:
     def _columns(self, n_points: int) -> dict[str, NDArray[Any]]:
         """Return the batch's columns as LAS has them; returns that are not known stay 0."""
         columns: dict[str, NDArray[Any]] = {"classification": np.ones(n_points, np.uint8)}
+        steps = {"intensity": self._brightness, "scan_angle": SCAN_ANGLE_STEP}
         for name in {name for one in self._batch for name in one.columns} - {"gps_time"}:
             parts = [one.columns.get(name, np.zeros(len(one.points))) for one in self._batch]
-            step = self._brightness if name == "intensity" else _STEPS.get(name, 1.0)
+            step = steps.get(name, 1.0)  # what one unit stands for
             values = np.rint(np.concatenate(parts).astype(np.float64) / step)
             low, high = _LIMITS.get(name, (0, 65_535))
             columns[name] = np.clip(values, low, high).astype(np.int32)
@@ -119,11 +119,3 @@ class PlacedLaz:
             header.add_crs(self._crs)
         stream = open(self._path, "wb")  # noqa: SIM115
         return laspy.LasWriter(stream, header, do_compress=True, laz_backend=laz_backend(), closefd=True)
-
-
-def _brightness(scans: list[PlacedScan]) -> float:
-    """Return what one step of intensity stands for: drivers count to 255 and more, or from 0 to 1."""
-    highest = max(
-        (one.columns["intensity"].max(initial=0) for one in scans if "intensity" in one.columns), default=0
-    )
-    return 1.0 / 255.0 if 0 < highest <= 1 else 1.0

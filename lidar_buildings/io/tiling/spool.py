@@ -6,6 +6,7 @@ import errno
 import json
 import os
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -74,11 +75,7 @@ class Spool:
         self._counts, self._joined = CellTable(0), dict[Cell, list[Piece]]()
 
     def append(self, cells: NDArray[np.int64], records: NDArray[Any]) -> list[Cell]:
-        """
-        Add records, `RECORD`, each to its cell, in their order; return the cells.
-
-        `cells` are column and row of each record's cell, shape (n, 2). What cannot be added leaves nothing.
-        """
+        """Add records to their cells, shape (n, 2); return the cells. What cannot be added leaves nothing."""
         if len(records) == 0:
             return []
         order, starts = _grouped(cells)
@@ -124,7 +121,10 @@ class Spool:
             start, end = max(first - before, 0), min(last - before, piece.count)
             if piece.head is None or (start, end) != (0, piece.count):
                 for block in self.blocks(cell, before + start, before + end):
-                    yield from _head(block, without)
+                    records = block.compress(~np.isin(block["source"], list(without))) if without else block
+                    if len(records):
+                        first_one = records[np.argmin(order_key(records))]
+                        yield Head(*(first_one[name].item() for name in Head._fields))
             elif piece.head.source not in without:
                 yield piece.head
             before += piece.count
@@ -159,14 +159,6 @@ class Spool:
 def order_key(records: NDArray[Any]) -> NDArray[np.uint64]:
     """Return a number that orders records by (source, index)."""
     return records["source"].astype(np.uint64) << np.uint64(32) | records["index"]
-
-
-def _head(records: NDArray[Any], without: Collection[int]) -> Iterator[Head]:
-    if without:
-        records = records.compress(~np.isin(records["source"], list(without)))
-    if len(records):
-        first = records[np.argmin(order_key(records))]
-        yield Head(int(first["source"]), int(first["index"]), float(first["gps_time"]))
 
 
 def read_records(path: Path, first: int, end: int) -> Iterator[NDArray[Any]]:
@@ -244,13 +236,9 @@ class PointLog:
         """Return the events; a line that was cut off is none."""
         found = []
         for line in self._events.read_text(encoding="utf-8").splitlines() if self._events.exists() else ():
-            try:
-                event = json.loads(line)
-            except ValueError:
-                continue
-            if isinstance(event, dict):
-                found.append(event)
-        return found
+            with suppress(ValueError):
+                found.append(json.loads(line))
+        return [event for event in found if isinstance(event, dict)]
 
     def clear(self) -> None:
         """Forget all."""

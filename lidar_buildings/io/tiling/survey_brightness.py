@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.recfunctions import repack_fields
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -44,8 +45,8 @@ GROUND_TOLERANCE = 0.3
 #: Stands for all strips that have no scale of their own.
 _OTHERS = -1
 #: What tells the scale of a strip, and with its place what brightness parts dark ground from other.
-_SAMPLE = ("intensity", "point_source_id", "return_number", "number_of_returns")
-_PLACED = ("x", "y", "z", *_SAMPLE)
+_SAMPLE = ["intensity", "point_source_id", "return_number", "number_of_returns"]
+_PLACED = ["x", "y", "z", *_SAMPLE]
 
 
 def square_of_modes(area: Rectangle, n_points: int) -> Rectangle:
@@ -88,10 +89,10 @@ class SurveyBrightness:
         Where a square of the map frame [m] is given the modes of the ground are looked for in it.
         """
         step = math.ceil(n_points / MAX_SAMPLE)
-        self._samples.setdefault(source, []).append(_only(_SAMPLE, records[-first % step :: step]))
+        self._samples.setdefault(source, []).append(repack_fields(records[-first % step :: step][_SAMPLE]))
         if square is not None and self.dark_limit is None:
             rows = np.flatnonzero(square.holds(records["x"], records["y"]))
-            self._squares.setdefault(source, []).append(_only(_PLACED, records.take(rows)))
+            self._squares.setdefault(source, []).append(repack_fields(records.take(rows)[_PLACED]))
 
     def given(self, source: int, folder: Path) -> Path:
         """Write what was taken of a file to a folder, for another process; return the path."""
@@ -127,7 +128,10 @@ class SurveyBrightness:
         if not is_only.any():
             return
         points = np.stack([records[name] for name in "xyz"], dtype=np.float64, casting="safe").T
-        spacing = quantised_spacing(_middle(points[is_only]))
+        only = points[is_only]
+        away = np.abs(only - (only.min(axis=0) + only.max(axis=0)) / 2)
+        middle = only[(away[:, :2] <= SPACING_SIDE / 2).all(axis=1)]
+        spacing = quantised_spacing(middle if len(middle) >= SPACING_POINTS else only)
         ground = np.flatnonzero(_roughly_ground(points, max(MIN_CELL, 2 * spacing)))
         intensity, strip = records["intensity"][ground], records["point_source_id"][ground]
         normalised = normalised_intensity(intensity, strip, self.scales, self.scales[_OTHERS])
@@ -148,13 +152,6 @@ class SurveyBrightness:
         return None if others is None else normalised_intensity(intensity, strip, self.scales, others)
 
 
-def _only(names: tuple[str, ...], records: NDArray[Any]) -> NDArray[Any]:
-    chosen = np.empty(len(records), [(name, records.dtype[name]) for name in names])
-    for name in names:
-        chosen[name] = records[name]
-    return chosen
-
-
 def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
     """Tell which points are the only return of their pulse; all are where returns are not known."""
     if not records["return_number"].any() or not records["number_of_returns"].any():
@@ -162,18 +159,8 @@ def only_returns(records: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(records["number_of_returns"] <= 1)
 
 
-def _middle(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    (x, x_middle), (y, y_middle) = ((along, (along.min() + along.max()) / 2) for along in points.T[:2])
-    inside = (np.abs(x - x_middle) <= SPACING_SIDE / 2) & (np.abs(y - y_middle) <= SPACING_SIDE / 2)
-    return points[inside] if np.count_nonzero(inside) >= SPACING_POINTS else points
-
-
 def _roughly_ground(points: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
-    """
-    Tell which points lie near the lowest surface, freed of objects by one opening.
-
-    Good enough for a histogram of many points; tops of hills and what is wider than the opening is wrong.
-    """
+    """Tell which points lie near the lowest surface, freed of objects by one opening: roughly right."""
     column, row = (np.floor(along / cell).astype(np.int64) for along in points.T[:2])
     column -= column.min()
     row -= row.min()

@@ -85,11 +85,7 @@ class Buffer(NamedTuple):
         return cls(width, width, width, width)
 
     def doubled(self, sides: Sides, least: float, most: float) -> Buffer:
-        """
-        Return it twice as wide on some sides.
-
-        `least` is the width of the buffer that takes the place of none, `most` that of the largest [m].
-        """
+        """Return it twice as wide on some sides: `least` [m] where there was none, and at most `most` [m]."""
         limits = zip(self, Buffer.of(least), Buffer.largest(most), sides, strict=True)
         return Buffer(*(min(2.0 * own or low, high) if wider else own for own, low, high, wider in limits))
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Container, Generator, Iterable, Iterator, 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import shapely
 
@@ -24,7 +24,6 @@ from lidar_buildings.io.clouds.agreement import excess_of
 from lidar_buildings.io.clouds.cloud import CHUNK, Cloud
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.files.temporary_folder import temporary_files
-from lidar_buildings.io.tiling.spool import Head
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, Rectangle, TileGrid
 from lidar_buildings.io.tiling.tile_size import reading_order, spread_of, tiles_for
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
@@ -40,22 +39,9 @@ PART = 10 * CHUNK
 _ROOM = 8
 
 
-class FilePart(NamedTuple):
-    """A part of a file, and where its points are put."""
-
-    cloud: Cloud
-    source: int  #: its place among the inputs
-    #: The first point, and the one behind the last.
-    first: int
-    last: int
-    grid: TileGrid  #: of tiles and spool cells
-    frame: MapFrame
-    folder: Path  #: one that all processes see
-
-
 Answer: TypeAlias = "Future[ReadPart]"
-#: Calls a function with a part in another process: ``submit(read_part, part)``.
-Submit = Callable[[Callable[..., Any], FilePart], Answer]
+#: Calls a function in another process: ``submit(read_part, …)``.
+Submit = Callable[..., Answer]
 
 
 def read_files(
@@ -76,7 +62,9 @@ def read_files(
     ahead, n_ahead = iter(order), 0
     for source in order:
         while n_ahead < AHEAD and (number := next(ahead, None)) is not None:
-            waiting.append([submit(read_part, part) for part in parts_of(clouds[number], number, store)])
+            cloud, ends = clouds[number], range(PART, clouds[number].point_count + PART, PART)
+            place = store.grid, store.frame, store.spool.folder
+            waiting.append([submit(read_part, cloud, number, end - PART, end, *place) for end in ends])
             n_ahead += len(waiting[-1])
         answers = waiting.popleft()
         yield source, _joined(clouds[source], source, store, answers)
@@ -117,23 +105,21 @@ def _joined(cloud: Cloud, source: int, store: TileStore, answers: Iterable[Answe
         yield store.join(source, part)
 
 
-def parts_of(cloud: Cloud, source: int, store: TileStore) -> Iterator[FilePart]:
-    """Cut a file into parts for a store."""
-    for first in range(0, cloud.point_count, PART):
-        last = min(first + PART, cloud.point_count)
-        yield FilePart(cloud, source, first, last, store.grid, store.frame, store.spool.folder)
+def read_part(
+    cloud: Cloud, source: int, first: int, last: int, grid: TileGrid, frame: MapFrame, folder: Path
+) -> ReadPart:
+    """
+    Read the points `first` to `last` of a file, and return where they are in a folder that all processes see.
 
-
-def read_part(part: FilePart) -> ReadPart:
-    """Read a part, and return where its points are; InputError or OutputError if it cannot be read."""
-    store = TileStore(part.grid, part.frame, part.folder)
+    `source` is the file's place among the inputs. InputError or OutputError if it cannot be read.
+    """
+    store = TileStore(grid, frame, folder)
     try:
-        first = part.first
-        for chunk in part.cloud.chunks(first=first, last=part.last):
-            store.add(part.source, first, chunk, part.cloud)
+        for chunk in cloud.chunks(first=first, last=min(last, cloud.point_count)):
+            store.add(source, first, chunk, cloud)
             first += len(chunk)
-        with temporary_files(part.folder):
-            return store.part(part.source)
+        with temporary_files(folder):
+            return store.part(source)
     except LidarBuildingsError:
         store.spool.remove()
         raise
@@ -210,7 +196,7 @@ class TileSource:
         number = 0
         while True:
             with self._lock:
-                if self._closed.is_set() or (number == len(self._tiles) and not self._read_on()):
+                if self._closed.is_set() or (number == len(self._tiles) and not next(self._steps, False)):
                     return
                 if number == len(self._tiles):
                     continue  # another thread may have its turn, and close
@@ -269,9 +255,6 @@ class TileSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _read_on(self) -> bool:
-        return next(self._steps, False)
-
     def _read_all(self) -> Generator[bool, None, None]:
         """Read every file, giving way after each chunk, and plan tiles as they become complete."""
         order = reading_order(self._areas)
@@ -298,12 +281,7 @@ class TileSource:
         yield True
 
     def _learn_spacing(self) -> None:
-        """
-        Measure the survey's spacing before the first tile is planned, in the middle of what there is.
-
-        A survey that has been read whole by then is measured as one, so that a small one comes out the same
-        in one file and in many; of a larger one the first file that can tell does.
-        """
+        """Measure the spacing of a survey that has been read whole, else of the first file that tells it."""
         if self._store.spacing is None and not self._unread:
             self._store.learn_spacing(self._around)
         while self._read and self._store.spacing is None:
@@ -313,12 +291,7 @@ class TileSource:
                 self._store.learn_spacing(area, source)
 
     def _plan_tiles_near(self, read: Rectangle | None) -> None:
-        """
-        Plan the waiting tiles for which the file just read was the last one near.
-
-        Points outside all headers' bounds, and those that come after their tile was planned, wait for the
-        end, since nothing says which file brings more of them.
-        """
+        """Plan the waiting tiles for which the file just read was the last one near, by headers' bounds."""
         if read is None:
             return
         most = self.config.max_buffer
@@ -357,21 +330,16 @@ class TileSource:
         first_point = self._store.first_point(core)
         if first_point is None:
             return
-        stamp, dark_limit = self._stamp(tile, first_point), self._store.brightness.dark_limit
-        buffer, most = Buffer.of(self._buffer), self.config.max_buffer
-        ready = SpooledTile(self._store, stamp, block, core, buffer, most, dark_limit)
-        self._tiles.append(ready)
-        self._by_stamp[stamp] = ready
-
-    def _stamp(self, tile: Cell, first_point: Head) -> int:
         encoding = self._clouds[first_point.source].header.global_encoding
-        is_standard = bool(encoding.gps_time_type)
-        stamp = stamp_of_time(first_point.gps_time, is_standard=is_standard)
+        stamp = stamp_of_time(first_point.gps_time, is_standard=bool(encoding.gps_time_type))
         if stamp is None:
             stamp = stamp_of_number(self._grid.number_of(tile, self._around))
         while stamp in self._by_stamp:
             stamp += STEP
-        return stamp
+        buffer, dark_limit = Buffer.of(self._buffer), self._store.brightness.dark_limit
+        ready = SpooledTile(self._store, stamp, block, core, buffer, self.config.max_buffer, dark_limit)
+        self._tiles.append(ready)
+        self._by_stamp[stamp] = ready
 
 
 #: Tiles that are read or wait to be taken: one is read while another is sent, and no more memory.
@@ -379,11 +347,7 @@ _AHEAD = 2
 
 
 class FileQueue:
-    """
-    The tiles of a source of files, read ahead in a thread, so that no callback waits for the disk.
-
-    `read` puts a tile together, in another process for instance. `error` is what ended the reading.
-    """
+    """The tiles of a source, put together by `read` ahead in a thread; `error` is what ended the reading."""
 
     def __init__(self, source: TileSource, read: Callable[[SpooledTile], PointTile]) -> None:
         self.error: Exception | None = None

@@ -81,10 +81,10 @@ def test_a_tile_needs_little_of_the_survey_to_be_sent(village):
 
 
 def test_a_part_that_no_worker_can_read_costs_its_file_and_is_named(village, tmp_path):
-    def submit(read, part):
+    def submit(read, cloud, source, *place):
         answer = Future()
-        if part.source:
-            answer.set_result(read(part))
+        if source:
+            answer.set_result(read(cloud, source, *place))
         else:
             answer.set_exception(WorkerLostError("workers ended at it"))
         return answer

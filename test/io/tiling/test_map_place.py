@@ -197,7 +197,7 @@ def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
     told.take_frame(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
     assert told.settled(ScanPlacer(), 0.1, 10) == MapPlace(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
     by_fix, placer = FrameSearch(None), placer_at((0.0, 0.0, 0.0))
-    by_fix.take_fix(fix(T0, 52.0, 4.4, 0.0), placer)
+    by_fix.fixes.take(fix(T0, 52.0, 4.4, 0.0), placer)
     assert by_fix.settled(placer, 0.0, 10) is None
     assert by_fix.settled(placer, 9.9, 10) is None, "it may move yet, and tell how it is turned"
     assert by_fix.settled(placer, 10.0, 10).frame.crs == "EPSG:32631"
@@ -210,7 +210,7 @@ def test_later_fixes_that_contradict_are_reported_once():
         stamp = T0 + k * SECOND // 5
         placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
         seen = TRUTH.geodetic(DRIVE[k % 101][None])
-        search.take_fix(fix(stamp, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
+        search.fixes.take(fix(stamp, seen.latitude[0], seen.longitude[0], seen.height[0]), placer)
         if k == 100:
             assert search.settled(placer, 0.0, 10) is None
             settled = search.settled(placer, 3.0, 10)
