@@ -116,20 +116,20 @@ def with_kept_ids(result: TileResult, earlier: Sequence[EarlierBuilding]) -> Til
         else one
         for one in result.models
     ]
+
+    def renumbered(outlines: Iterable[BuildingOutline]) -> tuple[BuildingOutline, ...]:
+        named = [
+            replace(one, building_id=number_of.get(one.building_id, one.building_id)) for one in outlines
+        ]
+        return tuple(sorted(named, key=lambda one: one.building_id))
+
     return replace(
         result,
         roofs=roofs,
-        traced=_renumbered(result.traced, number_of),
-        outlines=_renumbered(result.outlines, number_of),
+        traced=renumbered(result.traced),
+        outlines=renumbered(result.outlines),
         models=tuple(sorted(models, key=lambda one: one.building_id)),
     )
-
-
-def _renumbered(
-    outlines: Iterable[BuildingOutline], number_of: dict[int, int]
-) -> tuple[BuildingOutline, ...]:
-    named = [replace(one, building_id=number_of.get(one.building_id, one.building_id)) for one in outlines]
-    return tuple(sorted(named, key=lambda one: one.building_id))
 
 
 @dataclass(frozen=True)

@@ -48,10 +48,6 @@ def test_a_line_is_written_for_each_tile_and_none_twice(capsys):
     ]
 
 
-def test_nothing_is_shown_to_whom_wants_quiet(capsys):
-    assert shown(capsys, FIRST, SECOND, is_quiet=True) == ""
-
-
 @pytest.mark.parametrize("no_colour", ["", "1"])
 def test_a_terminal_has_a_bar_with_what_is_at_work_in_colour_unless_told_otherwise(
     capsys, monkeypatch, no_colour

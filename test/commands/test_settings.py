@@ -2,7 +2,6 @@
 
 import pytest
 from support.bags import write_drive
-from support.cli_runs import Command
 from support.cloud_files import random_cloud, saved
 
 from bench.pages.node_reference import parameter_yaml
@@ -21,10 +20,6 @@ def settings(tmp_path):
         return read_settings(path, list(assignments))
 
     return read
-
-
-def test_nothing_set_is_nothing(settings):
-    assert settings() == read_settings(None, []) == {}
 
 
 def test_parameters_of_a_node_go_to_its_stage(settings):
@@ -178,11 +173,6 @@ def test_what_is_set_wins_over_the_preset(tmp_path):
     options = ("--preset", "villalba", "--params", str(mine), "--set", "roof_selection.min_height=1.0")
     found = asked(tmp_path, *options).config.roof_selection
     assert (found.min_height, found.min_building_area, found.method) == (1.0, 30.0, "single_returns")
-
-
-def test_an_unknown_preset_is_refused_by_the_names_of_the_three(capfd, tmp_path):
-    line = Command(capfd).refused("run", "a.laz", "--output", tmp_path / "out", "--preset", "shan")
-    assert "--preset shan: must be one of santos, villalba, sampath_shan" in line
 
 
 def test_the_parameter_file_that_we_ship_has_the_defaults(tmp_path):

@@ -36,8 +36,3 @@ def test_a_library_that_refuses_another_is_reported_in_one_line(monkeypatch, cap
     assert cli.main(["report", "somewhere"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "Numba needs NumPy 2.3 or less" in line
-
-
-def test_the_versions_of_this_environment_do():
-    assert metadata.requires("lidar_buildings")
-    versions.check_versions()

@@ -12,15 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
-from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
-from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.pipeline import building_pool
 from lidar_buildings.pipeline.building_pool import BuildingPool, WorkerLostError, map_buildings
-from lidar_buildings.pipeline.tile_models import build_models
-from lidar_buildings.pipeline.tile_stages import fit_planes
 
 LARGE = 10_000
 
@@ -196,31 +190,6 @@ def open_and_end(told):
 
 def end_with(array):
     os._exit(9)
-
-
-def test_models_and_planes_are_the_same_with_and_without_processes(pool):
-    random = np.random.default_rng(0)
-    square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
-    n = 3000
-    xy = random.uniform(0, 10, (4, n, 2))
-    z = 8.0 - np.arange(1, 5)[:, None] * 0.1 * np.abs(xy[..., 0] - 5.0) + random.normal(0, 0.02, (4, n))
-    points = np.concatenate([np.column_stack([xy[k] + [20.0 * k, 0.0], z[k]]) for k in range(4)])
-    tile = PointTile(
-        points,
-        height_above_ground=points[:, 2] - 1.0,
-        building_id=np.repeat(np.arange(1, 5), n).astype(np.uint32),
-    )
-    outlines = tuple(BuildingOutline(k + 1, Outline(square + np.array([20.0 * k, 0.0]))) for k in range(4))
-    planes = [fit_planes(tile, PlaneFittingConfig(), each) for each in (None, pool)]
-    assert planes[0].plane_id.any()
-    assert np.array_equal(planes[0].plane_id, planes[1].plane_id)
-    here, there = (build_models(planes[0], outlines, BuildingModelConfig(), each) for each in (None, pool))
-    for one, other in zip(here, there, strict=True):
-        assert one.attributes == other.attributes
-        assert one.model.solids.keys() == other.model.solids.keys() == {"1.2", "1.3", "2.2"}
-        for lod, solid in one.model.solids.items():
-            assert solid.vertices.tobytes() == other.model.solids[lod].vertices.tobytes()
-            assert solid.faces == other.model.solids[lod].faces
 
 
 def test_closing_ends_all_processes_though_they_are_at_work():

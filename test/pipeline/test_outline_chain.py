@@ -70,10 +70,6 @@ def assert_sound(outline):
     assert all(len(np.unique(ring, axis=0)) == len(ring) for ring in outline.rings)
 
 
-def test_no_points_have_no_outlines():
-    assert outlines_of(np.zeros((0, 3)))[1] == []
-
-
 @pytest.mark.parametrize("n_points", [1, 2, 3])
 def test_a_cluster_of_a_few_points_is_covered(n_points):
     points = at_height(np.array([(10.0, 4.0), (10.3, 4.1), (10.1, 4.4)])[:n_points])

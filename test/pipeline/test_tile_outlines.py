@@ -37,13 +37,6 @@ def test_the_stage_shares_walls_unless_told_otherwise():
     assert [one.building_id for one in regularise_outlines(traced, alone)] == [1, 2]
 
 
-def test_empty_rings_are_passed_on():
-    empty = Outline(np.zeros((0, 2)))
-    assert touching_groups([]) == touching_groups([empty, empty]) == []
-    given = tuple(BuildingOutline(k, empty) for k in (1, 2))
-    assert [len(one.outline.exterior) for one in regularise_outlines(given, RegularisationConfig())] == [0, 0]
-
-
 def regularised(outline):
     return RegularisedOutline(outline, 0.1, 0.2, (), BuildingStatus.OK, "")
 

@@ -74,9 +74,9 @@ def test_what_goes_on_tells_the_same_as_all_points():
     part = roof_points(tile)
     assert len(part) < 0.7 * len(tile)
     found, every = walled_buildings(part, 12.0)[0], walled_buildings(tile, 12.0)[0]
-    for one, other in zip(found, every, strict=True):
-        assert one.outline.same_as(other.outline)
-        np.testing.assert_array_equal(part.points[one.rows], tile.points[other.rows])
+    for (rows, outline), (all_rows, same) in zip(found, every, strict=True):
+        assert outline.same_as(same)
+        np.testing.assert_array_equal(part.points[rows], tile.points[all_rows])
     assert len(every) == 1
     assert not walled_buildings(tile, 1000.0)[0]
 

@@ -153,20 +153,6 @@ def test_a_tile_that_is_done_is_not_made_again_for_points_near_its_buffer_alone(
     assert first.stamp + 1 + len(again) in {tile.stamp for tile in tiles_of(survey)}
 
 
-def test_a_flush_sends_all_and_is_done_when_they_are(survey):
-    survey.add(scan_at(20, 20), 0.0)
-    survey.add(scan_at(140, 20), 0.0)
-    survey.flush()
-    assert not survey.is_flushed
-    assert survey.tick(0.0)
-    tiles = tiles_of(survey)
-    assert len(tiles) == 2
-    survey.finish(tiles[0].stamp)
-    assert not survey.is_flushed
-    survey.finish(tiles[1].stamp, is_done=False)
-    assert survey.is_flushed
-
-
 def test_the_flush_of_a_tile_under_way_that_has_changed_waits_for_its_next_revision(survey):
     first = first_tile(survey)
     survey.add(scan_at(20, 20, seed=1), 6.0)

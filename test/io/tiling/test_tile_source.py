@@ -240,12 +240,6 @@ def test_a_tile_that_was_sent_elsewhere_is_the_same_there(tmp_path):
             assert names(source.grown(here.stamp)) == names(there.read())
 
 
-def test_growing_ends_where_there_are_no_more_points(tmp_path):
-    with TileSource(survey(tmp_path, [square(50, WEST, SOUTH, 40.0)])) as source:
-        (tile,) = tiles_of(source)
-        assert source.grown(tile.stamp) is None
-
-
 def test_growing_an_unknown_tile_is_a_mistake(tmp_path):
     with (
         TileSource(two_neighbours(tmp_path)) as source,

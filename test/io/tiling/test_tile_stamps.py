@@ -53,8 +53,3 @@ def test_neighbouring_files_are_read_one_after_the_other():
     assert order[0] == 0
     first_block = {(areas[k - 1].x_min, areas[k - 1].y_min) for k in order[1:5]}
     assert first_block == {(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)}
-
-
-def test_files_of_one_place_keep_their_order():
-    assert reading_order([Rectangle(0, 0, 1, 1)] * 3) == [0, 1, 2]
-    assert reading_order([None, None]) == [0, 1]
