@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SimulationConfig, make_scene
@@ -81,9 +80,18 @@ def _add_returns(files: SurveyFiles, event: Event) -> None:
 
 
 def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator[Event]) -> None:
-    with _ros() as context:
-        from lidar_buildings.commands.live_publisher import LivePublisher
+    from lidar_buildings.ros.middleware import prepare_middleware
 
+    prepare_middleware(carries_scans=True)
+    try:
+        import rclpy  # after the middleware was prepared
+    except ImportError as error:
+        raise ParameterError(
+            "--live: needs ROS 2 (rclpy), which is not installed: --bag works without it"
+        ) from error
+    from lidar_buildings.commands.live_publisher import LivePublisher
+
+    with rclpy.Context() as context:  # which leaves signals to Python
         publisher = LivePublisher(
             survey,
             context,
@@ -101,19 +109,3 @@ def _publish(options: argparse.Namespace, survey: MovingSurvey, events: Iterator
             publisher.play(events)
         print(publisher.report, flush=True)
         publisher.close()
-
-
-@contextmanager
-def _ros() -> Iterator[Any]:
-    """Give a context of ROS that leaves signals to Python."""
-    from lidar_buildings.ros.middleware import prepare_middleware
-
-    prepare_middleware(carries_scans=True)
-    try:
-        import rclpy  # after the middleware was prepared
-    except ImportError as error:
-        raise ParameterError(
-            "--live: needs ROS 2 (rclpy), which is not installed: --bag works without it"
-        ) from error
-    with rclpy.Context() as context:
-        yield context

@@ -53,35 +53,13 @@ def reconstruct_tile(
     is_all: Callable[[Sides], bool] = lambda _: False,
 ) -> TileResult:
     """
-    Take one tile from raw points to models.
+    Take one tile from raw points to models: the same numbers as the node graph gives for it.
 
-    Parameters
-    ----------
-    tile : PointTile
-        Raw points.
-    config : PipelineConfig, optional
-        All defaults if not given.
-    until : str
-        The last stage to run, one of `STAGES`.
-    footprints : Footprints, optional
-        Outlines to use as they are instead of tracing and regularising.
-    pool : BuildingPool, optional
-        Processes that share the buildings; one after the other here without.
-    on_classified : callable, optional
-        Called with the tile and its classes once it is sure to be large enough, if more stages follow.
-    is_all : callable
-        Asked when a building, or what may be one, reaches beyond some sides of the tile: whether nothing
-        lies there, so that the chain goes on.
-
-    Returns
-    -------
-    TileResult
-        The same numbers as the node graph gives for this tile.
-
-    Raises
-    ------
-    ValueError
-        If `until` is no stage.
+    `until` is the last stage to run, one of `STAGES`, ValueError if it is none. Footprints are used as they
+    are instead of tracing and regularising. Buildings are shared out over the processes of a pool if there is
+    one. `on_classified` is called with the tile and its classes once it is sure to be large enough, if more
+    stages follow. `is_all` is asked when a building, or what may be one, reaches beyond some sides of the
+    tile: whether nothing lies there, so that the chain goes on.
     """
     if until not in STAGES:
         raise ValueError(f"until = {until!r}: must be one of {', '.join(STAGES)}")

@@ -17,7 +17,8 @@ def test_a_row_says_what_a_node_does_and_how_fast():
     expected = "plane_fitter at work 3 2 1 2,000 0.50 s 3 s ok working on tile 7"
     assert cells(view, 1.0, "plane_fitter") == expected.split()
     view.hear("plane_fitter", OK, "idle", {}, 2.0)
-    assert cells(view, 2.0, "plane_fitter") == "plane_fitter idle 0 0 0 - - - ok idle".split()
+    idle = "plane_fitter idle 0 0 0 - - - ok idle"
+    assert cells(view, 2.0, "plane_fitter") == idle.split()
     assert "silent 9 s" in view.lines(11.0)[1]
 
 
