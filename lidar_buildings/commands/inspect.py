@@ -149,7 +149,6 @@ def inspect_command(options: argparse.Namespace) -> int:
 
 
 def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, Any], list[str]]]:
-    """Yield (kind, summary, its text) of each bag and cloud that a path names."""
     try:
         files = _named(located(name))
     except InputError as error:

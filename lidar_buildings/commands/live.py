@@ -141,7 +141,6 @@ def live_command(options: argparse.Namespace) -> int:
 
 
 def _ros_arguments(options: argparse.Namespace) -> list[str]:
-    """Return the names of the feed's topics, and their quality of service, as arguments of ROS."""
     names = {"scan": options.topic, "odometry": options.odometry, "fix": options.fix}
     words = [word for topic, name in names.items() if name for word in ("-r", f"{topic}:={name}")]
     if options.reliable:
@@ -153,7 +152,6 @@ def _ros_arguments(options: argparse.Namespace) -> list[str]:
 
 
 def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], replay: Replay | None) -> int:
-    """Tell how far the feed is; when a signal comes, or a bag is over, have it finished."""
     source: ScanAssembler = nodes[_NODE]
     writer: ModelWriter = nodes["model_writer"]
     with _interruptions() as n_interruptions:

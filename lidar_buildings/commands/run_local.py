@@ -124,7 +124,6 @@ def _work(
     footprints: FootprintFile | None,
     earlier: Sequence[EarlierBuilding] | None,
 ) -> TileWork:
-    """Return what is done with a tile, with the footprints and earlier buildings that it may have."""
     near = before = None
     if footprints is not None:
         near = footprints.footprints.near(tile.area(tile.largest).grown(_MARGIN))

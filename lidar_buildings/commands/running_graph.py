@@ -15,7 +15,6 @@ from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.ros.middleware import prepare_middleware
 
 if TYPE_CHECKING:
-    from lidar_buildings.nodes.tile_player import TilePlayer
     from lidar_buildings.ros.composition import Composition
 
 
@@ -75,20 +74,17 @@ def run_graph(request: RunRequest) -> RunOutcome:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = (request.namespace or f"lidar_buildings_{os.getpid()}").strip("/")
     with running_graph(request, "tile_player", namespace, is_quiet=True) as (composition, nodes):
-        outcome = _outcome(composition, nodes, request.is_quiet)
-        while outcome.recording is not None and not nodes["recorder"].is_silent:
+        player, writer = nodes["tile_player"], nodes["model_writer"]
+        with progress_bar(lambda: player.tiles.tile_count, is_quiet=request.is_quiet) as show:
+            is_over = False
+            while not is_over:
+                is_over = composition.wait(writer, timeout=_TICK)
+                done = TilesDone(
+                    *(writer.summary.total(of) for of in ("tiles_out", "points_out", "buildings"))
+                )
+                show(player.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
+        recording = nodes["recorder"].recording if "recorder" in nodes else None
+        outcome = RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)
+        while recording is not None and not nodes["recorder"].is_silent:
             time.sleep(_TICK)
         return outcome
-
-
-def _outcome(composition, nodes, is_quiet: bool) -> RunOutcome:
-    player: TilePlayer = nodes["tile_player"]
-    writer = nodes["model_writer"]
-    with progress_bar(lambda: player.tiles.tile_count, is_quiet=is_quiet) as show:
-        is_over = False
-        while not is_over:
-            is_over = composition.wait(writer, timeout=_TICK)
-            done = TilesDone(*(writer.summary.total(of) for of in ("tiles_out", "points_out", "buildings")))
-            show(player.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
-    recording = nodes["recorder"].recording if "recorder" in nodes else None
-    return RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)

@@ -83,7 +83,6 @@ def _row(name: str, one: _Node, now: float) -> tuple[str, ...]:
 
 
 def _more(name: str, values: Mapping[str, float]) -> list[str]:
-    """Return what a node counts beside what all do."""
     lines = []
     if "tiles_in_flight" in values:
         lines.append(
@@ -216,7 +215,6 @@ def _listen(executor, seconds: float, is_enough=lambda: False) -> None:
 
 
 def _print(views) -> None:
-    """Print the graphs, in place of the last block on a terminal."""
     is_terminal = sys.stdout.isatty()
     width = shutil.get_terminal_size().columns if is_terminal else None
     lines = []

@@ -148,7 +148,6 @@ def _middles(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
 
 
 def _cells(points: NDArray[np.float64], size: float) -> NDArray[np.float64]:
-    """Return the middles of the cells of a plan grid that hold points, shape (n_cells, 2) [m]."""
     return _middles(points[lowest_per_cell(points, size)], size)
 
 

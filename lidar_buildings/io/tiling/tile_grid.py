@@ -248,5 +248,4 @@ class TileGrid:
         return number if is_counted else 1
 
     def _in_cells(self, *coordinates: float) -> Iterator[float]:
-        """Yield coordinates as numbers of spool cells from the start."""
         return ((one - self.start) / self.cell_size for one in coordinates)

@@ -239,7 +239,6 @@ class SpooledTile:
         return self.store.grid.area_of(self.block).buffered(buffer)
 
     def _cells(self, buffer: Buffer) -> list[Cell]:
-        """Return the cells of its core points, and those that its buffer reaches into, each once."""
         return list(dict.fromkeys([*self.core, *self.store.grid.cells_touching(self._area(buffer))]))
 
     def _gathered(self) -> dict[str, NDArray[Any]]:
