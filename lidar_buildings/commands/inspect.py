@@ -190,9 +190,8 @@ def cloud_lines(found: CloudSummary) -> list[str]:
     units = (
         "" if found.units == [1.0, 1.0] else f" (units of {found.units[0]:g} m, heights {found.units[1]:g} m)"
     )
-    measure = (
-        "measured in the middle" if found.density_from == "spacing" else "pulses by the area of the bounds"
-    )
+    is_measured = found.density_from == "spacing"
+    measure = "measured in the middle" if is_measured else "pulses by the area of the bounds"
     spans = [f"{low:.2f} to {high:.2f}" for low, high in zip(found.mins, found.maxs, strict=True)]
     width, depth, height = found.size
     rows = {

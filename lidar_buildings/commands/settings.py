@@ -38,9 +38,9 @@ def read_settings(params: Path | None, assignments: list[str], *, preset: Path |
     Merge a preset, a parameter file and assignments; assignments win, then the file.
 
     The file is YAML as ``ros2 run … --params-file`` takes it; assignments are ``STAGE.NAME=VALUE``, where the
-    name of a node stands for its stage if it has just one. InputError if a file cannot be read;
-    ParameterError if an assignment is malformed, a name is unknown, a value not allowed, or one parameter has
-    two values in a file.
+    name of a node stands for its stage if it has just one, and ``advanced.`` before a parameter's name may be
+    left out. InputError if a file cannot be read; ParameterError if an assignment is malformed, a name is
+    unknown, a value not allowed, or one parameter has two values in a file.
     """
     settings: Settings = {}
     for path in filter(None, (preset, params)):

@@ -283,9 +283,8 @@ class LiveSurvey:
     def _is_due(self, tile: LiveTile, now: float) -> bool:
         """Whether no point has fallen into a tile or its buffer for long enough: longer with few new ones."""
         share_new = 1.0 - max(tile.n_sent, 0) / max(self._n_near(tile), 1)
-        return (now - max(self._touched[cell] for cell in tile.near.cells)) * min(
-            share_new / _FEW, 1.0
-        ) >= self.config.leave_after
+        since = now - max(self._touched[cell] for cell in tile.near.cells)
+        return since * min(share_new / _FEW, 1.0) >= self.config.leave_after
 
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
