@@ -161,13 +161,16 @@ def _node_section(card: NodeCard) -> str:
         _topic_table("Subscribed", [(one, subscribed_qos(card, one)) for one in card.subscribes]),
         _topic_table("Published", [(one, one.qos) for one in (*card.publishes, *OF_EVERY_NODE)]),
     ]
-    if card.services:
-        rows = [
-            f"| **{one}** | std_srvs/Trigger | {SERVICES[f'{card.name} {one}']} |" for one in card.services
-        ]
+    if services := services_of(card.name):
+        rows = [f"| **{one}** | std_srvs/Trigger | {meaning} |" for one, meaning in services.items()]
         parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
     parts += _parameter_tables(NODE_CONFIGS[card.name])
     return "\n\n".join(parts)
+
+
+def services_of(node: str) -> dict[str, str]:
+    """Return the services of a node beside those of every ROS node → what they do."""
+    return {key.split()[1]: meaning for key, meaning in SERVICES.items() if key.split()[0] == node}
 
 
 def subscribed_qos(card: NodeCard, topic: Topic) -> str:

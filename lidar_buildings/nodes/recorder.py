@@ -17,12 +17,9 @@ from lidar_buildings.ros import qos
 from lidar_buildings.ros.diagnostics import TOPIC as DIAGNOSTICS
 from lidar_buildings.ros.stage_node import StageNode
 
-#: Period of the search for topics that the graph does not have of itself [s].
-_SEARCH = 0.1
-#: After so long without a message all that was sent has come [s]; wide margin over the way of a message.
-_SILENCE = 0.2
-#: A message that was under way for so long is worth a warning [s].
-_LATE = 10.0
+#: Period of the search for topics of others; silence after which all that was sent has come, a wide margin
+#: over the way of a message; and delay of a message that is worth a warning [s].
+_SEARCH, _SILENCE, _LATE = 0.1, 0.2, 10.0
 #: A header of CityJSONSeq, which has a publisher of its own, and is not told twice.
 _HEADER = b'{"type":"CityJSON",'
 

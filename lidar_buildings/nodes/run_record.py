@@ -17,9 +17,6 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_STAGES
 from lidar_buildings.ros.stamps import tile_of
 
-#: What the name of a node has beside that of its kind, where several share their tiles.
-_REPLICA = re.compile(r"_\d+$")
-
 
 class RunRecord:
     """
@@ -43,7 +40,7 @@ class RunRecord:
         """
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            node = _REPLICA.sub("", status.name)
+            node = re.sub(r"_\d+$", "", status.name)  # of a replica, its kind
             if node not in NODE_CONFIGS or "tile" not in values:
                 continue
             tile = tile_of(int(values["tile"]))

@@ -1,8 +1,4 @@
-"""
-What each node is: its topics and services in one table; `configs` has the parameters.
-
-`doc/nodes.md` is generated from it, and a test holds the running nodes to it. It needs no ROS.
-"""
+"""The topics of each node in one table, to which a test holds the running nodes. It needs no ROS."""
 
 from __future__ import annotations
 
@@ -21,7 +17,6 @@ class NodeCard:
     name: str  #: of the node, its module and its executable
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
-    services: tuple[str, ...] = ()  #: std_srvs/Trigger; beside those of every ROS node
 
     @property
     def subscribes(self) -> tuple[Topic, ...]:
@@ -41,7 +36,6 @@ class NodeCard:
 
 _FRAME = ("map_origin", "map_units")
 _SENT = ("points", "tile_info", *_FRAME, "survey_done", "tile_failed")
-_PLAYING = ("~/pause", "~/resume", "~/step")
 #: What files are made of: all points, the roofs' points, rings, models; of topics that say the same of all
 #: points or of the roofs' the last one counts.
 _OF_FILES = (
@@ -61,12 +55,11 @@ def writer_topics(until: str) -> tuple[str, ...]:
 
 
 NODE_TABLE: tuple[NodeCard, ...] = (
-    NodeCard("tile_player", ("tile_done", "node_state"), (*_SENT, "/clock"), _PLAYING),
+    NodeCard("tile_player", ("tile_done", "node_state"), (*_SENT, "/clock")),
     NodeCard(
         "scan_assembler",
         ("scan", "odometry", "/tf", "/tf_static", "fix", *_FRAME, "tile_done", "node_state"),
         _SENT,
-        (*_PLAYING, "~/flush", "~/reset"),
     ),
     NodeCard("ground_filter", writes=("dtm",)),
     NodeCard("roof_selector"),
@@ -79,7 +72,6 @@ NODE_TABLE: tuple[NodeCard, ...] = (
         "model_writer",
         ("tile_info", *_FRAME, *writer_topics(STAGES[-1]), "survey_done", "tile_failed", "diagnostics"),
         ("tile_done",),
-        ("~/save", "~/reset"),
     ),
     NodeCard("recorder", RECORDED),
 )

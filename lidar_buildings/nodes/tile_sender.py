@@ -33,12 +33,9 @@ from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
 from lidar_buildings.ros.tile_info import info_message
 from lidar_buildings.ros.tile_ledger import TileLedger
 
-#: Period of the checks of tiles and subscribers, short against the time that a tile takes [s].
-_TICK = 0.1
-#: The graph's nodes are looked up so often, which takes long [s].
-_LOOK = 0.5
-#: Period of the reminders of what is waited for [s].
-_REMIND = 10.0
+#: Period of the checks of tiles and subscribers, short against the time that a tile takes; of looking up the
+#: graph's nodes, which takes long; and of the reminders of what is waited for [s].
+_TICK, _LOOK, _REMIND = 0.1, 0.5, 10.0
 
 
 class TileSender(StageNode):

@@ -9,9 +9,6 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from lidar_buildings.ros.stage_node import StageNode
 
-#: Time that a node gets to finish its callback at the end; wide margin: work is done beside callbacks [s].
-_JOIN_TIMEOUT = 60.0
-
 
 class Composition:
     """
@@ -38,9 +35,7 @@ class Composition:
             thread.start()
 
     def wait(self, node: StageNode, timeout: float | None = None) -> bool:
-        """
-        Wait for a node's outcome; False if there was none in time. Raises what keeps any node from going on.
-        """
+        """Wait for a node's outcome; False if there was none in time; raise what keeps any from going on."""
         self._has_news.wait(timeout)
         for one in self._nodes:
             if one.outcome.done():
@@ -53,7 +48,7 @@ class Composition:
             rclpy.try_shutdown(context=node.context)
         for thread in self._threads:
             if thread.ident is not None:
-                thread.join(_JOIN_TIMEOUT)
+                thread.join(60.0)  # wide margin: work is done beside callbacks
         for node in self._nodes:
             node.destroy_node()
 

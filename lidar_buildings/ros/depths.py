@@ -2,24 +2,16 @@
 
 #: Tiles in flight, however small; as many as a host has processes.
 MOST_TILES = 8
-
 #: More tiles than asked for are in flight while they have fewer points: processes are at so many for about a
 #: second, ten times as long as tiles are on their way.
 FEW_POINTS = 300_000
-
 #: Clouds of a topic; wide margin: each tile in flight is sent at most a few times.
 CLOUD_DEPTH = 32
-
-#: Rings of outlines or roof faces that late viewers see; wide margin over those of a tile in flight, of which
-#: none may be overwritten: 300 bytes each.
+#: Rings that late viewers see; wide margin over those of a tile, of which none may be lost: 300 bytes each.
 RING_DEPTH = 20_000
-
 #: Headers and diagnostics, small; wide margin: a few per tile and node.
 EVENT_DEPTH = 1000
-
-#: Headers that late joiners must get all, such as the finished tiles of a survey; wide margin: 6,000 km² in
-#: tiles of 250 m.
+#: Headers that late joiners must get all, as of finished tiles; wide margin: 6,000 km² in tiles of 250 m.
 HISTORY_DEPTH = 100_000
-
 #: Scans and poses; wide margin: what comes while a node has other things to do, 1000 Hz for half a second.
 SENSOR_DEPTH = 500

@@ -22,13 +22,9 @@ TOPIC = "diagnostics"
 SUMMARY = ": summary"
 #: Levels as in diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = 0, 1, 2
-#: Period of the summaries, as that of diagnostic_updater [s].
-_PERIOD = 1.0
-#: So long what went wrong with a tile counts as how the node is [s].
-_RECENT = 60.0
-#: Tiles in flight of which nothing has been heard for so long are worth a warning [s]; wide margin: few tiles
-#: take longer.
-_STALE = 30.0
+#: Period of the summaries, as that of diagnostic_updater; how long what went wrong with a tile counts as how
+#: the node is; and after how long without news of tiles in flight, of which few take so long, it warns [s].
+_PERIOD, _RECENT, _STALE = 1.0, 60.0, 30.0
 
 
 @dataclass
@@ -56,7 +52,7 @@ class NodeSummary:
         self.gauges: list[Callable[[], Mapping[str, float]]] = []
         self._now = now
         counted = ("tiles_in", "points_in", "tiles_out", "points_out", "tiles_failed")
-        self._totals: Counter[str] = Counter(dict.fromkeys(counted, 0))
+        self._totals = Counter(dict.fromkeys(counted, 0))
         self._in_hand: set[int] = set()
         self._seconds = self._last_seconds = 0.0
         self._heard = -1.0

@@ -13,10 +13,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.ros.stamps import header_of
 
-#: Width of the lines [m].
-_WIDTH = 0.15
-_COLOUR = ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0)
-
 
 def model_markers(
     stamp: int, buildings: Mapping[int, Iterable[Solid]], withdrawn: Iterable[int] = ()
@@ -31,25 +27,23 @@ def model_markers(
 
 
 def _marker(stamp: int, building_id: int, solids: Iterable[Solid]) -> Marker:
-    corners = [corner for solid in solids for edge in _edges(solid) for corner in edge.tolist()]
+    corners = [corner for solid in solids for corner in _edges(solid).tolist()]
     marker = Marker(
         header=header_of(stamp),
         ns="buildings",
         id=building_id - (building_id >> 31 << 32),  # a marker's id has a sign
         type=Marker.LINE_LIST,
         action=Marker.ADD if corners else Marker.DELETE,
-        scale=Vector3(x=_WIDTH),
-        color=_COLOUR,
+        scale=Vector3(x=0.15),  # width of the lines [m]
+        color=ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0),
         points=[Point(x=x, y=y, z=z) for x, y, z in corners],
     )
     marker.pose.orientation.w = 1.0
     return marker
 
 
-def _edges(solid: Solid) -> list[NDArray[np.float64]]:
-    """Return a solid's edges, each of shape (2, 3) and each once."""
+def _edges(solid: Solid) -> NDArray[np.float64]:
+    """Return both ends of a solid's edges, each edge once, shape (2 n, 3)."""
     rings = [ring for face in solid.faces for ring in face]
-    pairs = {
-        (min(pair), max(pair)) for ring in rings for pair in zip(ring, (*ring[1:], ring[0]), strict=True)
-    }
-    return [solid.vertices[list(pair)] for pair in sorted(pairs)]
+    pairs = np.array([pair for ring in rings for pair in zip(ring, (*ring[1:], ring[0]), strict=True)])
+    return solid.vertices[np.unique(np.sort(pairs, axis=1), axis=0).ravel()]

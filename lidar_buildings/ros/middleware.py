@@ -25,17 +25,13 @@ def prepare_middleware(*, carries_scans: bool = False) -> None:
     """
     Tune malloc, and give Fast DDS our profile and transport, unless the user has a profile.
 
-    Call it once, before ``rclpy.init``. By default Fast DDS holds at most 5000 messages of a topic on each
-    side, KEEP_ALL or not, and a tile can have more rings: a publisher in the same process then blocks for
-    good, one in another process fails. The credits of the player bound what is under way, so no limit is
-    needed here.
+    Call it once, before ``rclpy.init``. By default Fast DDS holds at most 5000 messages of a topic, KEEP_ALL
+    or not: publishers of a tile with more rings block or fail. The player's credits bound what is under way.
 
-    Its shared memory is not used: a node that was killed and started anew at once was at times deaf to some
-    of the others for good, containers often share no ``/dev/shm``, and of clouds of more than its 512 kB most
-    got lost on the way from a driver. UDP with large buffers has none of these, and takes no longer. A
-    process that sends or hears scans, of which none comes again, keeps shared memory where the system allows
-    no such buffers: the smaller ones come through by it. ROS's range ``LOCALHOST`` always comes with it, so a
-    profile takes the place of that.
+    Its shared memory is not used: restarted nodes were at times deaf to others for good, containers often
+    share no ``/dev/shm``, and most clouds of more than its 512 kB got lost. UDP with large buffers takes no
+    longer. A process that sends or hears scans, of which none comes again, keeps shared memory where the
+    system allows no such buffers. ROS's range ``LOCALHOST`` implies it, so a profile takes its place.
     """
     tune_malloc()
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):

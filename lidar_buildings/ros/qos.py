@@ -18,35 +18,26 @@ def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
 
 #: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
 CLOUD = _profile(CLOUD_DEPTH)
-
 #: One message per tile that a viewer shows, also one that comes late (REP-2003).
 MAP = _profile(CLOUD_DEPTH, latched=True)
-
 #: The same of rings, of which a tile has many.
 MAP_RINGS = _profile(RING_DEPTH, latched=True)
-
 #: Many messages per tile, one per ring or building.
 BUILDING = QoSProfile(reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_ALL)
-
 #: The last message is given to late joiners.
 LATCHED = _profile(1, latched=True)
-
 #: All messages are given to late joiners.
 LATCHED_HISTORY = _profile(HISTORY_DEPTH, latched=True)
-
 #: What sensors send: whoever publishes it, reliable or not, is heard.
 SENSOR = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=SENSOR_DEPTH
 )
-
 #: Headers and diagnostics: small, a few per tile and node.
 EVENT = _profile(EVENT_DEPTH)
-
 #: Such events, given to late joiners as well.
 LATCHED_EVENT = _profile(EVENT_DEPTH, latched=True)
-
-#: For publishers: who subscribes with a profile that does not match is told by his own node. What handles
-#: such events takes half of the time for which a node wakes.
+#: For publishers: a subscriber whose profile does not match is warned by its own node. Handling such events
+#: takes half of the time for which a node wakes.
 SILENT_PUBLISHER = PublisherEventCallbacks(use_default_callbacks=False)
 #: For subscriptions to what nodes of ours alone publish.
 SILENT_SUBSCRIPTION = SubscriptionEventCallbacks(use_default_callbacks=False)

@@ -20,9 +20,7 @@ from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.stage_node import StageNode
 
-#: What ends a node.
-_ENDING = (signal.SIGINT, signal.SIGTERM)
-_OPTION = "--params-file"
+_ENDING, _OPTION = (signal.SIGINT, signal.SIGTERM), "--params-file"
 
 
 def run_node(node_class: type[StageNode]) -> int:
@@ -88,11 +86,7 @@ def _spin(node: StageNode) -> int:
 
 
 def check_parameter_files(arguments: Sequence[str]) -> None:
-    """
-    Look at every file that ``--params-file`` names.
-
-    InputError if one cannot be read, or is not of the form that ROS takes: one line.
-    """
+    """Read every file that ``--params-file`` names; InputError if one is not of the form that ROS takes."""
     for path in (Path(value) for option, value in pairwise(arguments) if option == _OPTION):
         try:
             # parsed, not constructed: launch files tag lists as Python's tuples, which ROS takes as lists

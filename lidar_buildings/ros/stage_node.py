@@ -250,17 +250,17 @@ class StageNode(Node):
 
     def look_again(self) -> None:
         """Begin with the tiles that have become complete, pass on those held back, and drop what is over."""
-        infos = self._infos
-        self.state.forget(infos.is_over)
+        is_over = self._infos.is_over
+        self.state.forget(is_over)
         for stamp in self._join.stamps():
-            if infos.is_over(stamp):
+            if is_over(stamp):
                 self._join.take(stamp)
             else:
                 self._look_at(stamp)
         for stamp, result in list(self._held_back.items()):
-            if infos.is_over(stamp):
+            if is_over(stamp):
                 self._end_tile(stamp)
-            elif not infos.can_grow(stamp, self._clipped(result)):
+            elif not self._infos.can_grow(stamp, self._clipped(result)):
                 self._publish_tile(stamp, result)
 
     def _look_at(self, stamp: int) -> None:

@@ -29,12 +29,7 @@ _Said = TypeVar("_Said")
 
 
 def read_json(topic: str, message: String, read: Callable[[Any], _Said]) -> _Said:
-    """
-    Return what `read` makes of a message's JSON.
-
-    MessageError if the text is no JSON, longer than `MAX_LENGTH`, or `read` does not find in it what it looks
-    for.
-    """
+    """Return what `read` makes of a message's JSON; MessageError if it fails, or the text is too long."""
     text = message.data
     try:
         if len(text) > MAX_LENGTH:

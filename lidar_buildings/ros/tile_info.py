@@ -25,8 +25,7 @@ TOPIC = "tile_info"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
 #: How many tiles are remembered; wide margin: at most 8 are in flight.
 _MAX_TILES = 4 * CLOUD_DEPTH
-#: After so long without any publisher of the topic nobody will tell of a tile that ought to be told of; wide
-#: margin over the discovery of a node, and over the time that one needs to be started anew [s].
+#: After so long without a publisher nobody will tell of a tile; wide margin over discovery and restarts [s].
 _PATIENCE = 20.0
 
 
@@ -34,8 +33,8 @@ def info_message(*tiles: PointTile, adopted: Iterable[int] = (), life: str = "")
     """
     Return the tiles in flight as JSON: stamp, bounds, spacing and dark limit; null: not known, or none.
 
-    Of those that were adopted from an earlier life of the source only the stamp is told. A source without a
-    life does not wait for its tiles: none of them is ever over.
+    Of those adopted from an earlier life of the source only the stamp is told. A source without a life does
+    not wait for its tiles: none of them is ever over.
     """
     found: list[dict[str, Any]] = [{"stamp": stamp} for stamp in adopted]
     for tile in tiles:

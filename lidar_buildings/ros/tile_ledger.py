@@ -28,10 +28,8 @@ WAITING, IN_HAND, PASSED_ON, FAILED = "waiting", "in_hand", "passed_on", "failed
 SIDES = Sides._fields
 #: Bytes of a point on its way, and how many pass a slow link in a second.
 _POINT, _RATE = 32, 50e6
-#: Later states of a node without the tile that are needed.
-_STATES = 2
-#: A tile that is lost again and again is waited for so much longer at most.
-_MOST_DOUBLED = 6
+#: How many later states of a node without the tile are needed, and how often the wait is doubled at most.
+_STATES, _MOST_DOUBLED = 2, 6
 #: Nodes that have just come are given so long to know of each other [s].
 _MEETING = 5.0
 
@@ -297,10 +295,8 @@ class TileLedger:
 
     def _wanted(self, flight: Flight) -> Sides:
         """Return beyond which sides of a tile points are missing, none if it is known that there are none."""
-        sides = NONE
-        for one in self._states(flight):
-            if one.status == WAITING:
-                sides |= Sides(*(side in one.missing for side in SIDES))
+        missing = {part for one in self._states(flight) if one.status == WAITING for part in one.missing}
+        sides = Sides(*(side in missing for side in SIDES))
         return NONE if sides.opened(flight.tile.bounds) == flight.tile.bounds else sides
 
     def _is_lost(self, flight: Flight) -> bool:
@@ -310,9 +306,7 @@ class TileLedger:
         patience = self.patience + len(flight.tile) * _POINT / _RATE
         patience *= 2.0 ** min(flight.n_lost, _MOST_DOUBLED)
         waited = self.now() - flight.since
-        stages = {
-            name: one.n_heard for name, one in self._nodes.items() if one.is_there and one.state.is_stage
-        }
+        stages = {one.state.node: one.n_heard for one in self._there() if one.state.is_stage}
         if waited < 0.5 * patience or not stages:  # states that were on their way still come
             return False
         # a node that has come, or is back, since has to speak, too

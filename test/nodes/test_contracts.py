@@ -2,26 +2,24 @@
 
 import json
 import re
-from dataclasses import fields
 from importlib.util import find_spec
 
 import pytest
 import yaml
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from support.cloud_files import random_cloud
 from support.source_tree import ROOT
 
 from bench.pages import node_reference as reference
 from lidar_buildings.commands.settings import shared_file
-from lidar_buildings.core.model.parameters import parameter_names, spec_of
+from lidar_buildings.core.model.parameters import flat_names, parameter_names, spec_of
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
 from lidar_buildings.nodes.table import (
     NODE_TABLE,
     ON_REQUEST,
-    SOURCES,
     nodes_until,
     topics_until,
     writer_topics,
@@ -32,8 +30,9 @@ from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import ros_value
 
 CARDS = {card.name: card for card in NODE_TABLE}
-#: Nodes that do not start without being told of files.
-WITH_PATHS = ("tile_player", "model_writer", "recorder")
+#: Parameters that `start` gives.
+GIVEN = {"input", "output", "advanced.output", "advanced.publish_clock", "footprints.file"}
+GIVEN |= {"publish_dtm", "advanced.publish_dtm", "flow_control.advanced.publish_tile_done"}
 
 #: doc/graph.md: node → (subscribes, publishes).
 DESIGN = {
@@ -127,15 +126,16 @@ def test_every_node_has_the_topics_types_and_durabilities_of_the_table(start, na
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize("name", [name for name, card in CARDS.items() if card.services])
-def test_every_node_has_the_services_of_the_table(start, name):
+@pytest.mark.parametrize("name", [name for name in CARDS if reference.services_of(name)])
+def test_every_node_has_the_services_of_the_page(start, name):
     own = {
         (service, kinds[0].replace("/srv/", "/"))
         for service, kinds in start(name).get_service_names_and_types()
         if kinds[0].startswith("std_srvs")
     }
     assert own == {
-        (service.replace("~", f"/contract/{name}"), "std_srvs/Trigger") for service in CARDS[name].services
+        (service.replace("~", f"/contract/{name}"), "std_srvs/Trigger")
+        for service in reference.services_of(name)
     }
 
 
@@ -144,18 +144,6 @@ def test_the_table_holds_all_that_the_design_names():
     for name, (subscribes, publishes) in DESIGN.items():
         assert subscribes <= {topic.name for topic in CARDS[name].subscribes}, name
         assert publishes <= {topic.name for topic in CARDS[name].publishes}, name
-
-
-def test_clouds_are_reliable_and_keep_more_than_can_be_in_flight_and_rings_are_all_kept():
-    most = next(
-        f for f in fields(NODE_CONFIGS["tile_player"]["tile_player"]) if f.name == "max_tiles_in_flight"
-    )
-    for profile in (qos.CLOUD, qos.BUILDING, qos.LATCHED):
-        assert profile.reliability == ReliabilityPolicy.RELIABLE
-    assert qos.CLOUD.history == HistoryPolicy.KEEP_LAST
-    assert qos.CLOUD.depth >= spec_of(most).within[1]
-    assert qos.BUILDING.history == HistoryPolicy.KEEP_ALL
-    assert qos.LATCHED.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def test_every_stage_has_its_node():
@@ -203,36 +191,14 @@ def declared(configs):
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize("name", [name for name in CARDS if name not in WITH_PATHS])
+@pytest.mark.parametrize("name", CARDS)
 def test_declared_parameters_have_the_defaults_and_ranges_of_the_configs(start, name):
-    switched_off = {
-        "building_tracer": {"footprints.file": ""},
-        "model_builder": {"flow_control.publish_tile_done": False},
-        "ground_filter": {"publish_dtm": False},
-    }
-    node = start(name, **switched_off.get(name, {}))
+    node = start(name)
     for parameter, (value, one) in declared(NODE_CONFIGS[name]).items():
-        assert node.get_parameter(parameter).value == value
+        assert parameter in GIVEN or node.get_parameter(parameter).value == value
         descriptor = node.describe_parameter(parameter)
         assert descriptor.description.startswith(spec_of(one).description)
         assert descriptor.read_only == spec_of(one).read_only
-
-
-@pytest.mark.graph
-@pytest.mark.parametrize("name", WITH_PATHS)
-def test_the_parameters_of_source_and_sink_have_their_defaults_where_none_was_given(start, name):
-    node = start(name)
-    given = {"input", "advanced.input", "output", "advanced.output", "advanced.publish_clock"}
-    for parameter, (value, _) in declared(NODE_CONFIGS[name]).items():
-        assert parameter in given or node.get_parameter(parameter).value == value
-
-
-def flat(parameters, prefix=""):
-    for name, value in parameters.items():
-        if isinstance(value, dict):
-            yield from flat(value, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value
 
 
 def parameters_of_the_file():
@@ -241,7 +207,7 @@ def parameters_of_the_file():
     return {
         (key.removeprefix("/**/"), name): value
         for key, body in content.items()
-        for name, value in flat(body["ros__parameters"])
+        for name, value in flat_names(body["ros__parameters"])
     }
 
 
@@ -260,11 +226,6 @@ def test_the_parameter_file_has_the_defaults_of_all_that_is_not_advanced_once_pe
         for stage, one in parameter_names(configs).values()
         if not spec_of(one).advanced
     }
-
-
-def test_the_parameter_file_shows_few():
-    for other in SOURCES:  # a graph has one of them
-        assert len([name for name in parameters_of_the_file() if name[0] != other]) <= 40
 
 
 def test_the_generated_files_are_up_to_date():

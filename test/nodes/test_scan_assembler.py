@@ -84,9 +84,9 @@ def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start
 def test_scans_that_are_lost_on_the_way_are_told_of(start):
     assembler = start().assembler
     assembler.on_lost(SimpleNamespace(total_count=3))
-    state = assembler.summary.state()
-    assert state.values["scans_lost"] == 3
-    assert "3 scans were lost" in state.message
+    _, message, values = assembler.summary.state()
+    assert values["scans_lost"] == 3
+    assert "3 scans were lost" in message
 
 
 def test_that_no_scan_has_come_is_told_once(start, monkeypatch):

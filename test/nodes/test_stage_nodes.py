@@ -246,16 +246,6 @@ def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, 
     assert len(products.core) == 73
 
 
-def test_a_tile_that_comes_again_is_answered_and_not_written_again(bench, make_writer, tmp_path):
-    other = bench(make_writer(), TO_WRITER, "tile_done")
-    send_tile(other, HOUSE)
-    wait_until(lambda: other.heard["tile_done"])
-    first = fragments(tmp_path)[0].stat().st_mtime_ns
-    send_tile(other, HOUSE)
-    wait_until(lambda: len(other.heard["tile_done"]) == 2)
-    assert [path.stat().st_mtime_ns for path in fragments(tmp_path)] == [first]
-
-
 def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
     other = bench(make_writer(), TO_WRITER, "tile_done")
     empty = PointTile(np.zeros((0, 3)), building_id=np.zeros(0), stamp=STAMP)

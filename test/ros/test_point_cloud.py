@@ -22,7 +22,7 @@ NUMBERS = {
 }
 
 
-def full_tile(n=5, stamp=1_234_567_890_123_456_789):
+def full_tile(n, stamp=0):
     random = np.random.default_rng(0)
     columns = {name: random.integers(0, 200, n).astype(dtype) for name, dtype in COLUMNS.items()}
     return PointTile(random.normal(scale=100, size=(n, 3)), stamp=stamp, **columns)
@@ -61,8 +61,9 @@ def assert_same(left, right):
     assert left.stamp == right.stamp
 
 
-def test_a_tile_comes_back_as_it_was_sent():
-    tile = full_tile()
+@pytest.mark.parametrize(("n", "stamp"), [(5, 1_234_567_890_123_456_789), (1, -1_500_000_001), (0, 0)])
+def test_a_tile_comes_back_as_it_was_sent(n, stamp):
+    tile = full_tile(n, stamp)
     assert_same(from_message(to_message(tile)).tile, tile)
 
 
@@ -79,18 +80,8 @@ def test_a_message_is_packed_little_endian_dense_and_in_one_row():
     assert message.header.frame_id == "map"
 
 
-def test_an_empty_tile_keeps_its_columns():
-    tile = full_tile(0)
-    assert_same(from_message(to_message(tile)).tile, tile)
-
-
 def test_a_cloud_without_points_needs_no_fields():
     assert len(from_message(PointCloud2()).tile) == 0
-
-
-def test_stamps_before_1970_survive():
-    tile = full_tile(1, stamp=-1_500_000_001)
-    assert from_message(to_message(tile)).tile.stamp == -1_500_000_001
 
 
 @st.composite

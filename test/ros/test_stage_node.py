@@ -7,7 +7,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from support.node_bench import running, wait_until
 
@@ -23,13 +23,11 @@ pytestmark = pytest.mark.graph
 
 
 def doubled(tile):
-    if len(tile) == 3:
-        raise ZeroDivisionError("three\nis too much")
     return PointTile(tile.points * 2, stamp=tile.stamp)
 
 
 class Doubler(StageNode):
-    """Doubles every coordinate; cannot handle tiles of three points."""
+    """Doubles every coordinate."""
 
     def __init__(self, **kwargs):
         super().__init__("doubler", {"ground_filter": GroundFilterConfig}, **kwargs)
@@ -81,20 +79,6 @@ def tile(n, second):
     return PointTile(np.ones((n, 3)), stamp=second * 1_000_000_000)
 
 
-def test_one_bad_tile_is_reported_and_the_next_one_goes_through(graph):
-    publisher, listener = graph
-    for n, second in ((2, 1), (3, 2), (4, 3)):
-        publisher.publish(to_message(tile(n, second)))
-    wait_until(lambda: len(listener.tiles) == 2 and len(listener.statuses) == 3)
-    assert [len(one) for one in listener.tiles] == [2, 4]
-    assert [status.level for status in listener.statuses] == [
-        DiagnosticStatus.OK,
-        DiagnosticStatus.ERROR,
-        DiagnosticStatus.OK,
-    ]
-    assert listener.statuses[1].message == "ZeroDivisionError: three is too much"
-
-
 def test_diagnostics_tell_tile_seconds_points_and_parameters(graph):
     publisher, listener = graph
     publisher.publish(to_message(tile(2, 7)))
@@ -104,18 +88,6 @@ def test_diagnostics_tell_tile_seconds_points_and_parameters(graph):
     assert values["points"] == "2"
     assert float(values["seconds"]) >= 0.0
     assert json.loads(values["parameters"]).keys() == {"ground_filter"}
-
-
-def test_a_cloud_without_coordinates_is_an_error_and_no_tile(graph):
-    publisher, listener = graph
-    message = PointCloud2(height=1, width=1, point_step=4, row_step=4, data=[0, 0, 0, 0])
-    message.header.stamp.sec = 9
-    message.fields = [PointField(name="intensity", datatype=PointField.FLOAT32, count=1)]
-    publisher.publish(message)
-    wait_until(lambda: listener.statuses)
-    assert listener.statuses[0].level == DiagnosticStatus.ERROR
-    assert listener.statuses[0].message == "the cloud has no field x or y or z (its fields: intensity)"
-    assert not listener.tiles
 
 
 def test_points_that_are_not_finite_are_a_warning_with_their_count(graph):
@@ -193,7 +165,7 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
         assert not listener.tiles
         patient.awaited[4].set_result(tile(4, 3))
         wait_until(lambda: len(listener.statuses) == 1)
-        patient.awaited[3].set_exception(ZeroDivisionError("three is too much"))
+        patient.awaited[3].set_exception(ZeroDivisionError("three\nis too much"))
         wait_until(lambda: len(listener.statuses) == 2)
         patient.awaited[2].set_result(tile(2, 1))
         wait_until(lambda: len(listener.statuses) == 3 and len(listener.tiles) == 2)
