@@ -42,6 +42,10 @@ class Cluster:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """End all processes for good."""
         self._ended.set()
         self._keeper.join()
         for number in range(len(self._processes)):

@@ -2,19 +2,25 @@
 Tiles done by workers of dask.distributed, of this machine or of many, in the place of a `BuildingPool`.
 
 Nothing but names and counts goes through the scheduler: workers read and write files that all of them see.
-Dask does again what a worker had that ended, and gives up what ends too many of them (`KilledWorker`).
-Whatever else dies, the same command goes on: results are files of one name, which appear when they are
-complete.
+Dask does again what a worker had that ended, and gives up what ends too many of them (`KilledWorker`). A
+scheduler that ends is waited for, and gets again what was not done. Whatever else dies, the same command
+goes on: results are files of one name, which appear when they are complete.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import partial
+from threading import Lock
 from typing import Any, TypeVar
 
-from distributed import Client, LocalCluster, WorkerPlugin
+from distributed import CancelledError, Client, LocalCluster, WorkerPlugin
+from distributed import Future as Sent
+from distributed.client import ClosedClientError
+from distributed.comm.core import CommClosedError
 
 from lidar_buildings import __version__
 from lidar_buildings.core.freed_memory import keep_freed_memory
@@ -27,7 +33,11 @@ _Result = TypeVar("_Result")
 
 #: How long a scheduler and its workers are waited for at the start [s].
 _AT_START = 30.0
-_LOGGERS = ("distributed", "distributed.scheduler", "distributed.nanny", "distributed.worker")
+#: How often a scheduler that was lost is looked for, for so long each time: ten minutes in all.
+_MOST_TRIES = 20
+#: What dask says of work that was with a scheduler which is gone.
+_LOST = (CancelledError, ClosedClientError, CommClosedError)
+_LOGGERS = ("distributed", *(f"distributed.{name}" for name in ("client", "scheduler", "nanny", "worker")))
 
 
 class ClusterError(LidarBuildingsError):
@@ -54,14 +64,14 @@ class TileCluster:
                 dashboard_address=":0",
                 silence_logs=logging.CRITICAL,
             )
-        address = self._local.scheduler_address if self._local else scheduler
+        self._address: str = self._local.scheduler_address if self._local else scheduler
+        self._is_closed, self._lock = False, Lock()
         try:
-            self._client = _client_of(address)
+            self._client = _client_of(self._address)
         except BaseException:
             if self._local is not None:
                 self._local.close()
             raise
-        self._executor: Executor = self._client.get_executor(pure=False)
         self.dashboard: str = self._client.dashboard_link
 
     def __enter__(self) -> TileCluster:
@@ -72,6 +82,7 @@ class TileCluster:
 
     def close(self) -> None:
         """Give up what is not done, and end the workers that were started here."""
+        self._is_closed = True
         self._client.close()
         if self._local is not None:
             self._local.close()
@@ -80,9 +91,61 @@ class TileCluster:
         """
         Call a function on a worker.
 
-        The function stands at the top of a module; it may be called more than once, and at the same time.
+        The function stands at the top of a module; it may be called more than once, and at the same time. The
+        answer is a ClusterError if the scheduler is lost and does not return.
         """
-        return self._executor.submit(function, *arguments)
+        answer: Future[_Result] = Future()
+        self._send(answer, partial(function, *arguments))
+        return answer
+
+    def _send(self, answer: Future[_Result], work: Callable[[], _Result]) -> None:
+        client = self._client
+        try:
+            sent = client.submit(work, pure=False)
+        except _LOST:
+            self._send_again(answer, work, client)
+        else:
+            sent.add_done_callback(lambda done: self._take(done, answer, work, client))
+
+    def _take(self, sent: Sent, answer: Future[_Result], work: Callable[[], _Result], client: Client) -> None:
+        """Pass an answer on, or send the work again if it was with a scheduler that is gone."""
+        try:
+            if sent.status == "cancelled":  # its client may be closed already
+                raise CancelledError
+            result = sent.result()
+        except _LOST:
+            self._send_again(answer, work, client)
+        except BaseException as error:
+            answer.set_exception(error)
+        else:
+            answer.set_result(result)
+
+    def _send_again(self, answer: Future[_Result], work: Callable[[], _Result], lost: Client) -> None:
+        if self._is_closed:
+            answer.cancel()
+            return
+        try:
+            self._find_again(lost)
+        except ClusterError as error:
+            answer.set_exception(error)
+        else:
+            self._send(answer, work)
+
+    def _find_again(self, lost: Client) -> None:
+        """Connect to the scheduler that takes the place of one that is gone, unless that is done already."""
+        with self._lock:
+            if self._client is not lost:
+                return
+            with suppress(TimeoutError):
+                lost.close(timeout=1.0)
+            for number in range(_MOST_TRIES):
+                try:
+                    self._client = _client_of(self._address)
+                except ClusterError:
+                    if self._is_closed or number + 1 == _MOST_TRIES:
+                        raise
+                else:
+                    return
 
     def map(self, function: Callable[[_Job], _Result], jobs: Iterable[_Job]) -> Iterator[_Result]:
         """Call a function for each of some jobs on the workers, and yield the results in their order."""

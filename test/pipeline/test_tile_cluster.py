@@ -87,3 +87,29 @@ def test_work_survives_the_end_of_workers(tmp_path, monkeypatch):
         awaited.touch()
         assert answer.result(60.0) == "done"
         assert [other.result(60.0)[0] for other in others] == [0, 1, 2]
+
+
+@pytest.mark.slow
+def test_work_survives_the_end_of_the_scheduler(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")]))
+    with Cluster(1) as services, TileCluster(scheduler=services.address) as cluster:
+        began, awaited = tmp_path / "began", tmp_path / "awaited"
+        answer = cluster.submit(wait_for, (began, awaited))
+        others = [cluster.submit(process_of, job) for job in range(3)]
+        wait_until(began.exists)
+        services.kill(random.Random(0), 1.0)
+        awaited.touch()
+        assert answer.result(120.0) == "done"
+        assert [other.result(60.0)[0] for other in others] == [0, 1, 2]
+
+
+def test_a_scheduler_that_does_not_return_ends_the_work_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(tile_cluster, "_MOST_TRIES", 1)
+    services = Cluster(1)
+    with services, TileCluster(scheduler=services.address) as cluster:
+        began, awaited = tmp_path / "began", tmp_path / "awaited"
+        monkeypatch.setattr(tile_cluster, "_AT_START", 0.5)
+        answer = cluster.submit(wait_for, (began, awaited))
+        services.stop()
+        with pytest.raises(ClusterError, match="no scheduler with workers can be reached"):
+            answer.result(60.0)
