@@ -75,7 +75,11 @@ def read_relief(path: Path, frame: MapFrame, box: Rectangle | None, most_cells: 
         raise InputError(f"{path}: cannot be read ({error}): run it again") from error
     x, y, _ = frame.to_map(np.array([[transform.c, transform.f, 0.0]]))[0].tolist()
     elevations = read.astype(np.float64) * frame.vertical_unit - frame.origin[2]
-    return _in_steps(elevations, (x, y), (cell[0], cell[1]))
+    known = elevations.compressed()
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    middle, step = (low + high) / 2, max((high - low) / _RELIEF_STEPS, 0.01)
+    steps = np.ma.filled(np.rint((elevations - middle) / step), UNKNOWN).astype(np.int16)
+    return Relief(steps, middle, step, x, y, (cell[0], cell[1]))
 
 
 def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None) -> Window:
@@ -89,18 +93,6 @@ def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None
         return wanted.intersection(whole).round_offsets().round_lengths()
     except rasterio.errors.WindowError:
         return whole
-
-
-def _in_steps(
-    elevations: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float64]],
-    corner: tuple[float, float],
-    cell: tuple[float, float],
-) -> Relief:
-    known = elevations.compressed()
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
-    middle, step = (low + high) / 2, max((high - low) / _RELIEF_STEPS, 0.01)
-    steps = np.ma.filled(np.rint((elevations - middle) / step), UNKNOWN).astype(np.int16)
-    return Relief(steps, middle, step, *corner, cell)
 
 
 #: Kind of surface → its number in the page.
@@ -228,7 +220,11 @@ def read_shown_points(
     other_step = max(1, -(-(n_points // every - n_roof) // max(most - n_roof // roof_step, 1)))
     chunks = chain.from_iterable(stretches(one, every) for one in opened)
     parts = [_thinned(chunk, frame, (roof_step, other_step)) for chunk in chunks]
-    xyz, labels = _joined(parts, box)
+    xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
+    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
+    if box is not None:
+        within = box.holds(xyz[:, 0], xyz[:, 1])
+        xyz, labels = xyz[within], labels[within]
     labels[:, 1] = _rows_of(labels[:, 1], rows)
     order = np.argsort(labels[:, 1], kind="stable")[:most]
     low, high = (xyz.min(axis=0), xyz.max(axis=0)) if len(xyz) else (np.zeros(3), np.zeros(3))
@@ -271,17 +267,6 @@ def _thinned(
         if name in known:
             labels[:, column] = np.nan_to_num(np.asarray(few[name]))
     return frame.to_map(xyz_of(few)), labels
-
-
-def _joined(
-    parts: list[tuple[NDArray[np.float64], NDArray[np.float64]]], box: Rectangle | None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    xyz = np.concatenate([*(one for one, _ in parts), np.empty((0, 3))])
-    labels = np.concatenate([*(one for _, one in parts), np.empty((0, 1 + len(_DIMENSIONS)))])
-    if box is None:
-        return xyz, labels
-    within = box.holds(xyz[:, 0], xyz[:, 1])
-    return xyz[within], labels[within]
 
 
 def _rows_of(ids: NDArray[np.float64], rows: Mapping[int, int]) -> NDArray[np.int64]:

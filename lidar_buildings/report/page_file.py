@@ -6,7 +6,7 @@ import base64
 import html
 import string
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -18,28 +18,12 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
+from lidar_buildings.report import summary_words as words
 from lidar_buildings.report.contents import UNKNOWN, Contents, Relief, contents_of
 from lidar_buildings.report.result_folder import ReportedBuilding, read_result
-from lidar_buildings.report.summary_words import (
-    changed_parameters,
-    headlines,
-    histograms,
-    notes,
-    problems,
-    stage_seconds,
-)
 
 #: In this order: what a later one uses stands before it.
-_SCRIPTS = (
-    "data.js",
-    "elements.js",
-    "camera.js",
-    "drawing.js",
-    "scene.js",
-    "residuals.js",
-    "charts.js",
-    "viewer.js",
-)
+_SCRIPTS = ("data", "elements", "camera", "drawing", "scene", "residuals", "charts", "viewer")
 _MILLIMETRES = 1000
 #: Kind of ring → its number in the page.
 _OUTLINE, _TRACED = 0, 1
@@ -71,17 +55,17 @@ def page_of(contents: Contents, explanation: str = "") -> str:
     result = contents.result
     parts = {
         "title": html.escape(_title(contents)),
-        "headlines": _rows(headlines(result).items()),
-        "notes": _items([*notes(result), *_limits(contents)]),
-        "problems": _items(problems(result.run)),
-        "stages": _stage_rows(stage_seconds(result.run)),
-        "parameters": _rows(changed_parameters(result.run))
+        "headlines": _rows(words.headlines(result).items()),
+        "notes": _items([*words.notes(result), *_limits(contents)]),
+        "problems": _items(words.problems(result.run)),
+        "stages": _stage_rows(words.stage_seconds(result.run)),
+        "parameters": _rows(words.changed_parameters(result.run))
         or "<tr><td>none: all parameters have their defaults</td></tr>",
         "files": _items(str(name) for name in result.run.get("files", ())),
         "explanation": html.escape(explanation),
         "data": "\n".join(_elements(contents)),
         "style": _packaged("style.css"),
-        "script": "\n".join(_packaged(name) for name in _SCRIPTS),
+        "script": "\n".join(_packaged(f"{name}.js") for name in _SCRIPTS),
     }
     return string.Template(_packaged("page.html")).substitute(parts)
 
@@ -89,7 +73,7 @@ def page_of(contents: Contents, explanation: str = "") -> str:
 def _elements(contents: Contents) -> Iterator[str]:
     models, points = contents.models, contents.points
     rings, vertices = _ring_arrays(contents.buildings)
-    yield json_element("facts", _facts(contents))
+    yield _element("facts", "json", "", compact_json(_facts(contents)).encode())
     for name, array in (
         ("vertices", models.vertices),
         ("triangles", models.triangles),
@@ -118,7 +102,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "attributes": [one.attributes for one in contents.buildings],
         "worst": [{"row": names.index(one.building.name), "why": one.why} for one in contents.worst],
         "focus": contents.focus,
-        "histograms": histograms(contents.result),
+        "histograms": words.histograms(contents.result),
         "points": {"corner": points.corner.tolist(), "step": points.step.tolist()},
         "n_points": contents.result.run.get("n_points", 0),
         "n_building_points": contents.result.run.get("classes", {}).get(str(int(PointClass.BUILDING)), 0),
@@ -213,17 +197,10 @@ def _packaged(name: str) -> str:
 
 
 def array_element(name: str, array: NDArray[Any]) -> str:
-    """
-    Return the element ``data-…`` that holds an array of whole numbers or float32, little-endian, row by row.
-    """
+    """Return the element ``data-…`` of an array of whole numbers or float32, little-endian, row by row."""
     values = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     shape = ",".join(map(str, array.shape))
     return _element(name, array.dtype.name, shape, values.tobytes())
-
-
-def json_element(name: str, content: Mapping[str, Any]) -> str:
-    """Return the element that holds what JSON can say."""
-    return _element(name, "json", "", compact_json(content).encode())
 
 
 def _element(name: str, kind: str, shape: str, content: bytes) -> str:

@@ -145,7 +145,8 @@ def _of_layers(path: Path, frame: MapFrame) -> Iterator[ReportedBuilding]:
     own_names = [str(name) for name in columns.pop(READABLE_ID)]
     shapes = _in_map(outlines.geometries, frame)
     for row, (name, shape) in enumerate(zip(own_names, shapes, strict=True)):
-        known = {key: _or_none(values[row]) for key, values in columns.items()}
+        values = {key: column[row] for key, column in columns.items()}
+        known = {key: None if value != value else value for key, value in values.items()}
         ring, _ = traced.pop(name, (None, 0))
         yield ReportedBuilding(name, known, shape, ring)
     for name, (ring, number) in traced.items():  # of a run that ended before outlines were regularised
@@ -158,7 +159,3 @@ def _in_map(geometries: NDArray[Any], frame: MapFrame) -> NDArray[Any]:
             shapely.force_2d(geometries), lambda xy: frame.to_map(np.insert(xy, 2, 0.0, axis=1))[:, :2]
         )
     )
-
-
-def _or_none(value: Any) -> Any:
-    return None if value is None or value != value else value

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.parameters import StageConfig, spec_of
+from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_summary import counted
@@ -89,7 +89,8 @@ def changed_parameters(run: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (stage.parameter, value, default) of what differs from the defaults."""
     told = run.get("parameters", {})
     changed = []
-    for stage, config in _configs().items():
+    configs = {**STAGE_CONFIGS, TilingConfig.stage: TilingConfig, OutputConfig.stage: OutputConfig}
+    for stage, config in configs.items():
         given = told.get(stage)
         for one in fields(config) if isinstance(given, dict) else ():
             default = list(one.default) if isinstance(one.default, tuple) else one.default
@@ -115,10 +116,6 @@ def histograms(result: Result) -> list[dict[str, Any]]:
         bounds = {"from": low, "to": high, "median": float(np.median(values))}
         found.append({"title": title, "counts": counts.tolist(), **bounds})
     return found
-
-
-def _configs() -> dict[str, type[StageConfig]]:
-    return {**STAGE_CONFIGS, TilingConfig.stage: TilingConfig, OutputConfig.stage: OutputConfig}
 
 
 def _written(value: Any, unit: str) -> str:

@@ -124,21 +124,16 @@ class Bag:
             for connection, time, raw in self._reader.messages(chosen, begin, end):
                 yield BagMessage(connection.topic, _kind_of(connection), time, self._read(connection, raw))
 
-    def _learn(self, connection: Connection) -> None:
-        if connection.msgtype not in self._types.types:
-            if not connection.msgdef.data:
-                raise InputError(f"its type {connection.msgtype} is unknown, and the bag does not define it")
-            is_idl = connection.msgdef.format.name == "IDL"
-            defined = (
-                get_types_from_idl(connection.msgdef.data)
-                if is_idl
-                else get_types_from_msg(connection.msgdef.data, connection.msgtype)
-            )
-            self._types.register({k: v for k, v in defined.items() if k not in self._types.types})
-
     def _read(self, connection: Connection, raw: bytes) -> Any:
-        self._learn(connection)
-        kind = connection.msgtype
+        kind, definition = connection.msgtype, connection.msgdef
+        if kind not in self._types.types:
+            if not definition.data:
+                raise InputError(f"its type {kind} is unknown, and the bag does not define it")
+            if definition.format.name == "IDL":
+                defined = get_types_from_idl(definition.data)
+            else:
+                defined = get_types_from_msg(definition.data, kind)
+            self._types.register({k: v for k, v in defined.items() if k not in self._types.types})
         if self._is_ros1:
             return self._types.deserialize_ros1(raw, kind)
         # of a view fields are views: the points are not copied

@@ -124,7 +124,9 @@ def _placed(
 
     note = path.parent / "record.json"
     wanted = {one.name: getattr(choice, one.name) for one in fields(BagConfig)}
-    wanted |= {"bag": str(bag), "changed": _changed(bag), **asdict(config)}
+    files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
+    changed = max(file.stat().st_mtime_ns for file in files)
+    wanted |= {"bag": str(bag), "changed": changed, **asdict(config)}
     if path.exists() and note.exists():
         record: dict[str, Any] = json.loads(note.read_text())
         if {name: record.get(name) for name in wanted} == wanted:
@@ -139,17 +141,10 @@ def _placed(
     return record
 
 
-def _changed(bag: Path) -> int:
-    files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
-    return max(file.stat().st_mtime_ns for file in files)
-
-
 def _line(bag: Path, record: dict[str, Any]) -> str:
     from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
 
     out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
     said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
     line = f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}"
-    if record["left_out"].get(NO_POSE, 0) <= record["n_points"]:
-        return line
-    return f"{line} ({WHY_NO_POSE})"
+    return f"{line} ({WHY_NO_POSE})" if record["left_out"].get(NO_POSE, 0) > record["n_points"] else line

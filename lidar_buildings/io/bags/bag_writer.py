@@ -11,15 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rosbags.interfaces import (
-    Connection,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags import interfaces
+from rosbags.interfaces import Connection, Qos, QosTime
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.errors import WriterError
 from rosbags.typesys import Stores, get_typestore
@@ -40,13 +33,13 @@ def offered(depth: int, *, is_latched: bool) -> Qos:
     Latched ones are given to those that come late, too.
     """
     return Qos(
-        QosHistory.KEEP_LAST if depth else QosHistory.KEEP_ALL,
+        interfaces.QosHistory.KEEP_LAST if depth else interfaces.QosHistory.KEEP_ALL,
         depth,
-        QosReliability.RELIABLE,
-        QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE,
+        interfaces.QosReliability.RELIABLE,
+        interfaces.QosDurability.TRANSIENT_LOCAL if is_latched else interfaces.QosDurability.VOLATILE,
         _FOR_EVER,
         _FOR_EVER,
-        QosLiveliness.AUTOMATIC,
+        interfaces.QosLiveliness.AUTOMATIC,
         _FOR_EVER,
         False,
     )
@@ -196,20 +189,17 @@ class Recording:
             self.lost[name] += 1
             return
         try:
-            self._opened().write_serialised(name, self._topics[name][0], time, data)
+            if self._bag is None:
+                self._bag = BagWriter(self.path)
+                for topic, (kind, qos) in self._topics.items():
+                    self._bag.add_topic(topic, kind, qos)
+            self._bag.write_serialised(name, self._topics[name][0], time, data)
         except OutputError as error:
             self._give_up(error)
             self.lost[name] += 1
             return
         self.n_messages += 1
         self.n_bytes += len(data)
-
-    def _opened(self) -> BagWriter:
-        if self._bag is None:
-            self._bag = BagWriter(self.path)
-            for name, (kind, qos) in self._topics.items():
-                self._bag.add_topic(name, kind, qos)
-        return self._bag
 
     def _give_up(self, error: OutputError) -> None:
         why = one_line(error.__cause__ or error)

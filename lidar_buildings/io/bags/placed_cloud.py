@@ -69,7 +69,15 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
             raise InputError(str(error) if str(bag_path) in str(error) else f"{bag_path}: {error}") from error
         finally:
             file.close()
-        _check_any(bag_path, file.n_points, placer)
+        if not file.n_points and placer.refusal:
+            raise InputError(f"{bag_path}: {placer.refusal}")
+        if not file.n_points and placer.left_out[NO_POSE]:
+            n, messages = placer.left_out[NO_POSE], placer.messages.items()
+            said = "".join(f"; {number:,} {what}" for what, number in messages)
+            raise InputError(
+                f"{bag_path}: none of its {n} points could be placed: no pose at their times "
+                f"({WHY_NO_POSE}){said}"
+            )
         check_metres(bag_path, file.n_points, file.size)
     left_out = sorted((placer.left_out + Counter({FAR: file.n_far})).items())
     messages, warnings = sorted(placer.messages.items()), list(place.warnings)
@@ -91,20 +99,6 @@ def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: Pl
     place = fixes.place() or fixes.no_place()
     file.place(place.frame)
     return place
-
-
-def _check_any(bag_path: Path, n_points: int, placer: ScanPlacer) -> None:
-    """Say why no point could be placed, if any was to be."""
-    if n_points:
-        return
-    if placer.refusal:
-        raise InputError(f"{bag_path}: {placer.refusal}")
-    if placer.left_out[NO_POSE]:
-        said = "".join(f"; {number:,} {what}" for what, number in placer.messages.items())
-        raise InputError(
-            f"{bag_path}: none of its {placer.left_out[NO_POSE]} points could be placed: no pose at their "
-            f"times ({WHY_NO_POSE}){said}"
-        )
 
 
 def hand_over(message: BagMessage, placer: ScanPlacer | LiveFeed) -> None:

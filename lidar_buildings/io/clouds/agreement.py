@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import filecmp
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -52,18 +53,15 @@ def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
         returns = tuple(cloud.header.number_of_points_by_return)
         points = (cloud.point_count, *cloud.mins, *cloud.maxs, *returns, cloud.crs.name)
         first = seen.setdefault(points, cloud)
-        is_copy = cloud.point_count and first is not cloud and _may_be_copies(first.path, cloud.path)
+        is_copy = bool(cloud.point_count) and first is not cloud
+        if is_copy and first.path.stat().st_size == cloud.path.stat().st_size:
+            # a run's inputs are here by then; of files elsewhere none is read for this
+            is_here = all(isinstance(path, Path) for path in (first.path, cloud.path))
+            is_copy = is_here and filecmp.cmp(first.path, cloud.path, shallow=False)
         (copies if is_copy else kept).append(cloud)
     if copies:
         warn_once(f"{_named(copies)} with the same points as other inputs: left out")
     return kept
-
-
-def _may_be_copies(one: Path, other: Path) -> bool:
-    if one.stat().st_size != other.stat().st_size:
-        return True
-    # a run's inputs are here by then; of files elsewhere none is read for this
-    return all(isinstance(path, Path) for path in (one, other)) and filecmp.cmp(one, other, shallow=False)
 
 
 def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
@@ -74,7 +72,8 @@ def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
     """
     first = next((cloud for cloud in clouds if cloud.crs.name), clouds[0])
     for cloud in clouds:
-        if cloud.point_count and not (_is_silent(cloud, first) or _is_like(cloud, first)):
+        is_like = cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)
+        if cloud.point_count and not (is_like or _is_silent(cloud, first)):
             raise InputError(
                 f"{cloud.path}: is in {_system(cloud)}, but {first.path} in {_system(first)}: "
                 "transform them to one system, or run them separately"
@@ -128,22 +127,18 @@ def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:
 
 def crs_with_heights(inputs: Sequence[InputFile], frame: MapFrame) -> str:
     """Return the frame's reference system, with the vertical one if all files that state one agree."""
-    stated = {crs.to_wkt(): crs for file in inputs if (crs := _vertical_of(file.path)) is not None}
+    stated: dict[str, Any] = {}
+    for file in inputs:
+        with suppress(LidarBuildingsError, OSError):
+            raw = read_raw_header(file.path)
+            if (crs := vertical_crs(raw.vlrs + raw.evlrs)) is not None:
+                stated[crs.to_wkt()] = crs
     if not frame.crs or len(stated) != 1:
         return frame.crs
     (vertical,) = stated.values()
     if not is_same_unit(vertical.axis_info[0].unit_conversion_factor, frame.vertical_unit):
         return frame.crs
     return with_heights(frame.crs, vertical)
-
-
-def _vertical_of(path: Path) -> Any:
-    """Return the vertical reference system of a file, None where it cannot be had."""
-    try:
-        raw = read_raw_header(path)
-    except (LidarBuildingsError, OSError):
-        return None
-    return vertical_crs(raw.vlrs + raw.evlrs)
 
 
 def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:
@@ -168,10 +163,6 @@ def say_what_is_assumed(clouds: Sequence[Cloud], first: CloudExtent) -> None:
 
 def _is_silent(cloud: CloudExtent, first: CloudExtent) -> bool:
     return bool(first.crs.name and not cloud.crs.name and np.allclose(first.units, cloud.units))
-
-
-def _is_like(cloud: CloudExtent, first: CloudExtent) -> bool:
-    return cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)
 
 
 def _named(clouds: Sequence[Cloud]) -> str:

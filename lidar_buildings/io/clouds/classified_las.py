@@ -58,7 +58,7 @@ class OutputFormat(NamedTuple):
 
 def is_kept(record: RawRecord) -> bool:
     """Whether a record of the input still holds true in the output."""
-    return not any(record.is_a(*identity) for identity in _NOT_KEPT)
+    return (record.user_id, record.record_id) not in _NOT_KEPT
 
 
 def output_format(cloud: Cloud) -> OutputFormat:
@@ -94,12 +94,9 @@ def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimen
             continue
         missing.append(dimension)
         if dimension.name in names:
-            names[dimension.name] = _free_name(dimension.name, kinds)
+            numbered = (f"{dimension.name}_{n}" for n in range(1, len(kinds) + 2))
+            names[dimension.name] = next(free for free in numbered if free not in kinds)
     return names, missing
-
-
-def _free_name(name: str, taken: Any) -> str:
-    return next(free for n in range(1, len(taken) + 2) if (free := f"{name}_{n}") not in taken)
 
 
 def written_version(header: laspy.LasHeader) -> laspy.header.Version:
@@ -194,9 +191,8 @@ def _classified(
 ) -> NDArray[Any]:
     points = np.zeros(len(chunk), out.dtype)
     size = chunk.array.dtype.itemsize
-    points.view(np.uint8).reshape(len(points), -1)[:, :size] = chunk.array.view(np.uint8).reshape(
-        len(points), -1
-    )
+    given = chunk.array.view(np.uint8).reshape(len(points), -1)
+    points.view(np.uint8).reshape(len(points), -1)[:, :size] = given
     known = results["known"].astype(bool)
     decided = known & ~np.asarray(chunk.withheld, dtype=bool)
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:

@@ -107,8 +107,7 @@ class ChunkReader:
 
 
 @contextmanager
-def open_chunks(path: Path, header: laspy.LasHeader) -> Iterator[tuple[ChunkReader, Any]]:
-    """Open such a file; the second item is a context for each read, as of `open_reader`."""
+def _open_chunks(path: Path, header: laspy.LasHeader) -> Iterator[tuple[ChunkReader, Any]]:
     with open_binary(path) as file:
         yield ChunkReader(file, header), captured_panics
 
@@ -182,11 +181,16 @@ class Cloud(CloudExtent):
         """
         check_unchanged(self.input_file)
         if self.kept is not None and self.kept.exists():
-            yield from self._kept_runs(self.kept, runs, size)
+            form, scaling = self.header.point_format, (self.header.scales, self.header.offsets)
+            for done, end in runs:
+                for first in range(done, end, size):
+                    at, n = first * form.size, min(size, end - first)
+                    rows = np.fromfile(self.kept, form.dtype(), n, offset=at)
+                    yield first, laspy.ScaleAwarePointRecord(rows, form, *scaling)
             check_unchanged(self.input_file)
             return
         is_plain = self.raw.has_equal_chunks or all(first == 0 for first, _ in runs)
-        opened = open_reader(self.path) if is_plain else open_chunks(self.path, self.header)
+        opened = open_reader(self.path) if is_plain else _open_chunks(self.path, self.header)
         with reported(self.path), opened as (reader, guard):
             for done, end in runs:
                 if done:
@@ -202,12 +206,3 @@ class Cloud(CloudExtent):
                     yield done, points
                     done += len(points)
         check_unchanged(self.input_file)
-
-    def _kept_runs(
-        self, kept: Path, runs: Sequence[tuple[int, int]], size: int
-    ) -> Iterator[tuple[int, laspy.ScaleAwarePointRecord]]:
-        form, scaling = self.header.point_format, (self.header.scales, self.header.offsets)
-        for done, end in runs:
-            for first in range(done, end, size):
-                rows = np.fromfile(kept, form.dtype(), min(size, end - first), offset=first * form.size)
-                yield first, laspy.ScaleAwarePointRecord(rows, form, *scaling)

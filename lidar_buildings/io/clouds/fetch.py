@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
 from zlib import crc32
 
 import laspy
@@ -40,7 +39,14 @@ def fetched(inputs: Sequence[str], folder: Path, bounds: Sequence[float] | None)
     are. Returned is input → where it came from. InputError or OutputError if there are bounds (west, south,
     east, north) and an input cannot be read or none has points there, or a file not be written.
     """
-    sources = [file for one in inputs for file in _files_of(one, is_whole=bounds is None)]
+    sources: list[str | Path] = []
+    for one in inputs:
+        try:
+            sources += find_inputs(one) if bounds is not None or is_url(one) else [one]
+        except InputError:
+            if bounds is not None:
+                raise
+            sources.append(one)  # said when it is opened
     with ThreadPoolExecutor(_AT_ONCE) as threads:
         paths = list(threads.map(partial(_brought, folder=folder, bounds=bounds), sources))
     found = {path: str(file) for path, file in zip(paths, sources, strict=True) if path}
@@ -51,17 +57,6 @@ def fetched(inputs: Sequence[str], folder: Path, bounds: Sequence[float] | None)
     return found
 
 
-def _files_of(one: str, *, is_whole: bool) -> Sequence[str | Path]:
-    if is_whole and not is_url(one):
-        return [one]
-    try:
-        return find_inputs(one)
-    except InputError:
-        if is_whole:
-            return [one]  # said when it is opened
-        raise
-
-
 def _brought(file: str | Path, folder: Path, bounds: Sequence[float] | None) -> str:
     """Return the path of a copy, or of a part; empty where no point is in the bounds."""
     if isinstance(file, str) or (bounds is None and isinstance(file, Path)):
@@ -70,7 +65,10 @@ def _brought(file: str | Path, folder: Path, bounds: Sequence[float] | None) -> 
         with reported(file):
             state = state_of(file)
         own = folder / f"{crc32(f'{file} {bounds}'.encode()):08x}"
-        path, note = own / _name(file, is_part=bounds is not None), own / "state"
+        name = file.name.split("?")[0]  # what a signed URL says besides
+        if bounds is not None:
+            name = f"{Path(name).stem.removesuffix('.copc')}.laz"
+        path, note = own / name, own / "state"
         if note.exists() and note.read_text() == str(state):
             return str(path) if path.exists() else ""
         own.mkdir(parents=True, exist_ok=True)
@@ -88,22 +86,15 @@ def _brought(file: str | Path, folder: Path, bounds: Sequence[float] | None) -> 
         raise
 
 
-def _name(file: Path, *, is_part: bool) -> str:
-    name = file.name.split("?")[0]  # what a signed URL says besides
-    return f"{Path(name).stem.removesuffix('.copc')}.laz" if is_part else name
-
-
 def _copy(file: Path, path: Path) -> None:
     with reported(file):
         source = open_binary(file)
     with source, atomic_file(path) as temporary, open(temporary, "wb") as target:
-        while block := _read(file, source):
+        block = b" "
+        while block:
+            with reported(file):
+                block = source.read(_BLOCK)
             target.write(block)
-
-
-def _read(file: Path, source: BinaryIO) -> bytes:
-    with reported(file):
-        return source.read(_BLOCK)
 
 
 def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:

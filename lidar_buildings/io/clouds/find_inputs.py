@@ -65,23 +65,22 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
     problems = []
     for path in named:
         try:
-            for file in _expanded(located(path)):
+            place = located(path)
+            with reported(place):
+                files = sorted(one for one in named_by(place) if one == place or is_cloud_file(one))
+            if not files and place.is_dir():
+                raise InputError(
+                    f"{place}: contains no .las or .laz file itself: give another folder, or files"
+                )
+            if not files:
+                raise InputError(f"{place}: matches no .las or .laz file: check the pattern")
+            for file in files:
                 found.setdefault(file.resolve() if isinstance(file, Path) else file, file)
         except InputError as error:
             problems.append(str(error))
     if not found:
         raise InputError("\n".join(problems))
     return list(found.values()), problems
-
-
-def _expanded(path: Path) -> list[Path]:
-    with reported(path):
-        files = sorted(one for one in named_by(path) if one == path or is_cloud_file(one))
-    if files:
-        return files
-    if path.is_dir():
-        raise InputError(f"{path}: contains no .las or .laz file itself: give another folder, or files")
-    raise InputError(f"{path}: matches no .las or .laz file: check the pattern")
 
 
 def named_by(path: Path) -> list[Path]:
@@ -96,13 +95,11 @@ def named_by(path: Path) -> list[Path]:
         return list(path.iterdir())
     if not path.exists() and not glob.has_magic(str(path)):
         raise InputError(f"{path}: no such file or folder: check the path")
-    return [path] if path.exists() else _matching(path)
-
-
-def _matching(pattern: Path) -> list[Path]:
-    if isinstance(pattern, Path):
-        return [Path(one) for one in glob.glob(str(pattern), recursive=True)]
-    there = cast(Any, pattern)
+    if path.exists():
+        return [path]
+    if isinstance(path, Path):
+        return [Path(one) for one in glob.glob(str(path), recursive=True)]
+    there = cast(Any, path)
     return [there.with_segments(there.fs.unstrip_protocol(one)) for one in there.fs.glob(there.path)]
 
 

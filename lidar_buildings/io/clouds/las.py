@@ -20,15 +20,8 @@ from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
-from lidar_buildings.io.clouds.agreement import (
-    MAX_EXTENT,
-    REACH,
-    agreed_system,
-    given_system,
-    say_what_is_assumed,
-    shared_origin,
-    without_copies,
-)
+from lidar_buildings.io.clouds import agreement
+from lidar_buildings.io.clouds.agreement import MAX_EXTENT, REACH
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
 from lidar_buildings.io.clouds.copc import runs_touching
 from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
@@ -84,7 +77,7 @@ def open_inputs(inputs: Inputs) -> tuple[list[Cloud], list[str]]:
     InputError if none can be read.
     """
     clouds, problems = open_each(inputs, open_cloud)
-    return without_copies(clouds), problems
+    return agreement.without_copies(clouds), problems
 
 
 def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointTile:
@@ -136,10 +129,10 @@ def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
 
     InputError if two clouds are in different reference systems or units, or too far apart for one frame.
     """
-    first = agreed_system(clouds)
-    x, y = shared_origin(clouds)
-    say_what_is_assumed(clouds, first)
-    name = given_system(crs, first) if crs else first.crs.name
+    first = agreement.agreed_system(clouds)
+    x, y = agreement.shared_origin(clouds)
+    agreement.say_what_is_assumed(clouds, first)
+    name = agreement.given_system(crs, first) if crs else first.crs.name
     return MapFrame(name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
 
 

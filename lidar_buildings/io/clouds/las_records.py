@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -77,11 +77,6 @@ class RawHeader:
         return self._number("<H", 6)
 
     @property
-    def is_compressed(self) -> bool:
-        """Whether points are compressed (LAZ)."""
-        return bool(self.block[104] & COMPRESSED)
-
-    @property
     def has_equal_chunks(self) -> bool:
         """Whether chunks hold equal numbers of points; those of COPC do not."""
         laszip = [record.data for record in self.vlrs if record.is_a(b"laszip encoded", 22204)]
@@ -109,23 +104,19 @@ class RawHeader:
 
 
 def read_raw_header(path: Path) -> RawHeader:
-    """
-    Read and check a file's header and records.
-
-    InputError if it is no LAS file, or its header cannot be true.
-    """
+    """Read and check header and records; InputError if it is no LAS file, or its header cannot be true."""
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"{path}: is empty (0 bytes): {_AGAIN}")
     with open_binary(path) as file:
-        start = file.read(SMALLEST_HEADER)
-        if start[:4] != SIGNATURE:
+        begin = file.read(SMALLEST_HEADER)
+        if begin[:4] != SIGNATURE:
             raise InputError(
                 f"{path}: is not a LAS or LAZ file (does not begin with LASF): give a .las or .laz file"
             )
-        if len(start) < SMALLEST_HEADER:
+        if len(begin) < SMALLEST_HEADER:
             raise InputError(f"{path}: is truncated within its header: {_AGAIN}")
-        header_size, offset, n_vlrs = struct.unpack_from("<HII", start, 94)
+        header_size, offset, n_vlrs = struct.unpack_from("<HII", begin, 94)
         if not SMALLEST_HEADER <= header_size <= offset:
             raise InputError(
                 f"{path}: its header is damaged or was never finished "
@@ -140,14 +131,20 @@ def read_raw_header(path: Path) -> RawHeader:
         vlrs = _records(file, n_vlrs, extended=False, end=offset)
         header = RawHeader(block, vlrs, (), offset)
         _check_length(path, file, header, size)
-        return RawHeader(block, vlrs, _extended_records(file, header, size), offset)
+        if header.minor_version < 4 or len(block) < 247:
+            return header
+        start, count = struct.unpack_from("<QI", block, 235)
+        if not count or start < offset or start + count * EVLR_HEADER > size:
+            return header  # their place cannot be true
+        file.seek(start)
+        return replace(header, evlrs=_records(file, count, extended=True, end=size))
 
 
 def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> None:
     """Refuse a file that ends before its last point, or claims what it has no room for."""
     if not header.point_count:
         return
-    if not header.is_compressed:
+    if not header.block[104] & COMPRESSED:
         held = (size - header.offset) // max(header.record_size, 1)
         if held < header.point_count:
             raise InputError(f"{path}: is truncated ({held} of {header.point_count} points): {_AGAIN}")
@@ -158,35 +155,18 @@ def _check_length(path: Path, file: BinaryIO, header: RawHeader, size: int) -> N
     kind, chunk_size = _LASZIP.unpack_from(laszip[0])
     if kind == POINTWISE:
         return
-    table = _chunk_table(file, header.offset, size)
-    if table is None:
+    file.seek(header.offset)
+    table = int.from_bytes(file.read(8), "little", signed=True)
+    if table == -1:  # written as a stream: its place stands at the file's end
+        file.seek(-8, os.SEEK_END)
+        table = int.from_bytes(file.read(8), "little", signed=True)
+    if not header.offset + 8 <= table <= size - 8:
         raise InputError(f"{path}: is truncated (its chunk table is missing): {_AGAIN}")
     file.seek(table + 4)
     n_chunks = int.from_bytes(file.read(4), "little")
     # lazrs takes memory for what these say, and where there is not so much the process ends
     if n_chunks * _SMALLEST_CHUNK > size or max(header.point_count, _LARGEST_CHUNK) < chunk_size != _VARIABLE:
         raise InputError(f"{path}: is damaged ({n_chunks} chunks of {chunk_size} points): {_AGAIN}")
-
-
-def _chunk_table(file: BinaryIO, offset: int, size: int) -> int | None:
-    """Return where the table of chunks begins, None if it is not in the file."""
-    file.seek(offset)
-    position = int.from_bytes(file.read(8), "little", signed=True)
-    if position == -1:  # written as a stream: its place stands at the file's end
-        file.seek(-8, os.SEEK_END)
-        position = int.from_bytes(file.read(8), "little", signed=True)
-    return position if offset + 8 <= position <= size - 8 else None
-
-
-def _extended_records(file: BinaryIO, header: RawHeader, size: int) -> tuple[RawRecord, ...]:
-    """Read the extended records; none where their place cannot be true."""
-    if header.minor_version < 4 or len(header.block) < 247:
-        return ()
-    start, count = struct.unpack_from("<QI", header.block, 235)
-    if not count or start < header.offset or start + count * EVLR_HEADER > size:
-        return ()
-    file.seek(start)
-    return _records(file, count, extended=True, end=size)
 
 
 def _records(file: BinaryIO, count: int, *, extended: bool, end: int) -> tuple[RawRecord, ...]:

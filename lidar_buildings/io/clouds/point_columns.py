@@ -27,22 +27,17 @@ def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]
     else:
         scan_angle = chunk.array["scan_angle_rank"].astype(np.float32)
     has_time = "gps_time" in chunk.array.dtype.names
+    withheld, classes = np.asarray(chunk.withheld, dtype=bool), np.asarray(chunk.classification)
     return {
         "intensity": chunk.array["intensity"].astype(np.float32),
         "return_number": np.asarray(chunk.return_number, dtype=np.uint8),
         "number_of_returns": np.asarray(chunk.number_of_returns, dtype=np.uint8),
-        "classification": _usable_classes(chunk),
+        "classification": np.where(withheld, PointClass.LOW_NOISE, classes).astype(np.uint8),
         "scan_angle": scan_angle,
         "scan_direction_flag": np.asarray(chunk.scan_direction_flag, dtype=np.uint8),
         "point_source_id": chunk.array["point_source_id"],
         "gps_time": chunk.array["gps_time"] if has_time else np.full(len(chunk), np.nan),
     }
-
-
-def _usable_classes(chunk: laspy.ScaleAwarePointRecord) -> NDArray[np.uint8]:
-    """Return the file's classes, low noise for points that are flagged as withheld."""
-    withheld = np.asarray(chunk.withheld, dtype=bool)
-    return np.where(withheld, PointClass.LOW_NOISE, np.asarray(chunk.classification)).astype(np.uint8)
 
 
 def without_empty_columns(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any] | None]:

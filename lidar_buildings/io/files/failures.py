@@ -63,7 +63,7 @@ def captured_stderr(drops: Callable[[BaseException], bool]) -> Iterator[None]:
     Compiled code bypasses `sys.stderr`, so the file descriptor itself is redirected: briefly, since it
     belongs to the whole process.
     """
-    with _one_redirection, tempfile.TemporaryFile() as captured:
+    with _one_redirection, tempfile.TemporaryFile(buffering=0) as captured:
         try:
             saved = os.dup(_STANDARD_ERROR)
         except OSError:  # standard error is closed: nothing to capture
@@ -80,13 +80,9 @@ def captured_stderr(drops: Callable[[BaseException], bool]) -> Iterator[None]:
             os.dup2(saved, _STANDARD_ERROR)
             os.close(saved)
             if not dropped:
-                _print_captured(captured.fileno())
-
-
-def _print_captured(captured: int) -> None:
-    os.lseek(captured, 0, os.SEEK_SET)
-    while block := os.read(captured, 65536):
-        os.write(_STANDARD_ERROR, block)
+                captured.seek(0)
+                while block := captured.read(65536):
+                    os.write(_STANDARD_ERROR, block)
 
 
 _log = logging.getLogger("lidar_buildings.io")

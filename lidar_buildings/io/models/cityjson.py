@@ -41,17 +41,13 @@ _DECIMALS = 6
 
 @contextmanager
 def cityjson_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
-    """
-    Give a function that adds a building's line, or terrain; the file appears when the block ends well.
-
-    OutputError if it cannot be written.
-    """
+    """Give a function that adds a building's line, or terrain, to a file that appears when the block ends."""
     header = header_line(heading.frame, crs=heading.crs, extent=heading.extent, title=heading.title)
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         file.write(f"{header}\n")
 
         def add(one: SurveyBuilding | TerrainMesh) -> None:
-            line = terrain_line(one) if isinstance(one, TerrainMesh) else one.line
+            line = _terrain_line(one) if isinstance(one, TerrainMesh) else one.line
             if line:
                 file.write(f"{line}\n")
 
@@ -115,28 +111,19 @@ def feature_line(
     state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}
     written = in_source_units(state | attributes | {"building_id": int(building_id)}, frame)
     building = {"type": "Building", "attributes": dict(sorted(written.items())), "geometry": geometry}
-    return compact_json(
-        {
-            "type": "CityJSONFeature",
-            "id": name,
-            "CityObjects": {name: building},
-            "vertices": [list(vertex) for vertex in vertices],
-        }
-    )
+    return _line(name, building, [list(vertex) for vertex in vertices])
 
 
-def terrain_line(mesh: TerrainMesh) -> str:
-    """Return the line of a piece of the terrain, a ``TINRelief``."""
+def _terrain_line(mesh: TerrainMesh) -> str:
     surfaces = [[corners] for corners in mesh.triangles.tolist()]
     geometry = {"type": "CompositeSurface", "lod": "2", "boundaries": surfaces}
-    return compact_json(
-        {
-            "type": "CityJSONFeature",
-            "id": mesh.name,
-            "CityObjects": {mesh.name: {"type": "TINRelief", "geometry": [geometry]}},
-            "vertices": np.rint(mesh.vertices / GRID).astype(np.int64).tolist(),
-        }
-    )
+    relief = {"type": "TINRelief", "geometry": [geometry]}
+    return _line(mesh.name, relief, np.rint(mesh.vertices / GRID).astype(np.int64).tolist())
+
+
+def _line(name: str, thing: dict[str, Any], vertices: list[Any]) -> str:
+    feature = {"type": "CityJSONFeature", "id": name, "CityObjects": {name: thing}, "vertices": vertices}
+    return compact_json(feature)
 
 
 class CityFeature(NamedTuple):
@@ -151,11 +138,7 @@ class CityFeature(NamedTuple):
 
 
 def parse_feature(line: str) -> CityFeature:
-    """
-    Read the attributes and the finest solid of a line that `feature_line` wrote.
-
-    InputError if the line is no such feature.
-    """
+    """Read attributes and the finest solid of a line of `feature_line`; InputError if it is no such line."""
     try:
         feature, _ = load_feature(line)
         name = feature["id"]
@@ -176,11 +159,7 @@ def parse_feature(line: str) -> CityFeature:
 
 
 def load_feature(line: str) -> tuple[dict[str, Any], int]:
-    """
-    Return the JSON of a line that `feature_line` wrote, and its building id.
-
-    InputError if the line is no such feature.
-    """
+    """Return the JSON of a line of `feature_line`, and its building id; InputError if it is no such line."""
     try:
         feature: dict[str, Any] = json.loads(line)
         if feature["type"] != "CityJSONFeature":

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain, pairwise
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,9 +54,11 @@ def ring_arcs(ring: NDArray[np.float64]) -> ArcRing:
     bulges = np.zeros(n)
     kept = np.ones(n, dtype=bool)
     for first, n_chords, turn in _runs(ring, _TOLERANCE * precision):
-        for start, chords in _halves(first, n_chords, turn):
-            rows = np.arange(start, start + chords + 1) % n
-            bulge = math.tan(chords * turn / 4.0)
+        # an arc is half a circle at most
+        n_parts = max(math.ceil(n_chords * abs(turn) / math.pi - _OVER), 1)
+        for start, end in pairwise(first + n_chords * k // n_parts for k in range(n_parts + 1)):
+            rows = np.arange(start, end + 1) % n
+            bulge = math.tan((end - start) * turn / 4.0)
             if _is_arc(ring[rows], bulge, precision):
                 bulges[rows[0]] = bulge
                 kept[rows[1:-1]] = False
@@ -71,7 +73,9 @@ def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, f
         return []
     step = np.roll(ring, -1, axis=0) - ring
     length = np.hypot(*step.T)
-    turn = _turns(step)
+    before = np.roll(step, 1, axis=0)
+    cross = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
+    turn = np.arctan2(cross, np.einsum("ij,ij->i", before, step))
     equal = np.abs(length - np.roll(length, 1)) <= tolerance
     widest = math.radians(_WIDEST_TURN)
     bend = equal & (np.abs(turn) * length > tolerance) & (np.abs(turn) < widest)
@@ -85,25 +89,12 @@ def _runs(ring: NDArray[np.float64], tolerance: float) -> list[tuple[int, int, f
     return [_run(turn, goes_on, int(joint)) for joint in starts]
 
 
-def _turns(step: NDArray[np.float64]) -> NDArray[np.float64]:
-    before = np.roll(step, 1, axis=0)
-    cross = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
-    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, step)))
-
-
 def _run(turn: NDArray[np.float64], goes_on: NDArray[np.bool_], joint: int) -> tuple[int, int, float]:
     n = len(turn)
     joints = [joint]
     while goes_on[joints[-1]]:
         joints.append((joints[-1] + 1) % n)
     return (joint - 1) % n, len(joints) + 1, float(turn[joints].mean())
-
-
-def _halves(first: int, n_chords: int, turn: float) -> list[tuple[int, int]]:
-    """Divide a run into (first vertex, chords) of at most half a circle each."""
-    n_parts = max(math.ceil(n_chords * abs(turn) / math.pi - _OVER), 1)
-    ends = [first + n_chords * k // n_parts for k in range(n_parts + 1)]
-    return [(start, end - start) for start, end in pairwise(ends)]
 
 
 def _is_arc(vertices: NDArray[np.float64], bulge: float, precision: float) -> bool:
@@ -210,7 +201,9 @@ class _Drawing:
         if not known:
             return
         outline = known[0]
-        data = _extended_data([building.readable_id, *_known_attributes(building.attributes)])
+        told = sorted(building.attributes.items())
+        known_values = [f"{name}={value}" for name, value in told if value not in (None, "")]
+        data = _extended_data([building.readable_id, *known_values])
         ground = repr(round(building.attributes.get("ground_elevation") or 0.0, _DECIMALS) + 0.0)
         for layer, ring in zip((OUTLINE, *(COURTYARD,) * len(outline.holes)), outline.rings, strict=True):
             corners = self._corners(ring)
@@ -282,7 +275,3 @@ def _places(*corners: CornerText) -> str:
 def _extended_data(texts: Sequence[str]) -> str:
     lines = "".join(f"1000\n{_plain(text)}\n" for text in texts)
     return f"1001\n{APPLICATION}\n{lines}"
-
-
-def _known_attributes(attributes: Mapping[str, Any]) -> list[str]:
-    return [f"{name}={value}" for name, value in sorted(attributes.items()) if value not in (None, "")]

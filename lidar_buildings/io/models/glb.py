@@ -109,10 +109,10 @@ def glb(
         ids = {"featureCount": len(rows), "attribute": 0, "propertyTable": 0}
         primitives[0]["extensions"] = {"EXT_mesh_features": {"featureIds": [ids]}}
         table = _property_table(fields, rows, buffer.add)
+        known = {column: _TEXT if kind is str else _NUMBERS[kind][0] for column, kind in fields.items()}
+        schema = {"id": f"{_CLASS}s", "classes": {_CLASS: {"properties": known}}}
         content["extensionsUsed"] = ["EXT_mesh_features", "EXT_structural_metadata"]
-        content["extensions"] = {
-            "EXT_structural_metadata": {"schema": _schema(fields), "propertyTables": [table]}
-        }
+        content["extensions"] = {"EXT_structural_metadata": {"schema": schema, "propertyTables": [table]}}
     content |= {"bufferViews": buffer.views, "buffers": [{"byteLength": len(buffer.data)}]}
     return _packed(content, bytes(buffer.data))
 
@@ -151,36 +151,21 @@ def _y_up(east_north_up: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([east, up, -north], axis=-1)
 
 
-def _schema(fields: Mapping[str, type]) -> dict[str, Any]:
-    properties = {
-        column: dict(_TEXT if kind is str else _NUMBERS[kind][0]) for column, kind in fields.items()
-    }
-    return {"id": f"{_CLASS}s", "classes": {_CLASS: {"properties": properties}}}
-
-
 def _property_table(
     fields: Mapping[str, type], rows: Sequence[Mapping[str, Any]], add: Callable[[bytes], int]
 ) -> dict[str, Any]:
-    """
-    Return a table; what a row lacks and None are `noData` or empty texts, and a column of these is left out.
-
-    `add` stores bytes and returns the number of their view.
-    """
+    """Return a table; `add` stores bytes. What is missing is `noData`; a column of no text is left out."""
     properties = {}
     for column, kind in fields.items():
         values = [row.get(column) for row in rows]
         if kind is str:
             texts = ["" if value is None else str(value) for value in values]
             if any(texts):  # a view has at least one byte, and is as long as its texts
-                properties[column] = _texts(texts, add)
+                encoded = [text.encode() for text in texts]
+                ends = np.cumsum([0, *map(len, encoded)]).astype("<u4")
+                properties[column] = {"values": add(b"".join(encoded)), "stringOffsets": add(ends.tobytes())}
         else:
             known, dtype = _NUMBERS[kind]
             numbers = [known["noData"] if value is None else value for value in values]
             properties[column] = {"values": add(np.array(numbers, dtype=dtype).tobytes())}
     return {"class": _CLASS, "count": len(rows), "properties": properties}
-
-
-def _texts(values: Sequence[str], add: Callable[[bytes], int]) -> dict[str, int]:
-    encoded = [value.encode() for value in values]
-    ends = np.cumsum([0, *map(len, encoded)]).astype("<u4")
-    return {"values": add(b"".join(encoded)), "stringOffsets": add(ends.tobytes())}

@@ -42,7 +42,13 @@ def obj_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """
     materials = path.with_suffix(".mtl")
     with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
-        file.write(_header(heading.frame, materials.name))
+        offset = " ".join(repr(c) for c in heading.frame.to_source(np.zeros((1, 3)))[0].tolist())
+        file.write(
+            "# The finest solid of each building, and the terrain; z is up.\n"
+            f"# Reference system: {' '.join(heading.frame.crs.split()) or 'unknown'}\n"
+            f"# Offset to add to all coordinates: {offset}\n"
+            f"mtllib {materials.name}\n"
+        )
         mesh = _Mesh(file, heading.frame)
         yield mesh.add
         with atomic_file(materials) as beside:
@@ -89,17 +95,6 @@ class _Mesh:
             lines += [f"f {a + first} {b + first} {c + first}\n" for a, b, c in own]
         self._file.writelines(lines)
         self._n_vertices += len(vertices)
-
-
-def _header(frame: MapFrame, materials: str) -> str:
-    offset = " ".join(repr(c) for c in frame.to_source(np.zeros((1, 3)))[0].tolist())
-    crs = " ".join(frame.crs.split()) or "unknown"
-    return (
-        "# The finest solid of each building, and the terrain; z is up.\n"
-        f"# Reference system: {crs}\n"
-        f"# Offset to add to all coordinates: {offset}\n"
-        f"mtllib {materials}\n"
-    )
 
 
 def _material(name: str, colour: tuple[float, float, float]) -> str:

@@ -82,11 +82,7 @@ _DECIMALS_OF_SLOPES = 12
 
 
 def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
-    """
-    Return a building's attributes with lengths and elevations as the source measures them.
-
-    Numbers that are not finite become None.
-    """
+    """Return attributes as the source measures lengths and elevations; None for numbers not finite."""
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
 
 
@@ -96,18 +92,13 @@ def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> di
 
     In the source's coordinates and units the face's plane is z = plane_a x + plane_b y + plane_c.
     """
-    return in_source_units(face_shape(rings)._asdict(), frame) | _plane(rings, frame)
-
-
-def _plane(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
-    """Return the equation of a face's plane in the source's coordinates; None where it does not look up."""
-    equation = face_plane(rings)
+    told, equation = in_source_units(face_shape(rings)._asdict(), frame), face_plane(rings)
     if equation is None:
-        return dict.fromkeys(_PLANE)
+        return told | dict.fromkeys(_PLANE)  # it does not look up
     steepness = frame.horizontal_unit / frame.vertical_unit
     a, b = (round(one * steepness, _DECIMALS_OF_SLOPES) + 0.0 for one in equation[:2])  # no minus zero
     x, y, z = frame.to_source(np.array([[0.0, 0.0, equation[2]]]))[0].tolist()
-    return dict(zip(_PLANE, (a, b, round(z - a * x - b * y, _DECIMALS)), strict=True))
+    return told | dict(zip(_PLANE, (a, b, round(z - a * x - b * y, _DECIMALS)), strict=True))
 
 
 def _converted(name: str, value: Any, frame: MapFrame) -> Any:

@@ -64,7 +64,14 @@ class EarthFrame:
             horizontal = horizontal_part(frame.crs)
             self._plan = pyproj.Transformer.from_crs(horizontal, GEODETIC, always_xy=True)
             self._geocentric = pyproj.Transformer.from_crs(GEODETIC, GEOCENTRIC, always_xy=True)
-            self._spatial = _with_heights(crs, self._plan)
+            compound = pyproj.CRS.from_user_input(crs)
+            #: the way of places and heights together, None where no vertical system is known
+            self._spatial: pyproj.Transformer | None = None
+            if len(compound.axis_info) >= 3:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    target = self._plan.target_crs
+                    self._spatial = pyproj.Transformer.from_crs(compound, target, always_xy=True)
         except (CRSError, ProjError) as error:
             raise NoPlaceError(" ".join(str(error).split())[:200]) from error
         origin = np.zeros((1, 3))
@@ -113,16 +120,6 @@ class EarthFrame:
         return np.column_stack(self._geocentric.transform(*self._geodetic(map_xyz).T))
 
 
-def _with_heights(crs: str, plan: pyproj.Transformer) -> pyproj.Transformer | None:
-    """Return the way of places and heights together, None where no vertical system is known."""
-    compound = pyproj.CRS.from_user_input(crs)
-    if len(compound.axis_info) < 3:
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return pyproj.Transformer.from_crs(compound, plan.target_crs, always_xy=True)
-
-
 TILESET = "tileset.json"
 #: Side of the smallest squares [m]: some hundred houses of a town, about a megabyte.
 _SIDE = 256.0
@@ -160,12 +157,8 @@ class _Mesh(NamedTuple):
     attributes: dict[str, Any] | None
 
 
-class _Content(NamedTuple):
-    """A file: its name, where its coordinates begin, and its box, in east, north and up [m]."""
-
-    name: str
-    origin: NDArray[np.float64]
-    box: NDArray[np.float64]  #: least and greatest coordinates, shape (2, 3)
+#: Of a file: its name, where its coordinates begin, and least and greatest ones, east, north and up [m].
+_Content = tuple[str, NDArray[np.float64], NDArray[np.float64]]
 
 
 @contextmanager
@@ -242,7 +235,7 @@ def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame
     content = glb(np.concatenate([nothing, *buildings]), np.concatenate([nothing, *terrain]), _FIELDS, rows)
     name = f"{node.name}.glb"
     (folder / name).write_bytes(content)
-    return _Content(name, origin, np.stack([low - _MARGIN, high + _MARGIN]))
+    return name, origin, np.stack([low - _MARGIN, high + _MARGIN])
 
 
 def _write_tileset(path: Path, contents: dict[_Node, _Content], earth: EarthFrame) -> None:
@@ -261,11 +254,8 @@ def _write_tileset(path: Path, contents: dict[_Node, _Content], earth: EarthFram
         "geometricError": _largest(level),
         "refine": "ADD",
     } | _members(below)
-    asset = {
-        "version": "1.1",
-        "generator": f"lidar_buildings {__version__}",
-        "extras": {"heights": earth.heights},
-    }
+    generator, extras = f"lidar_buildings {__version__}", {"heights": earth.heights}
+    asset = {"version": "1.1", "generator": generator, "extras": extras}
     tileset = {"asset": asset, "geometricError": _largest(level + 1), "root": root}
     path.write_text(f"{compact_json(tileset)}\n", encoding="utf-8")
 
@@ -278,14 +268,14 @@ def _tile(
 ) -> tuple[dict[str, Any], NDArray[np.float64]]:
     """Return a square's tile and its box; `begin` is where its parent's coordinates begin [m]."""
     content, tile = contents.get(node), dict[str, Any]()
-    origin = begin if content is None else content.origin
+    origin = begin if content is None else content[1]
     below = [_tile(child, contents, children, origin) for child in sorted(children.get(node, ()))]
     boxes = [box for _, box in below]
     if content is not None:
-        boxes.append(content.box)
+        boxes.append(content[2])
         shift = np.eye(4)
         shift[:3, 3] = origin - begin
-        tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content.name}}
+        tile = {"transform": shift.T.ravel().tolist(), "content": {"uri": content[0]}}
     tile["boundingVolume"] = _box(boxes, origin)
     tile["geometricError"] = _largest(node.level - 1) if below else 0.0
     low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))

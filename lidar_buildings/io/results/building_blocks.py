@@ -13,13 +13,12 @@ from collections.abc import Collection, Iterable
 from itertools import chain, product
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder
 from lidar_buildings.io.files.reference_systems import reprojected
 from lidar_buildings.io.models.survey_building import ModelHeading, TerrainMesh
@@ -58,10 +57,16 @@ def write_in_blocks(
     total: Counter[str] = Counter()
     items = []
     with atomic_folder(folder / BLOCKS) as blocks, TemporaryFile(dir=blocks) as file:
-        meshes = _waiting_terrain(file, [square for square, _ in squares], terrain)
+        #: pieces of terrain by the number of the square around each, or nearest to it
+        meshes: Waiting[int, TerrainMesh] = Waiting(file)
+        for mesh in terrain:
+            middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
+            away = [square.distance(middle) for square, _ in squares]
+            meshes.add(away.index(min(away)), mesh)
         parts = buildings.parts(rows for _, rows in squares)
         for number, ((square, rows), part) in enumerate(zip(squares, parts, strict=True)):
-            block = blocks / _name(square, buildings.frame)
+            x, y, _ = buildings.frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
+            block = blocks / f"block-{x:.0f}-{y:.0f}"
             block.mkdir()
             files, statuses = write_buildings(block, part, in_blocks, heading, meshes.of(number))
             total.update(statuses)
@@ -75,17 +80,6 @@ def write_in_blocks(
     return [BLOCKS, *tiles], dict(sorted(total.items()))
 
 
-def _waiting_terrain(
-    file: BinaryIO, squares: list[Square], terrain: Iterable[TerrainMesh]
-) -> Waiting[int, TerrainMesh]:
-    """Keep pieces of terrain in a file by the number of the square around each, or nearest to it."""
-    waiting: Waiting[int, TerrainMesh] = Waiting(file)
-    for mesh in terrain:
-        middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
-        waiting.add(min(range(len(squares)), key=lambda number: squares[number].distance(middle)), mesh)
-    return waiting
-
-
 def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuildings) -> dict[str, Any]:
     """Return what the index says of a block: where it lies, on the earth too, counts, and files."""
     item: dict[str, Any] = {"type": "Feature", "stac_version": "1.0.0", "id": block.name, "geometry": None}
@@ -95,25 +89,16 @@ def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuil
         properties["proj:bbox"] = np.round(box.bounds, 3).tolist()
         if crs := part.frame.crs:
             properties["proj:code" if crs.startswith("EPSG:") else "proj:wkt2"] = crs
-            item |= _on_earth(box, crs, str(block))
+            (around,) = reprojected(np.array([box]), crs, _DEGREES, str(block))
+            if np.isfinite(around.bounds).all():
+                item["geometry"] = json.loads(
+                    shapely.to_geojson(shapely.set_precision(around, 10.0**-_DECIMALS))
+                )
+                item["bbox"] = np.round(around.bounds, _DECIMALS).tolist()
     assets = {
         file: {"href": f"{block.name}/{file}", "file:size": (block / file).stat().st_size} for file in files
     }
     return item | {"properties": properties, "assets": assets, "links": []}
-
-
-def _on_earth(box: shapely.Polygon, crs: str, label: str) -> dict[str, Any]:
-    """Return where a block lies in longitude and latitude, as its item says it; nothing where that fails."""
-    (around,) = reprojected(np.array([box]), crs, _DEGREES, label)
-    if not np.isfinite(around.bounds).all():
-        return {}
-    geometry = json.loads(shapely.to_geojson(shapely.set_precision(around, 10.0**-_DECIMALS)))
-    return {"geometry": geometry, "bbox": np.round(around.bounds, _DECIMALS).tolist()}
-
-
-def _name(square: Square, frame: MapFrame) -> str:
-    x, y, _ = frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
-    return f"block-{x:.0f}-{y:.0f}"
 
 
 class Square(NamedTuple):

@@ -28,18 +28,12 @@ from lidar_buildings.io.models.survey_building import (
 from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file, write_flatgeobuf
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
+_ELEVATIONS: dict[str, type] = {"elevation_min": float, "elevation_max": float}
 #: Layer → its columns.
 LAYERS: dict[str, dict[str, type]] = {
     "outlines": BUILDING_FIELDS | {READABLE_ID: str},
     "traced": _NAMES,
-    "roof_faces": {
-        **_NAMES,
-        "lod": str,
-        "face": int,
-        **FACE_FIELDS,
-        "elevation_min": float,
-        "elevation_max": float,
-    },
+    "roof_faces": {**_NAMES, "lod": str, "face": int, **FACE_FIELDS, **_ELEVATIONS},
     "roof_lines": {
         **_NAMES,
         "lod": str,
@@ -47,8 +41,7 @@ LAYERS: dict[str, dict[str, type]] = {
         "face": int,
         "other_face": int,
         "length": float,
-        "elevation_min": float,
-        "elevation_max": float,
+        **_ELEVATIONS,
     },
 }
 _KINDS = {"outlines": "Polygon", "traced": "Polygon", "roof_faces": "Polygon Z", "roof_lines": "LineString Z"}
@@ -98,7 +91,8 @@ def _added(
         for name, own in rows.items():
             if own or name not in begun:
                 rows[name] = []
-                write(_layer(name, own))
+                geometries, known = [geometry for _, geometry in own], [row for row, _ in own]
+                write(VectorLayer(name, geometries, LAYERS[name], known, _KINDS[name]))
                 begun.add(name)
 
     def add(building: SurveyBuilding | TerrainMesh) -> None:
@@ -118,11 +112,6 @@ def _added(
     write_all()
 
 
-def _layer(name: str, rows: _Rows) -> VectorLayer:
-    geometries, known = [geometry for _, geometry in rows], [row for row, _ in rows]
-    return VectorLayer(name, geometries, LAYERS[name], known, _KINDS[name])
-
-
 def _roof_faces(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.Polygon]]:
@@ -135,13 +124,8 @@ def _roof_faces(
     polygons = _polygons(vertices, faces)
     for number, (face, polygon) in enumerate(zip(faces, polygons, strict=True), start=1):
         own = [elevations[row] for ring in face for row in ring]
-        known = building.roof_faces[number - 1] | {
-            "lod": building.lod,
-            "face": number,
-            "elevation_min": min(own),
-            "elevation_max": max(own),
-        }
-        yield known, polygon
+        known = {"lod": building.lod, "face": number, "elevation_min": min(own), "elevation_max": max(own)}
+        yield building.roof_faces[number - 1] | known, polygon
 
 
 def _roof_lines(

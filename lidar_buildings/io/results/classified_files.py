@@ -96,15 +96,8 @@ class PointResults:
                     self._table[column][mine["index"]] = mine[column]
 
 
-class _Job(NamedTuple):
-    """What one input's file is written from."""
-
-    folder: Path
-    number: int
-    input: InputFile
-    name: str
-    fragments: list[Path]
-    without: Collection[int]
+#: What one input's file is written from: folder, number, input, name, saved tiles, buildings to leave out.
+_Job = tuple[Path, int, InputFile, str, list[Path], Collection[int]]
 
 
 class WrittenCloud(NamedTuple):
@@ -140,23 +133,23 @@ def write_clouds(
         with writing(folder / CLASSIFIED):
             (folder / CLASSIFIED).mkdir(exist_ok=True)
     jobs = [
-        _Job(folder, number, one, name, touching[number], without)
+        (folder, number, one, name, touching[number], without)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     return list(share(_write_cloud, jobs))
 
 
 def _write_cloud(job: _Job) -> WrittenCloud:
-    table = job.folder / PARTIAL / f"{job.number}.results"
+    folder, number, file, name, fragments, without = job
     try:
-        check_unchanged(job.input)
-        cloud = replace(open_cloud(job.input.path), kept=job.input.kept)
-        if cloud.point_count != job.input.point_count:
+        check_unchanged(file)
+        cloud = replace(open_cloud(file.path), kept=file.kept)
+        if cloud.point_count != file.point_count:
             raise changed(cloud.path)
-        output = f"{CLASSIFIED}/{job.name}{suffix_for(cloud)}"
-        with PointResults(table, cloud.point_count) as results:
-            results.fill(job.fragments, job.number, without=job.without)
-            per_class = write_classified(cloud, results.rows, job.folder / output)
+        output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
+        with PointResults(folder / PARTIAL / f"{number}.results", cloud.point_count) as results:
+            results.fill(fragments, number, without=without)
+            per_class = write_classified(cloud, results.rows, folder / output)
             return WrittenCloud(output, "", per_class, results.count("known"), results.count("facade"))
     except InputError as error:
         return WrittenCloud(problem=str(error))

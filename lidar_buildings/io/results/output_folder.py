@@ -165,6 +165,9 @@ class OutputFolder:
         per_class = sum((one.per_class for one in clouds), np.zeros(256, dtype=np.int64))
         n_points = sum(file.point_count for file in self.inputs)
         report = (REPORT_FILE,) if write_report and REPORT in self._files.formats else ()
+        footprints = dict(self._footprints.record) if self._footprints else {}
+        if footprints:
+            footprints["n_outside"] = footprints["n_used"] - sum(statuses.values())
         summary = RunSummary(
             files=(*files, *rasters, *report, RUN),
             n_tiles=len(fragments),
@@ -176,7 +179,7 @@ class OutputFolder:
             n_seam_pieces=len(pieces),
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
-            footprints=self._footprint_record(sum(statuses.values())),
+            footprints=footprints,
             remarks=tuple(remarks),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
@@ -235,9 +238,3 @@ class OutputFolder:
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
             return *write(self.path, buildings, formats, heading, terrain), remarks
-
-    def _footprint_record(self, n_buildings: int) -> dict[str, Any]:
-        if self._footprints is None:
-            return {}
-        record = self._footprints.record
-        return {**record, "n_outside": record["n_used"] - n_buildings}

@@ -74,12 +74,13 @@ def claim_folder(
             raise OutputError(f"{path}: contains the input {file.path}: choose another output folder")
     check_folder(path, overwrite=overwrite or use is not Use.NONE, is_live=is_live)
     with usable(path):
+        has_tiles = any((path / PARTIAL).glob("*.npz"))
         if use is not Use.NONE:
             _check_use(path, identity, use)
         elif overwrite:
             if not _is_same(path, identity):
                 _clear(path)
-        elif _holds_run(path) and (not is_live or holds_tiles(path)) and not _is_same(path, identity):
+        elif _holds_run(path) and not _is_same(path, identity) and (not is_live or has_tiles):
             raise OutputError(
                 f"{path}: contains an unfinished run with other inputs or parameters: give the same "
                 "to resume it, --overwrite to start over, or another folder"
@@ -128,11 +129,6 @@ def output_names(inputs: Sequence[InputFile]) -> list[str]:
 def _holds_run(path: Path) -> bool:
     """Whether there is an unfinished run; a folder that a full disk kept empty is none."""
     return any(one.name not in _NOT_OF_RUN for one in (path / PARTIAL).glob("*"))
-
-
-def holds_tiles(path: Path) -> bool:
-    """Whether tiles of a run are there."""
-    return any((path / PARTIAL).glob("*.npz"))
 
 
 def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:

@@ -77,19 +77,14 @@ def run_info(
     problems: Iterable[str],
 ) -> dict[str, Any]:
     """Return versions, parameters, seconds by stage, failed tiles and problems of a run."""
+    libraries = {name: _version(name) for name in _LIBRARIES}
     return {
-        "versions": library_versions(),
+        "versions": {"lidar_buildings": __version__, "python": sys.version.split()[0], **libraries},
         "parameters": dict(parameters),
         "seconds": {stage: round(taken, 3) for stage, taken in seconds.items()},
         "failed_tiles": [{"tile": stamp, "reason": failed[stamp]} for stamp in sorted(failed)],
         "problems": list(problems),
     }
-
-
-def library_versions() -> dict[str, str]:
-    """Return name → version of this package, of Python and of the libraries."""
-    libraries = {name: _version(name) for name in _LIBRARIES}
-    return {"lidar_buildings": __version__, "python": sys.version.split()[0], **libraries}
 
 
 def _version(library: str) -> str:

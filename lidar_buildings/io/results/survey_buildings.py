@@ -152,22 +152,19 @@ class SurveyBuildings:
         building["attributes"] = dict(sorted(attributes.items()))
         return compact_json(feature)
 
-    def _name_of(self, number: int, outline: Outline | None) -> str:
-        """Name a building without model by its westernmost vertex, or by the place a footprint's id is of."""
-        if outline is None or not len(outline.exterior):
-            return ""
-        vertices = np.column_stack([outline.exterior, np.zeros(len(outline.exterior))])
-        if self._footprint_id is not None:
-            vertices = np.array([[*anchor_near(number, vertices[0]), 0.0]])
-        places = self.frame.to_source(vertices)
-        return readable_id(*places[anchor_row(places)][:2])
-
     def _without_model(self, number: int, before: Outline | None, after: Outline | None) -> CityFeature:
         """Return what the outline alone tells in a run without models."""
         known: dict[str, Any] = {"area": after.area} if after else {}
         if self._footprint_id is not None:
             known[_FOOTPRINT_ID] = self._footprint_id.get(number, "")
-        name = self._name_of(number, before or after)
+        name, outline = "", before or after
+        if outline is not None and len(outline.exterior):
+            # its westernmost vertex, or the place a footprint's id is of
+            vertices = np.column_stack([outline.exterior, np.zeros(len(outline.exterior))])
+            if self._footprint_id is not None:
+                vertices = np.array([[*anchor_near(number, vertices[0]), 0.0]])
+            places = self.frame.to_source(vertices)
+            name = readable_id(*places[anchor_row(places)][:2])
         return CityFeature(name, in_source_units(known, self.frame))
 
 

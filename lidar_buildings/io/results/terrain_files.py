@@ -222,8 +222,12 @@ def write_rasters(
             rows = slice(row, min(row + BLOCK, whole.height))
             columns = slice(column, min(column + BLOCK, whole.width))
             block = merged(whole.part(columns, rows), tiles)
-            for name, values in _in_source_units(block, frame).items():
-                writers[name].write(row, column, values)
+            dtm, dsm = (
+                np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
+                for raster in (block.dtm, block.dsm)
+            )
+            for name, values in ((DTM, dtm), (DSM, dsm), (NDSM, dsm - dtm)):
+                writers[name].write(row, column, values.astype(np.float32))
     size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
     return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}, []
 
@@ -236,15 +240,6 @@ def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
     )
     cell = window.resolution / frame.horizontal_unit
     return RasterLayout(window.width, window.height, west, north, cell, crs, unit)
-
-
-def _in_source_units(block: TerrainRasters, frame: MapFrame) -> dict[str, NDArray[np.float32]]:
-    dtm, dsm = (
-        np.rint((raster.astype(np.float64) + frame.origin[2]) / frame.vertical_unit * _STEPS) / _STEPS
-        for raster in (block.dtm, block.dsm)
-    )
-    rasters = {DTM: dtm, DSM: dsm, NDSM: dsm - dtm}
-    return {name: values.astype(np.float32) for name, values in rasters.items()}
 
 
 def reached_squares(

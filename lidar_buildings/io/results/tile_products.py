@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,7 +93,10 @@ class TileProducts:
     def save(self, path: Path) -> None:
         """Write one file, which appears when it is complete; OutputError if it cannot be written."""
         polygons = {"traced": self.traced, "outlines": self.outlines}
-        shapes = {name: _outlines_as_lists(group) for name, group in polygons.items()}
+        shapes = {
+            name: [[one.building_id, [ring.tolist() for ring in one.outline.rings]] for one in group]
+            for name, group in polygons.items()
+        }
         tables = {"core": self.core, "roofs": self.roofs, "edges": self.edges}
         sources = np.unique(np.concatenate([rows["source"] for rows in tables.values()]))
         by_source = {
@@ -101,6 +104,12 @@ class TileProducts:
             for name, rows in tables.items()
             for source in sources.tolist()
         }
+        rasters: dict[str, NDArray[Any]] = {}
+        if self.rasters is not None:
+            window = self.rasters.window
+            place = (window.resolution, window.column, window.row, window.width, window.height)
+            rasters = {name: getattr(self.rasters, name) for name in _RASTERS}
+            rasters[_WINDOW] = np.array(place, dtype=np.float64)  # whole numbers up to 2^53 fit
         with atomic_file(path, has_rivals=True) as temporary, open(temporary, "wb") as file:
             np.savez(
                 file,
@@ -109,7 +118,7 @@ class TileProducts:
                 shapes=_as_bytes(shapes),
                 features=_as_bytes(list(self.features)),
                 **by_source,
-                **_raster_arrays(self.rasters),
+                **rasters,
             )
 
 
@@ -188,15 +197,6 @@ def _as_bytes(content: Any) -> NDArray[np.uint8]:
     return np.frombuffer(json.dumps(content).encode(), dtype=np.uint8)
 
 
-def _raster_arrays(rasters: TerrainRasters | None) -> dict[str, NDArray[Any]]:
-    """Return the arrays that are saved of rasters; whole numbers up to 2^53 fit float64."""
-    if rasters is None:
-        return {}
-    window = rasters.window
-    place = (window.resolution, window.column, window.row, window.width, window.height)
-    return {_WINDOW: np.array(place, dtype=np.float64)} | {name: getattr(rasters, name) for name in _RASTERS}
-
-
 def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> NDArray[Any]:
     """Copy chosen rows of a tile's columns into a table, zeros where the tile lacks the column."""
     table = np.zeros(int(np.count_nonzero(chosen)), dtype)
@@ -207,11 +207,6 @@ def _rows(tile: PointTile, dtype: np.dtype[Any], chosen: NDArray[np.bool_]) -> N
         elif name in _NAME and len(table):
             raise ValueError(f"{name} is missing: must name every point of the tile")
     return table
-
-
-def _outlines_as_lists(outlines: Sequence[BuildingOutline]) -> list[Any]:
-    """Turn outlines into what JSON holds; floats keep every bit."""
-    return [[one.building_id, [ring.tolist() for ring in one.outline.rings]] for one in outlines]
 
 
 def _outlines_from_lists(lists: list[Any]) -> tuple[BuildingOutline, ...]:

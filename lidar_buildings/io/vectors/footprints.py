@@ -71,12 +71,9 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
     """Read footprints; the time of the file's last change is there to read a changed file anew."""
     layer = read_layer(source.path, source.layer)
     column = _id_column(layer, source)
-    in_map = _in_map(layer, frame)
-    repairs = repaired_polygons(in_map)
+    repairs = repaired_polygons(_in_map(layer, frame))
     if not len(repairs.polygons):
-        reasons = (
-            ", ".join(f"{number} {reason}" for reason, number in repairs.dropped.items()) or "no feature"
-        )
+        reasons = ", ".join(f"{n} {reason}" for reason, n in repairs.dropped.items()) or "no feature"
         raise InputError(
             f"{layer.label}: contains no polygon to use as a footprint ({reasons}): give a file of polygons"
         )
@@ -91,9 +88,8 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
         "n_repaired": repairs.n_repaired,
         "left_out": dict(repairs.dropped),
     }
-    return FootprintFile(
-        source, footprints, dict(zip(footprints.building_id.tolist(), names, strict=True)), record
-    )
+    ids = dict(zip(footprints.building_id.tolist(), names, strict=True))
+    return FootprintFile(source, footprints, ids, record)
 
 
 def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float], frame: MapFrame) -> None:
@@ -102,9 +98,8 @@ def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float]
 
     InputError if none reaches into the clouds' extent; it names both extents.
     """
-    of_all = np.concatenate(
-        [file.footprints.bounds[:, :2].min(axis=0), file.footprints.bounds[:, 2:].max(axis=0)]
-    )
+    own = file.footprints.bounds
+    of_all = np.concatenate([own[:, :2].min(axis=0), own[:, 2:].max(axis=0)])
     corners = np.array([[*bounds[:2], 0.0], [*bounds[2:], 0.0]])
     west, south, east, north = frame.to_map(corners)[:, :2].ravel()
     if len(file.footprints.touching((west, south, east, north))):
@@ -170,8 +165,5 @@ def _text(value: Any) -> str:
     """Write an identifier; whole numbers have no decimals, even where missing values made them fractions."""
     if value is None or value != value:
         return ""
-    return (
-        str(int(value))
-        if isinstance(value, float | np.floating) and float(value).is_integer()
-        else str(value)
-    )
+    is_whole = isinstance(value, float | np.floating) and float(value).is_integer()
+    return str(int(value) if is_whole else value)

@@ -60,8 +60,12 @@ def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], No
     with atomic_file(path, has_rivals=True) as temporary:
 
         def add(layer: VectorLayer) -> None:
-            with writing(path, FAILURES), _fixed_options():
-                write_layer(temporary, layer, crs, append=bool(counts))
+            with writing(path, FAILURES), _one_writer:
+                pyogrio.set_gdal_config_options(_FIXED)
+                try:
+                    write_layer(temporary, layer, crs, append=bool(counts))
+                finally:
+                    pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))
             counts[layer.name] = counts.get(layer.name, 0) + len(layer.geometries)
 
         yield add
@@ -118,17 +122,6 @@ def check_complete(path: Path, counts: Mapping[str, int]) -> None:
         found = pyogrio.read_info(path, layer=name, force_feature_count=True)["features"]
         if found != count:
             raise OSError(f"layer {name} holds {found} of {count} geometries")
-
-
-@contextmanager
-def _fixed_options() -> Iterator[None]:
-    """Let GDAL write the same bytes for the same content."""
-    with _one_writer:
-        pyogrio.set_gdal_config_options(_FIXED)
-        try:
-            yield
-        finally:
-            pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))
 
 
 #: Kinds of layer that can hold polygons; a layer without a kind may hold any.

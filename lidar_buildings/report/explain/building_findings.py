@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyogrio
@@ -155,12 +154,12 @@ def _patches(
     for sign, side in ((1.0, "above"), (-1.0, "below")):
         rows = np.flatnonzero(sign * np.nan_to_num(above) > AGREES)
         for area, own in _grouped(roof.points[rows], spacing):
-            patches.append(_Patch(area, side, rows[own]))
-    for patch in sorted(patches, key=lambda one: len(one.rows), reverse=True)[:_MOST_PATCHES]:
-        x, y, _ = frame.to_source(roof.points[patch.rows].mean(axis=0, keepdims=True))[0]
-        far = float(np.median(np.abs(above[patch.rows])))
-        where = f"{far:.2f} m {patch.side} it at {x:.1f}, {y:.1f}"
-        yield _patch_finding(patch, where, roof.plane_id[patch.rows], limits)
+            patches.append((area, side, rows[own]))
+    for area, side, own in sorted(patches, key=lambda one: len(one[2]), reverse=True)[:_MOST_PATCHES]:
+        x, y, _ = frame.to_source(roof.points[own].mean(axis=0, keepdims=True))[0]
+        far = float(np.median(np.abs(above[own])))
+        text = f"  {len(own)} points on {area:.1f} m² lie {far:.2f} m {side} it at {x:.1f}, {y:.1f}"
+        yield _patch_finding(text, area, roof.plane_id[own], limits)
     if patches:
         yield Finding(
             "  The model omits parts smaller than building_model.min_face_area, and those that explain less "
@@ -168,21 +167,12 @@ def _patches(
         )
 
 
-class _Patch(NamedTuple):
-    """Points that lie together and off the model on one side, and the area that they cover [m²]."""
-
-    area: float
-    side: str
-    rows: NDArray[np.intp]
-
-
-def _patch_finding(patch: _Patch, where: str, planes: NDArray[np.float64], limits: Limits) -> Finding:
-    n_free = int((planes == 0).sum())
+def _patch_finding(text: str, area: float, planes: NDArray[np.float64], limits: Limits) -> Finding:
+    """Say of which planes points off the model are, which cover so much [m²]."""
     named = ", ".join(f"{int(one)}" for one in np.unique(planes[planes > 0]))
     least = limits.value("plane_fitting.min_plane_area")
-    text = f"  {len(patch.rows)} points on {patch.area:.1f} m² lie {where}"
-    if n_free > len(patch.rows) / 2:
-        small = patch.area < least
+    if int((planes == 0).sum()) > len(planes) / 2:
+        small = area < least
         why = f"smaller than plane_fitting.min_plane_area ({least:g} m²)" if small else "too rough for one"
         return Finding(f"{text}: most of them in no plane, {why}: a lost dormer, a chimney, a tree?", _SMALL)
     return Finding(f"{text}: of plane {named}, not as it lies there", _FACES)

@@ -65,8 +65,9 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
     sections["Outline"] = list(outline_findings(building, spacing, limits))
     if building.shape is not None and not building.shape.is_empty and result.clouds():
         site = read_site(result.clouds(), frame, Rectangle(*building.shape.bounds).grown(3.0))
-        roof = site.roof_of(building.building_id)
-        is_top = (site.building_id == building.building_id) & (site.facade == Facade.BARE)
+        number = building.building_id
+        roof = site.select((site.building_id == number) & (site.facade == Facade.NONE) & (number > 0))
+        is_top = (site.building_id == number) & (site.facade == Facade.BARE)
         if is_top.any():
             sections["Roof"] = [
                 Finding(

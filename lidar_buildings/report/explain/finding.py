@@ -50,7 +50,15 @@ class Limits:
     def lines(self, parameters: Iterable[str]) -> list[str]:
         """Return a line on each of some parameters, those first that differ from their defaults."""
         once = dict.fromkeys(parameters)
-        return [self._line(one) for one in sorted(once, key=lambda one: not self._is_changed(one))]
+        found = [(parameter, *self._of(parameter)) for parameter in once]
+        lines = []
+        for parameter, value, member in sorted(found, key=lambda one: bool(one[1] == one[2].default)):
+            unit = spec_of(member).unit
+            here = f", {value * self._spacing:.2f} m here" if unit == "spacings" else ""
+            changed = f", the default is {member.default}" if value != member.default else ""
+            what = f"{parameter} = {value} {unit}".rstrip()
+            lines.append(f"{what}{here}{changed}: {spec_of(member).description}")
+        return lines
 
     def other_changes(self, parameters: Iterable[str]) -> list[str]:
         """Return a line on each stage's parameter that differs from its default and is not among these."""
@@ -60,17 +68,6 @@ class Limits:
             for name, value, default in changed_parameters({"parameters": self._told})
             if name not in known and name.split(".")[0] in STAGE_CONFIGS
         ]
-
-    def _is_changed(self, parameter: str) -> bool:
-        value, member = self._of(parameter)
-        return bool(value != member.default)
-
-    def _line(self, parameter: str) -> str:
-        value, member = self._of(parameter)
-        unit = spec_of(member).unit
-        here = f", {value * self._spacing:.2f} m here" if unit == "spacings" else ""
-        changed = f", the default is {member.default}" if self._is_changed(parameter) else ""
-        return f"{parameter} = {value} {unit}".rstrip() + f"{here}{changed}: {spec_of(member).description}"
 
     def _of(self, parameter: str) -> tuple[Any, Field[Any]]:
         stage, name = parameter.split(".")
@@ -107,10 +104,6 @@ class Site:
         """Return some of the points."""
         return Site(*(values[chosen] for values in self.__dict__.values()))
 
-    def roof_of(self, number: int) -> Site:
-        """Return a building's points but for its façades."""
-        return self.select((self.building_id == number) & (self.facade == 0) & (number > 0))
-
     def per_class(self) -> str:
         """Say how many points there are of each class."""
         codes, counts = np.unique(self.classification, return_counts=True)
@@ -119,11 +112,7 @@ class Site:
 
 
 def read_site(clouds: Iterable[Path], frame: MapFrame, box: Rectangle) -> Site:
-    """
-    Read the points of classified clouds within a box of the map frame.
-
-    InputError if a cloud cannot be read.
-    """
+    """Read the points of classified clouds within a box; InputError if one cannot be read."""
     parts = [np.empty((0, 3 + len(_COLUMNS)))]
     for path in clouds:
         cloud = open_cloud(path)

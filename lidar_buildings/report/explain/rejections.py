@@ -113,7 +113,17 @@ def _rejected_surfaces(
         yield Finding(f"{len(high.points)} points are high enough for a roof, too few for one.")
         return
     parts = [part for part in shapely.get_parts(shape_of(high.points, spacing)) if part.area >= _LEAST]
-    reasons = _reasons(around, limits)[is_rejected] if parts else np.zeros(len(high.points), dtype=np.uint8)
+    if not parts:
+        return
+    selection = select_roofs(
+        around.points,
+        limits.config(RoofSelectionConfig),
+        height_above_ground=around.height,
+        classification=around.classification.astype(np.uint8),
+        return_number=around.return_number,
+        number_of_returns=around.number_of_returns,
+    )
+    reasons = selection.rejection[is_rejected]
     for part in sorted(parts, key=lambda one: -one.area)[:3]:
         is_own = shapely.dwithin(part, shapely.points(high.points[:, :2]), spacing)
         own = high.select(is_own)
@@ -129,14 +139,3 @@ def _rejected_surfaces(
             f"{', '.join(text for text, _ in words)}.",
             tuple(f"roof_selection.{name}" for _, name in words if name),
         )
-
-
-def _reasons(around: Site, limits: Limits) -> NDArray[np.uint8]:
-    return select_roofs(
-        around.points,
-        limits.config(RoofSelectionConfig),
-        height_above_ground=around.height,
-        classification=around.classification.astype(np.uint8),
-        return_number=around.return_number,
-        number_of_returns=around.number_of_returns,
-    ).rejection

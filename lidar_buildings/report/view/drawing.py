@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,21 +72,18 @@ def open_window(parts_of: Callable[[str, str], Sequence[Coloured]], shown: tuple
         raise LidarBuildingsError("view: no display is available: use --picture FILE")
     now = list(shown)
 
-    def switch(what: int, choices: Sequence[str]) -> Callable[[Any], bool]:
-        def show_next(window: Any) -> bool:
-            now[what] = choices[(choices.index(now[what]) + 1) % len(choices)]
-            window.clear_geometries()
-            _show(window, parts_of(*now), is_first=False)
-            return True
-
-        return show_next
+    def show_next(what: int, choices: Sequence[str], window: Any) -> bool:
+        now[what] = choices[(choices.index(now[what]) + 1) % len(choices)]
+        window.clear_geometries()
+        _show(window, parts_of(*now), is_first=False)
+        return True
 
     window, parts = open3d.visualization.VisualizerWithKeyCallback(), parts_of(*now)
     with _opened(window, SIZE, is_visible=True):
         _show(window, parts)
         _look(window, parts, eye, SIZE)
-        window.register_key_callback(ord("M"), switch(0, (*OF_ROOFS, NOTHING)))
-        window.register_key_callback(ord("G"), switch(1, (*OF_POINTS, NOTHING)))
+        window.register_key_callback(ord("M"), partial(show_next, 0, (*OF_ROOFS, NOTHING)))
+        window.register_key_callback(ord("G"), partial(show_next, 1, (*OF_POINTS, NOTHING)))
         window.run()
 
 

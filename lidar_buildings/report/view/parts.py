@@ -9,7 +9,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE
 from lidar_buildings.report.contents import FACADE, KINDS, UNKNOWN, Contents, ModelArrays, Relief, ShownPoints
@@ -69,7 +68,9 @@ def parts_of(contents: Contents, roofs: str, points: str) -> list[Coloured]:
     types = [str(one.attributes.get("roof_type") or "unknown") for one in contents.buildings]
     parts = [] if roofs == NOTHING else models_of(contents.models, types, roofs)
     if points != NOTHING:
-        parts.append(_points(contents.points, points))
+        shown = contents.points
+        places = shown.corner + shown.steps * shown.step
+        parts.append(Coloured(places[:, None], _point_colours(shown, points)))
     elif contents.terrain is not None:
         parts.append(_terrain(contents.terrain))
     # at the foot points of roofs would hide them
@@ -114,16 +115,11 @@ def _outlines(contents: Contents, attribute: str) -> Coloured:
     ends = [np.empty((0, 2, 3))]
     for building in contents.buildings:
         told = building.attributes.get(attribute)
-        z = lowest if told is None else _in_map(told, frame)
+        z = lowest if told is None else told * frame.vertical_unit - frame.origin[2]
         for ring in shapely.get_rings(building.shape) if building.shape is not None else ():
             places = np.insert(shapely.get_coordinates(ring), 2, z + _LIFT, axis=1)
             ends.append(np.stack([places[:-1], places[1:]], axis=1))
     return _plain(np.concatenate(ends), OUTLINE)
-
-
-def _points(shown: ShownPoints, by: str) -> Coloured:
-    places = shown.corner + shown.steps * shown.step
-    return Coloured(places[:, None], _point_colours(shown, by))
 
 
 def _point_colours(shown: ShownPoints, by: str) -> _Array:
@@ -182,7 +178,3 @@ def _shaded(corners: _Array, plain: _Array, normals: _Array) -> Coloured:
 
 def _plain(places: _Array, colour: Sequence[float]) -> Coloured:
     return Coloured(places, np.tile(colour, (len(places), 1)))
-
-
-def _in_map(elevation: float, frame: MapFrame) -> float:
-    return elevation * frame.vertical_unit - frame.origin[2]
