@@ -74,12 +74,9 @@ def _elements(contents: Contents) -> Iterator[str]:
     models, points = contents.models, contents.points
     rings, vertices = _ring_arrays(contents.buildings)
     yield _element("facts", "json", "", compact_json(_facts(contents)).encode())
+    for name in ("vertices", "triangles", "faces", "kinds", "solids"):
+        yield array_element(name, getattr(models, name))
     for name, array in (
-        ("vertices", models.vertices),
-        ("triangles", models.triangles),
-        ("faces", models.faces),
-        ("kinds", models.kinds),
-        ("solids", models.solids),
         ("points", points.steps),
         ("classes", points.classes),
         ("building", points.building),
@@ -117,14 +114,8 @@ def _facts(contents: Contents) -> dict[str, Any]:
 def _relief_facts(relief: Relief | None) -> dict[str, Any] | None:
     if relief is None:
         return None
-    return {
-        "middle": relief.middle,
-        "step": relief.step,
-        "west": relief.west,
-        "north": relief.north,
-        "cell": list(relief.cell),
-        "unknown": UNKNOWN,
-    }
+    known = {name: getattr(relief, name) for name in ("middle", "step", "west", "north")}
+    return {**known, "cell": list(relief.cell), "unknown": UNKNOWN}
 
 
 def _ring_arrays(buildings: Sequence[ReportedBuilding]) -> tuple[Any, Any]:

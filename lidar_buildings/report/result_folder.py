@@ -74,11 +74,7 @@ class Result:
         return [ReportedBuilding(one["id"], one["CityObjects"][one["id"]]["attributes"]) for one in features]
 
     def lines(self, names: Collection[str] | None = None) -> Iterator[str]:
-        """
-        Yield the CityJSONFeatures of the city model's buildings, of all or of some.
-
-        InputError if the file cannot be read.
-        """
+        """Yield the CityJSONFeatures of buildings, of all or of some; InputError if they cannot be read."""
         if not self.has(CITY_MODEL):
             return
         try:

@@ -80,11 +80,7 @@ def chosen_messages(bag: Bag, topics: BagTopics, choice: BagConfig) -> Iterator[
 
 
 def told_frame(message: BagMessage, frame: MapFrame) -> MapFrame:
-    """
-    Return a map frame with what a message of `map_origin` or `map_units` says of it.
-
-    MessageError if that is nowhere.
-    """
+    """Return a frame with what a message of `map_origin` or `map_units` says; MessageError if nowhere."""
     if message.type == POINT:
         point = message.message.point
         frame = replace(frame, crs=message.message.header.frame_id, origin=(point.x, point.y, point.z))

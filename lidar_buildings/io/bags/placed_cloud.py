@@ -72,8 +72,8 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         if not file.n_points and placer.refusal:
             raise InputError(f"{bag_path}: {placer.refusal}")
         if not file.n_points and placer.left_out[NO_POSE]:
-            n, messages = placer.left_out[NO_POSE], placer.messages.items()
-            said = "".join(f"; {number:,} {what}" for what, number in messages)
+            n, told = placer.left_out[NO_POSE], placer.messages.items()
+            said = "".join(f"; {number:,} {what}" for what, number in told)
             raise InputError(
                 f"{bag_path}: none of its {n} points could be placed: no pose at their times "
                 f"({WHY_NO_POSE}){said}"

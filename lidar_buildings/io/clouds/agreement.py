@@ -65,11 +65,7 @@ def without_copies(clouds: Sequence[Cloud]) -> list[Cloud]:
 
 
 def agreed_system(clouds: Sequence[CloudExtent]) -> CloudExtent:
-    """
-    Return the cloud that tells the reference system of all.
-
-    InputError if two clouds are in different systems or units.
-    """
+    """Return the cloud that tells the system of all; InputError if two are in different ones, or units."""
     first = next((cloud for cloud in clouds if cloud.crs.name), clouds[0])
     for cloud in clouds:
         is_like = cloud.crs.name == first.crs.name and np.allclose(first.units, cloud.units, rtol=1e-7)

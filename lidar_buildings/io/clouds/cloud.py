@@ -33,11 +33,7 @@ for _name in ("laspy.lasreader", "laspy.header"):
 
 
 def laz_backend() -> laspy.LazBackend:
-    """
-    Return the parallel backend, in a process of a pool the sequential one.
-
-    A process that was forked has none of the threads that lazrs had started before, and would wait for them.
-    """
+    """Return the parallel backend, or the sequential one in a fork, which lacks the threads of lazrs."""
     is_of_a_pool = multiprocessing.parent_process() is not None
     return laspy.LazBackend.Lazrs if is_of_a_pool else laspy.LazBackend.LazrsParallel
 

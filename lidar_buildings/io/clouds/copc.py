@@ -47,9 +47,7 @@ class CopcNodes(NamedTuple):
         return np.asarray(((self.bounds[:, 0] <= high) & (self.bounds[:, 1] >= low)).all(axis=1))
 
     def squares(self, unit: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """
-        Return bounds in plan, shape (n, 2, 2), and points of nodes; those below the smallest squares as one.
-        """
+        """Return bounds in plan, shape (n, 2, 2), and points of nodes; the smallest joined to squares."""
         deepest = max(0, int(np.log2(max(self.side * unit / _SQUARE, 1.0))))
         below = np.maximum(self.level - deepest, 0)
         keys = np.column_stack([self.level - below, self.place[:, :2] >> below[:, None]])
@@ -59,11 +57,7 @@ class CopcNodes(NamedTuple):
 
 
 def read_nodes(cloud: CloudExtent) -> CopcNodes | None:
-    """
-    Read the hierarchy of a file, None if it is none of COPC, or its hierarchy not that of all its points.
-
-    InputError if the file cannot be read.
-    """
+    """Read a COPC file's hierarchy, None if it has none of all its points; InputError if it is unreadable."""
     if not cloud.raw.vlrs or not cloud.raw.vlrs[0].is_a(b"copc", 1):
         return None
     *middle, half, _, start, size = _INFO_BEGIN.unpack_from(cloud.raw.vlrs[0].data)

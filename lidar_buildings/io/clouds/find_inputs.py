@@ -84,11 +84,7 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
 
 
 def named_by(path: Path) -> list[Path]:
-    """
-    Return what a path names: itself, what is directly in a folder, or what matches a pattern.
-
-    InputError if there is no such path, and it is no pattern.
-    """
+    """Return a path itself, what is directly in a folder, or matches a pattern; InputError if it is none."""
     if not isinstance(path, Path) and path.name.lower().endswith(ENDINGS) and not glob.has_magic(str(path)):
         return [path]  # asked for by opening it: servers of the web answer such questions with whole files
     if path.is_dir():

@@ -58,7 +58,16 @@ def open_cloud(path: str | Path) -> Cloud:
         ):
             header = copy.deepcopy(reader.header)
             first = reader.read_points(_PROBE)
-        _check_scaling(path, header)
+        scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
+        is_scale = (np.abs(scales) <= _MAX_SCALE) & (scales != 0)
+        if not (is_scale.all() and (np.abs(offsets) <= _MAX_OFFSET).all()):
+            raise InputError(
+                f"{path}: its header is damaged (coordinate scales {scales.tolist()}, offsets "
+                f"{offsets.tolist()}): export it again"
+            )
+        n_points = header.point_count
+        if n_points > MOST_POINTS:
+            raise InputError(f"{path}: contains {n_points} points, more than {MOST_POINTS}: split it")
         crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
         cloud = Cloud(path, raw, crs, np.full(3, np.nan), np.full(3, np.nan), state, header)
         if not cloud.point_count:
@@ -124,28 +133,12 @@ def chunks_within(
 
 
 def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
-    """
-    Return the map frame that the clouds share.
-
-    InputError if two clouds are in different reference systems or units, or too far apart for one frame.
-    """
+    """Return the frame of clouds; InputError if they differ in system or unit, or lie too far apart."""
     first = agreement.agreed_system(clouds)
     x, y = agreement.shared_origin(clouds)
     agreement.say_what_is_assumed(clouds, first)
     name = agreement.given_system(crs, first) if crs else first.crs.name
     return MapFrame(name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
-
-
-def _check_scaling(path: Path, header: laspy.LasHeader) -> None:
-    scales, offsets = np.asarray(header.scales), np.asarray(header.offsets)
-    is_scale = (np.abs(scales) <= _MAX_SCALE) & (scales != 0)
-    if not (is_scale.all() and (np.abs(offsets) <= _MAX_OFFSET).all()):
-        raise InputError(
-            f"{path}: its header is damaged (coordinate scales {scales.tolist()}, offsets "
-            f"{offsets.tolist()}): export it again"
-        )
-    if header.point_count > MOST_POINTS:
-        raise InputError(f"{path}: contains {header.point_count} points, more than {MOST_POINTS}: split it")
 
 
 def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

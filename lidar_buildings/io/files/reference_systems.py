@@ -53,11 +53,7 @@ def unbound(crs: Any) -> Any:
 
 
 def horizontal_part(crs: Any) -> Any:
-    """
-    Return the horizontal part of a reference system, compound and bound ones included.
-
-    CRSError if `crs`, a text or a system of pyproj, is no such system.
-    """
+    """Return the horizontal part of a text or system of pyproj, of bound ones too; CRSError if it is none."""
     crs = unbound(pyproj.CRS.from_user_input(crs))
     return unbound(crs.sub_crs_list[0]) if crs.sub_crs_list else crs
 
@@ -95,11 +91,7 @@ def is_in_degrees(crs: str) -> bool:
 
 
 def check_place(frame: MapFrame) -> None:
-    """
-    Refuse what is said of where the map lies if that is nowhere.
-
-    MessageError if the reference system is none, or has degrees; origin or units are not those of a place.
-    """
+    """Refuse (MessageError) a map in degrees or of an unknown system, or origin and units of no place."""
     try:
         if frame.crs and horizontal_part(frame.crs).is_geographic:
             raise MessageError(f"{frame.crs[:100]!r} is in degrees: must be in metres or feet")

@@ -55,22 +55,14 @@ _Rows = list[tuple[dict[str, Any], Any]]
 
 @contextmanager
 def building_layers_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
-    """
-    Give a function that adds a building to the layers of a GeoPackage; it appears when the block ends well.
-
-    OutputError if it cannot be written.
-    """
+    """Give a function that adds a building to a GeoPackage; the file appears when the block ends well."""
     with geopackage_file(path, heading.frame.crs) as append, _added(append, heading, _PORTION) as add:
         yield add
 
 
 @contextmanager
 def flatgeobuf_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
-    """
-    Give a function that adds a building to FlatGeobuf files beside `path`, one a layer.
-
-    All rows are held until the end. OutputError if a file cannot be written.
-    """
+    """Give a function that adds a building to FlatGeobuf files beside `path`; rows are held until the end."""
 
     def write(layer: VectorLayer) -> None:
         write_flatgeobuf(path.with_name(f"{layer.name}.fgb"), layer, heading.frame.crs)

@@ -181,11 +181,7 @@ def note_survey(path: Path, known: Any) -> None:
 
 
 def folder_of_points(path: Path) -> Path:
-    """
-    Make an empty folder for points in a run's output folder, for processes of other machines to see.
-
-    OutputError if it cannot be made.
-    """
+    """Make an empty folder for points in an output folder, where other machines see it, or OutputError."""
     folder = path / PARTIAL / _POINTS
     shutil.rmtree(folder, ignore_errors=True)  # of a run that was interrupted
     with usable(path):

@@ -107,11 +107,7 @@ class GeotiffWriter:
             self._file.update_tags(TIFFTAG_SOFTWARE=f"lidar_buildings {__version__}")
 
     def write(self, row: int, column: int, values: NDArray[np.float32]) -> None:
-        """
-        Write the block that begins at a row and a column, multiples of `BLOCK`; NaN becomes nodata.
-
-        It is as large as a block, less at the raster's southern and eastern edges.
-        """
+        """Write the block, or what of it is in the raster, at multiples of `BLOCK`; NaN becomes nodata."""
         known = ~np.isnan(values)
         n_known = int(np.count_nonzero(known))
         if not n_known:

@@ -51,11 +51,7 @@ class VectorLayer:
 
 @contextmanager
 def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
-    """
-    Give a function that adds a layer to a file, or geometries to a layer that is there.
-
-    The file appears when the block ends well; OutputError if it cannot be written.
-    """
+    """Give a function that adds a layer, or rows to one, to a file that appears when the block ends well."""
     counts: dict[str, int] = {}
     with atomic_file(path, has_rivals=True) as temporary:
 
