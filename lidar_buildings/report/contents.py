@@ -54,11 +54,7 @@ class Relief:
 
 
 def read_relief(path: Path, frame: MapFrame, box: Rectangle | None, most_cells: int) -> Relief:
-    """
-    Read a raster of elevations, or what is in a box of it, coarser where it is larger.
-
-    No more than `most_cells` along the longer side; InputError if it cannot be read.
-    """
+    """Read a raster or a box of it, at most `most_cells` along a side; InputError if it cannot be read."""
     try:
         with rasterio.open(path) as file:
             window = _window(file, frame, box)
@@ -315,9 +311,7 @@ class Contents:
 
 
 def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
-    """
-    Choose and read what a page shows; with a focus that building and what is next to it, with all its points.
-    """
+    """Choose and read what a page shows; with a focus that building, with what is next to it."""
     every = result.buildings
     worst = [] if focus else worst_buildings(every, result.frame)
     near, box = _beside(every, focus) if focus else _in_the_middle(every)

@@ -100,11 +100,7 @@ class Result:
 
 
 def read_result(folder: Path, run: dict[str, Any] | None = None) -> Result:
-    """
-    Open the output folder of a run; InputError if it is none, in one line.
-
-    `run` is what ``run.json`` is to hold, where it is not written yet.
-    """
+    """Open an output folder, with the content of ``run.json`` if that is not written yet; or InputError."""
     run = _record(folder) if run is None else json.loads(json.dumps(run, default=str))
     try:
         frame = MapFrame(**{**run["frame"], "origin": tuple(run["frame"]["origin"])})

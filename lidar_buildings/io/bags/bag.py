@@ -64,11 +64,7 @@ class BagMessage(NamedTuple):
 
 
 class Bag:
-    """
-    A bag that is open: a folder of rosbag2, a storage file of one (.mcap, .db3), or a bag of ROS 1 (.bag).
-
-    InputError if it cannot be read.
-    """
+    """An open bag: a folder of rosbag2, a file of one (.mcap, .db3), or of ROS 1 (.bag); or InputError."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

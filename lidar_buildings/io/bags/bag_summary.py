@@ -55,11 +55,7 @@ class BagTopics(NamedTuple):
 
 
 def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
-    """
-    Choose the topics of an open bag: those that the user wants, or the only ones.
-
-    InputError if one is missing, or it is not clear which; then all topics are listed.
-    """
+    """Choose the topics that the user wants, or the only ones; InputError lists all if that is not clear."""
     topics = bag.topics
     own = [one for one in topics if one.type == TRANSFORMS]
     return BagTopics(

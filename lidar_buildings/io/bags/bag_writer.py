@@ -139,11 +139,7 @@ class Recording:
         self._topics[name] = kind, qos
 
     def start(self, on_written: Callable[[str, int], None]) -> None:
-        """
-        Begin to write what comes, in its order, in a thread of its own.
-
-        `on_written` is called, from that, with the topic and the time [ns] of each message that was its turn.
-        """
+        """Begin to write in a thread, which calls `on_written` with topic and time [ns] of each message."""
         self._thread = threading.Thread(target=self._run, args=(on_written,), name="recording", daemon=True)
         self._thread.start()
 

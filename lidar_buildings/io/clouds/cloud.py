@@ -137,11 +137,7 @@ class CloudExtent:
 
 @dataclass(frozen=True, eq=False)
 class Cloud(CloudExtent):
-    """
-    A checked file, as laspy parses its `header`, too; it is not kept open.
-
-    Its bounds hold for its points, also where those in the header do not.
-    """
+    """A checked file, with the `header` of laspy; its bounds hold, unlike those in some headers."""
 
     header: laspy.LasHeader
     kept: Path | None = None  #: where its points are decoded, once they have been read
@@ -159,11 +155,7 @@ class Cloud(CloudExtent):
     def chunks(
         self, size: int = CHUNK, first: int = 0, last: int | None = None
     ) -> Iterator[laspy.ScaleAwarePointRecord]:
-        """
-        Read the points `first` to `last` in file order, `size` at a time.
-
-        InputError if they cannot be read to the last one, or the file is not the one that was opened.
-        """
+        """Read points, `size` at a time; InputError if one cannot be read, or the file was changed."""
         run = first, self.point_count if last is None else last
         yield from (points for _, points in self.runs([run], size))
 

@@ -105,11 +105,7 @@ def is_cloud_file(path: Path) -> bool:
 
 
 def open_each(inputs: Inputs, open_one: Callable[[Path], _Opened]) -> tuple[list[_Opened], list[str]]:
-    """
-    Open files as `search_inputs` finds them; what cannot be read does not keep the others from it.
-
-    Beside what `open_one` made of them one line for each other; InputError if none can be read.
-    """
+    """Open what can be opened of inputs; beside it a line for each other. InputError if there is none."""
     opened: list[_Opened] = []
     paths, problems = search_inputs(inputs)
     for path in paths:

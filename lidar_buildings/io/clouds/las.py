@@ -43,11 +43,7 @@ MOST_POINTS = 2**32 - 1
 
 
 def open_cloud(path: str | Path) -> Cloud:
-    """
-    Open and check a file: header, records, reference system, and whether its first points can be decoded.
-
-    InputError: one line naming the file, what is wrong and what to do.
-    """
+    """Open and check a file: header, records, first points; InputError in one line if it is wrong."""
     path = located(path)
     with reported(path):
         state = state_of(path)
@@ -119,11 +115,7 @@ def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointT
 def chunks_within(
     cloud: Cloud, bounds: Sequence[float]
 ) -> Iterator[tuple[NDArray[np.int64], laspy.ScaleAwarePointRecord]]:
-    """
-    Read the points in or on bounds (west, south, east, north) in file order, some at a time.
-
-    Yields their places in the file and them; InputError if it cannot be read.
-    """
+    """Yield places in the file and points in or on bounds (W, S, E, N), or InputError if it is unreadable."""
     low, high = np.array(bounds, dtype=np.float64).reshape(2, 2)
     for first, chunk in cloud.runs(runs_touching(cloud, bounds)):
         places = xyz_of(chunk)[:, :2]

@@ -17,11 +17,7 @@ FIRST_EXTENDED_FORMAT = 6
 
 
 def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]:
-    """
-    Return a chunk's columns as a tile names them; `gps_time` is NaN where the format has none.
-
-    Points that the file withholds are not to be used: they come as noise.
-    """
+    """Return columns as a tile names them, `gps_time` NaN where there is none; withheld points are noise."""
     if chunk.point_format.id >= FIRST_EXTENDED_FORMAT:
         scan_angle = chunk.array["scan_angle"] * np.float32(SCAN_ANGLE_STEP)
     else:

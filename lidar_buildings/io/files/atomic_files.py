@@ -81,11 +81,7 @@ def write_error(path: Path, error: BaseException) -> OutputError:
 
 @contextmanager
 def checked_file(path: Path) -> Iterator[Any]:
-    """
-    Give a binary file for compiled writers, which hide why writing failed; it appears as of `atomic_file`.
-
-    OutputError if it cannot be written.
-    """
+    """Give an `atomic_file` for compiled writers, which hide why writing failed: OutputError says it."""
     with atomic_file(path) as temporary, open(temporary, "wb+") as plain:
         file = _CheckedFile(plain)
         try:

@@ -110,12 +110,7 @@ def glb(
     fields: Mapping[str, type],
     rows: Sequence[Mapping[str, Any]],
 ) -> bytes:
-    """
-    Return a file's content: triangles of buildings and of the terrain, either of which may be empty.
-
-    `fields` says which attributes are int, float or str; rows come in the order of the features. The terrain
-    has none.
-    """
+    """Return a glTF of triangles, either may be empty; `fields` are int, float or str, rows by feature."""
     buffer = _Buffer()
     accessors: list[dict[str, Any]] = []
     primitives = [_primitive(corners, buffer, accessors) for corners in (buildings, terrain) if len(corners)]

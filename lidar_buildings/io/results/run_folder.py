@@ -94,11 +94,7 @@ def claim_folder(
 
 
 def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
-    """
-    Make a folder, or refuse one that holds something else than an unfinished run (OutputError).
-
-    A live run is never finished: its tiles stay when it makes its files.
-    """
+    """Make a folder, or refuse (OutputError) one that holds else than an unfinished, or a live, run."""
     with usable(path):
         path.mkdir(parents=True, exist_ok=True)
         if overwrite:

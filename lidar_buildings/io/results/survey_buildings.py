@@ -106,11 +106,7 @@ class SurveyBuildings:
             yield part
 
     def add(self, shapes: Shapes) -> None:
-        """
-        Add a tile's buildings; of one that came before nothing is taken.
-
-        InputError if a line is no feature, where footprints have names.
-        """
+        """Add a tile's buildings that did not come before; InputError if a line to be named is no feature."""
         traced = {one.building_id: one.outline for one in shapes.traced}
         outlines = {one.building_id: one.outline for one in shapes.outlines}
         named = [(line, parse_feature(line)) for line in map(self._named, shapes.features)]

@@ -93,11 +93,7 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
 
 
 def check_overlap(file: FootprintFile, bounds: tuple[float, float, float, float], frame: MapFrame) -> None:
-    """
-    Refuse footprints that are all somewhere else than the clouds, whose bounds are in their own coordinates.
-
-    InputError if none reaches into the clouds' extent; it names both extents.
-    """
+    """Refuse (InputError) footprints of which none reaches into the clouds' bounds, in their coordinates."""
     own = file.footprints.bounds
     of_all = np.concatenate([own[:, :2].min(axis=0), own[:, 2:].max(axis=0)])
     corners = np.array([[*bounds[:2], 0.0], [*bounds[2:], 0.0]])

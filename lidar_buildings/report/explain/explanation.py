@@ -74,11 +74,7 @@ def rejected_beside(site: Site, number: int, outline: shapely.Polygon, limits: L
 def rejected_at(
     around: Site, is_here: NDArray[np.bool_], spacing: float, limits: Limits
 ) -> Iterator[Finding]:
-    """
-    Yield why there is no building at a place, by the limits that its points fail.
-
-    `around` are all points by which roof selection decides on those here.
-    """
+    """Yield which limits the points at a place fail, `around` which stand those that decide on them."""
     site = around.select(is_here)
     yield Finding(f"{len(site.points):,} points around: {site.per_class()}.")
     if not len(site.points):

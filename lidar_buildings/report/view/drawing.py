@@ -34,12 +34,7 @@ _FIELD_OF_VIEW_DEG, _FILLED = 30.0, 0.98
 
 
 def write_picture(path: Path, parts: Sequence[Coloured], eye: str) -> None:
-    """
-    Draw parts into a PNG or JPEG file.
-
-    LidarBuildingsError if Open3D, or what it draws with, is not there, in one line; OutputError if the file
-    cannot be written.
-    """
+    """Draw parts into a PNG or JPEG; LidarBuildingsError without Open3D, OutputError if not writable."""
     open3d = _open3d()
     image = open3d.geometry.Image(picture_of(parts, eye))
     with atomic_file(path) as temporary:
