@@ -13,8 +13,7 @@ from support.pages import Page
 from support.result_folders import with_points, written_models
 
 from lidar_buildings.cli import main
-from lidar_buildings.report.explain.building_findings import outline_findings
-from lidar_buildings.report.explain.finding import Limits
+from lidar_buildings.report.explain.building_findings import Limits, outline_findings
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, read_result
 
 SPACING = 0.5

@@ -52,7 +52,10 @@ def obj_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
         mesh = _Mesh(file, heading.frame)
         yield mesh.add
         with atomic_file(materials) as beside:
-            beside.write_text("".join(_material(*one) for one in mesh.materials), encoding="utf-8")
+            # each looks the same from both sides and does not shine
+            colours = [(name, " ".join(map(str, rgb))) for name, rgb in mesh.materials]
+            parts = [f"newmtl {name}\nKd {rgb}\nKa {rgb}\nillum 1\n" for name, rgb in colours]
+            beside.write_text("".join(parts), encoding="utf-8")
 
 
 class _Mesh:
@@ -95,9 +98,3 @@ class _Mesh:
             lines += [f"f {a + first} {b + first} {c + first}\n" for a, b, c in own]
         self._file.writelines(lines)
         self._n_vertices += len(vertices)
-
-
-def _material(name: str, colour: tuple[float, float, float]) -> str:
-    """Return a material that looks the same from both sides and does not shine."""
-    red, green, blue = colour
-    return f"newmtl {name}\nKd {red} {green} {blue}\nKa {red} {green} {blue}\nillum 1\n"

@@ -1,20 +1,35 @@
-"""The files that tell of a survey's buildings, written side by side in one pass over the buildings."""
+"""
+The files that tell of a survey's buildings, written side by side in one pass over the buildings.
+
+Of more buildings than one file should hold there is a folder per block, and an index of the blocks. Blocks
+are the squares of a quadtree. The index is a GeoJSON like a collection of items of STAC (stacspec.org),
+without dates, so that equal surveys give equal bytes.
+"""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from importlib import import_module
+from itertools import chain, product
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.clouds.find_inputs import InputFile
-from lidar_buildings.io.files.atomic_files import writing
+from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, writing
+from lidar_buildings.io.files.reference_systems import reprojected
 from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OUTPUT_FORMATS, TILES, OutputConfig
-from lidar_buildings.io.results.run_folder import output_names
+from lidar_buildings.io.results.run_folder import BLOCKS, output_names
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
 
 _NO_FEATURE = "unknown"
@@ -86,3 +101,116 @@ def writer_of(name: str) -> Callable[[Path, ModelHeading], AbstractContextManage
     writer: Callable[[Path, ModelHeading], AbstractContextManager[Add]]
     writer = getattr(import_module(f"lidar_buildings.io.{module}"), function)
     return writer
+
+
+INDEX = "index.json"
+#: What a block has instead of a GeoPackage: one layer a file, which readers over a network can read in parts.
+_INSTEAD = {"gpkg": "flatgeobuf"}
+_DEGREES = "EPSG:4326"
+_DECIMALS = 7
+#: Squares are not divided further below this side, that of a square of the terrain in models [m].
+_SMALLEST = 256.0
+
+
+def write_in_blocks(
+    folder: Path,
+    buildings: SurveyBuildings,
+    formats: Collection[str],
+    heading: ModelHeading,
+    terrain: Iterable[TerrainMesh] = (),
+    *,
+    largest: int,
+) -> tuple[list[str], dict[str, int]]:
+    """
+    Write buildings as `write_buildings` does, the files of each block into a folder of its own.
+
+    FlatGeobuf stands for GeoPackage there. 3D Tiles are divided by themselves, and not again. A block has at
+    most the `largest` number of buildings.
+    """
+    in_blocks = {_INSTEAD.get(name, name) for name in formats if name != TILES}
+    squares = squares_of(buildings.places(), largest)
+    tiles: list[str] = []
+    total: Counter[str] = Counter()
+    items = []
+    with atomic_folder(folder / BLOCKS) as blocks, TemporaryFile(dir=blocks) as file:
+        #: pieces of terrain by the number of the square around each, or nearest to it
+        meshes: Waiting[int, TerrainMesh] = Waiting(file)
+        for mesh in terrain:
+            middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
+            away = [square.distance(middle) for square, _ in squares]
+            meshes.add(away.index(min(away)), mesh)
+        parts = buildings.parts(rows for _, rows in squares)
+        for number, ((square, rows), part) in enumerate(zip(squares, parts, strict=True)):
+            x, y, _ = buildings.frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
+            block = blocks / f"block-{x:.0f}-{y:.0f}"
+            block.mkdir()
+            files, statuses = write_buildings(block, part, in_blocks, heading, meshes.of(number))
+            total.update(statuses)
+            items.append(_item(block, files, {"buildings": len(rows), "statuses": statuses}, part))
+        lines = ",\n".join(json.dumps(item, ensure_ascii=False) for item in items)
+        index = f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
+        (blocks / INDEX).write_text(index, encoding="utf-8")
+        if TILES in formats:
+            all_meshes = chain.from_iterable(map(meshes.of, range(len(squares))))
+            tiles, _ = write_buildings(folder, buildings, [TILES], heading, all_meshes)
+    return [BLOCKS, *tiles], dict(sorted(total.items()))
+
+
+def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuildings) -> dict[str, Any]:
+    """Return what the index says of a block: where it lies, on the earth too, counts, and files."""
+    item: dict[str, Any] = {"type": "Feature", "stac_version": "1.0.0", "id": block.name, "geometry": None}
+    properties: dict[str, Any] = {"datetime": None, **facts}
+    if part.bounds is not None:
+        box = shapely.box(*part.frame.to_source(np.insert(part.bounds, 2, 0.0, axis=1))[:, :2].ravel())
+        properties["proj:bbox"] = np.round(box.bounds, 3).tolist()
+        if crs := part.frame.crs:
+            properties["proj:code" if crs.startswith("EPSG:") else "proj:wkt2"] = crs
+            (around,) = reprojected(np.array([box]), crs, _DEGREES, str(block))
+            if np.isfinite(around.bounds).all():
+                item["geometry"] = json.loads(
+                    shapely.to_geojson(shapely.set_precision(around, 10.0**-_DECIMALS))
+                )
+                item["bbox"] = np.round(around.bounds, _DECIMALS).tolist()
+    assets = {
+        file: {"href": f"{block.name}/{file}", "file:size": (block / file).stat().st_size} for file in files
+    }
+    return item | {"properties": properties, "assets": assets, "links": []}
+
+
+class Square(NamedTuple):
+    """A square of the map: its south-western corner and its side [m]."""
+
+    west: float
+    south: float
+    side: float
+
+    def distance(self, place: NDArray[np.float64]) -> float:
+        """Return how far a place is outside [m]."""
+        away = np.abs(place - [self.west, self.south] - self.side / 2.0) - self.side / 2.0
+        return float(np.hypot(*np.maximum(away, 0.0)))
+
+
+def squares_of(places: NDArray[np.float64], largest: int) -> list[tuple[Square, NDArray[np.intp]]]:
+    """
+    Divide places, shape (n, 2), one at least, into squares of at most so many, or of the smallest side.
+
+    By a quadtree on multiples of 256 m. Returned are the squares that hold places, and the rows of these;
+    from west to east, then from south to north.
+    """
+    cells = np.floor(places / _SMALLEST)
+    west, south = (cells.min(axis=0) * _SMALLEST).tolist()
+    n_cells = int((cells.max(axis=0) - cells.min(axis=0)).max()) + 1
+    waiting = [(Square(west, south, _SMALLEST * 2 ** (n_cells - 1).bit_length()), np.arange(len(places)))]
+    found = []
+    while waiting:
+        square, rows = waiting.pop()
+        if len(rows) <= largest or square.side <= _SMALLEST:
+            found.append((square, rows))
+            continue
+        half = square.side / 2.0
+        beyond = places[rows] >= [square.west + half, square.south + half]
+        for east, north in product((False, True), repeat=2):
+            own = rows[(beyond == [east, north]).all(axis=1)]
+            if len(own):
+                waiting.append((Square(square.west + east * half, square.south + north * half, half), own))
+    return sorted(found, key=lambda one: one[0])

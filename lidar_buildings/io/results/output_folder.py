@@ -119,7 +119,7 @@ class OutputFolder:
 
     def load_writers(self) -> None:
         """Import what `finalise` needs, in a time when nothing else is to be done."""
-        from lidar_buildings.io.results import building_blocks, terrain_files  # noqa: F401
+        from lidar_buildings.io.results import terrain_files  # noqa: F401
         from lidar_buildings.io.results.building_files import writer_of
 
         for name in OUTPUT_FORMATS.keys() & set(self._files.formats):
@@ -214,8 +214,7 @@ class OutputFolder:
     ) -> tuple[list[str], dict[str, int], list[str]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.core.stages.building_model.model import LOD22
-        from lidar_buildings.io.results.building_blocks import write_in_blocks
-        from lidar_buildings.io.results.building_files import model_heading, write_buildings
+        from lidar_buildings.io.results.building_files import model_heading, write_buildings, write_in_blocks
         from lidar_buildings.io.results.terrain_files import terrain_meshes
 
         names = None if self._footprints is None else self._footprints.footprint_id

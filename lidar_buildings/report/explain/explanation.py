@@ -18,12 +18,15 @@ from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.io.models.cityjson import parse_feature
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.report.explain.building_findings import (
+    Finding,
+    Limits,
+    Site,
     line_findings,
     outline_findings,
+    read_site,
     roof_findings,
     shape_of,
 )
-from lidar_buildings.report.explain.finding import Finding, Limits, Site, read_site
 from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 from lidar_buildings.report.summary_words import early_end
 

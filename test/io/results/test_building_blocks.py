@@ -18,7 +18,7 @@ from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.models.survey_building import ModelHeading, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame
-from lidar_buildings.io.results.building_blocks import squares_of, write_in_blocks
+from lidar_buildings.io.results.building_files import squares_of, write_in_blocks
 
 FORMATS = ("gpkg", "cityjson", "obj", "3dtiles")
 #: South-western corners of houses: three near each other, and two far away [m].
