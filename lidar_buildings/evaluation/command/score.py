@@ -26,11 +26,7 @@ BUILDING = (int(PointClass.BUILDING),)
 
 @dataclass(frozen=True)
 class ScoreOptions:
-    """
-    The options of all kinds of score.
-
-    ParameterError if a number is out of range or the level is unknown.
-    """
+    """The options of all kinds of score; ParameterError if one is out of range or the level unknown."""
 
     area: MetricPolygons | None = None  #: the area of interest: only what lies inside counts
     cell: float = 0.5  #: side of the cells in which buildings are compared [m]

@@ -133,11 +133,7 @@ DEFAULT_CELL = 0.5
 
 
 def cells_of_polygons(polygons: ArrayLike, cell: float) -> CellSet:
-    """
-    Return the cells whose centre lies in a polygon or on its edge; invalid polygons are repaired.
-
-    ValueError if `cell` is not positive, or so small that coordinates overflow.
-    """
+    """Return cells with their centre in or on a (repaired) polygon; ValueError for a size out of range."""
     parts = polygon_parts(polygons)
     _checked_size(cell, shapely.bounds(parts))
     found = [_cells_of_part(part, cell) for part in parts]
