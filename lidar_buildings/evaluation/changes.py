@@ -393,7 +393,7 @@ class Comparison:
         ]
 
     def write(self, path: Path) -> None:
-        """Write a GeoPackage: `changes` by place, and buildings with theirs, `old` and `new`; or OutputError."""
+        """Write a GeoPackage: `changes` by place; buildings with theirs, `old` and `new`; or OutputError."""
         places = shapely.transform([one.place for one in self.changes], lambda xy: xy / self.new.unit)
         with geopackage_file(path, self.new.crs) as add:
             parts, owner = shapely.get_parts(places, return_index=True)
