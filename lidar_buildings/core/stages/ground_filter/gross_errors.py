@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, rows_by_cell, sort_by_cell
-from lidar_buildings.core.stages.ground_filter.layers import (
+from lidar_buildings.core.stages.ground_filter.error_layers import (
     Layers,
     columns_in_row,
     high_end,
