@@ -46,39 +46,27 @@ class PointTile:
     Coordinates are rounded to float32 and columns cast to their message's dtype when the tile is made, so
     that a stage sees the same numbers with and without ROS. Rows are in the order of (`source`, `index`).
 
-    Attributes
-    ----------
-    points : ndarray of shape (n_points, 3), float64
-        Map frame [m].
-    intensity, return_number, number_of_returns, classification : ndarray or None
-        As in the source; None where it has none.
-    scan_angle, scan_direction_flag, point_source_id, gps_time : ndarray or None
-        Likewise; `scan_angle` in degrees.
-    buffer : ndarray of uint8 or None
-        1 = belongs to a neighbouring tile, given as context only.
-    source, index : ndarray or None
-        The point is row `index` of input number `source`.
-    normalised_intensity : ndarray or None
-        0 to 255, the same in all flight strips of a survey; see `lidar_buildings.core.surfaces.intensity`.
-    height_above_ground ... plane_id : ndarray or None
-        What the stages appended.
-    stamp : int
-        The tile's key [ns].
-    point_spacing : float or None
-        Spacing of the pulses [m], the yardstick of other lengths; mostly one for a survey. None: not known.
-    dark_limit : float or None
-        Normalised intensity up to which ground is dark: one for a survey whose ground has two modes.
-    bounds : tuple of four float or None
-        West, south, east and north limit of the tile with its buffer [m]; None where nothing lies beyond it.
-        A building that reaches these limits is not whole.
-    frame : MapFrame
-        Where the map frame lies.
+    - `points`, shape (n_points, 3), float64: Map frame [m].
+    - `intensity`, `return_number`, `number_of_returns`, `classification`, ndarray: As in the source; None
+      where it has none.
+    - `scan_angle`, `scan_direction_flag`, `point_source_id`, `gps_time`, ndarray: Likewise; `scan_angle` in
+      degrees.
+    - `buffer`, uint8: 1 = belongs to a neighbouring tile, given as context only.
+    - `source`, `index`, ndarray: The point is row `index` of input number `source`.
+    - `normalised_intensity`, ndarray: 0 to 255, the same in all flight strips of a survey; see
+      `lidar_buildings.core.surfaces.intensity`.
+    - height_above_ground ... plane_id, ndarray: What the stages appended.
+    - `stamp`: The tile's key [ns].
+    - `point_spacing`: Spacing of the pulses [m], the yardstick of other lengths; mostly one for a survey.
+      None: not known.
+    - `dark_limit`: Normalised intensity up to which ground is dark: one for a survey whose ground has two
+      modes.
+    - `bounds`, tuple of four float: West, south, east and north limit of the tile with its buffer [m]; None
+      where nothing lies beyond it. A building that reaches these limits is not whole.
+    - `frame`: Where the map frame lies.
 
-    Raises
-    ------
-    ValueError
-        If a column's length differs from the number of points, `points` is not (n, 3), or a spacing or
-        limit is not above 0.
+    ValueError if a column's length differs from the number of points, `points` is not (n, 3), or a spacing or
+    limit is not above 0.
     """
 
     points: NDArray[np.float64]

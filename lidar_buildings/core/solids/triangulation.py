@@ -226,11 +226,8 @@ def _triangulate_all(flat, corners, ring_starts, face_starts, starts, triangles)
 
 @kernel
 def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # type: ignore[no-untyped-def]
-    """
-    Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then.
-
-    The rightmost hole left is the next: joined at a common vertex, else by the shortest bridge in sight.
-    """
+    """Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then."""
+    # The rightmost hole left is the next: joined at a common vertex, else by the shortest bridge in sight.
     joined = np.zeros(last_ring, dtype=np.bool_)
     for _ in range(first_ring + 1, last_ring):
         rightmost, chosen, tip = -np.inf, first_ring + 1, 0
@@ -307,11 +304,8 @@ def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches)
 
 @kernel
 def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untyped-def]
-    """
-    Cut the ears off a loop of n corners: each time the best one, in long loops the first good one.
-
-    An ear's quality is its height over its longest side; −1: straight, −2: no ear, −3: points inwards.
-    """
+    """Cut the ears off a loop of n corners: each time the best one, in long loops the first good one."""
+    # An ear's quality is its height over its longest side; −1: straight, −2: no ear, −3: points inwards.
     for k in range(n):
         quality[k] = _UNKNOWN
     start = 0

@@ -84,27 +84,14 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     a1 = (σ1 − σ2)/σ1, a2 = (σ2 − σ3)/σ1, a3 = σ3/σ1 with σ = √λ, is smallest (Demantké and others, 2011). One
     pass over the neighbours of the largest radius serves all of them: moments are summed in shells.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        In any order [m].
-    radii : sequence of float
-        Rising [m], > 0; a single one fixes the radius.
-    min_neighbours : int
-        Radii with fewer points are passed over, but for the largest one; ≥ 1.
+    - `points`, shape (n_points, 3): In any order [m].
+    - `radii`, sequence of float: Rising [m], > 0; a single one fixes the radius.
+    - `min_neighbours`: Radii with fewer points are passed over, but for the largest one; ≥ 1.
 
-    Returns
-    -------
-    EigenFeatures
-        Rows as in the input. A point alone has λ = 0 and a normal straight up.
+    Returned: rows as in the input. A point alone has λ = 0 and a normal straight up.
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or a parameter is none of what is allowed.
+    ValueError if `points` has another shape or is not finite, or a parameter is none of what is allowed.
 
-    Notes
-    -----
     Coordinates are taken from the point itself, so the distance of the origin does not matter, and summed in
     an order that depends on them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly
     spaced ones stand for all. Time is proportional to the number of neighbours within the largest radius.

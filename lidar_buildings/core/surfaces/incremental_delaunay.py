@@ -55,11 +55,8 @@ def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ign
 
 @kernel
 def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
-    """
-    Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k.
-
-    Both have the former's corner 0 as their corner 0 afterwards.
-    """
+    """Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k."""
+    # Both have the former's corner 0 as their corner 0 afterwards.
     a, b, c, d = triangles[near, 0], triangles[near, 1], triangles[near, 2], triangles[far, k]
     beyond_bd, beyond_dc = neighbours[far, (k + 1) % 3], neighbours[far, (k + 2) % 3]
     beyond_ca, beyond_ab = neighbours[near, 1], neighbours[near, 2]

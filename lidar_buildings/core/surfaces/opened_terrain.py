@@ -48,8 +48,6 @@ def opened_terrain(
     false low point. Cells without points take no part, so nothing is invented before
     the openings. The terrain is spanned between the cells left. Points come in any order.
 
-    Notes
-    -----
     Worked on in blocks, each with what lies around it within reach of the largest disc: memory does not
     depend on the extent, and time is linear in the number of occupied blocks and of points. What lies
     beyond has no influence.

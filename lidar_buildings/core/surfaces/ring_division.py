@@ -265,12 +265,9 @@ def _beyond(weight, along, length, n):  # type: ignore[no-untyped-def]
 
 @kernel
 def _bent(sums, start, end, sense, variance):  # type: ignore[no-untyped-def]
-    """
-    Return the squared offsets from the best circle, and whether the stretch may be an arc of it.
-
-    An arc bulges out of its ring: hollows are straight, while gaps in the points, which look like hollows,
-    may be round.
-    """
+    """Return the squared offsets from the best circle, and whether the stretch may be an arc of it."""
+    # An arc bulges out of its ring: hollows are straight, while gaps in the points, which look like hollows,
+    # may be round.
     _, _, _, offsets = algebraic_circle(sums, start, end)
     weight = sums[end, 0] - sums[start, 0]
     is_arc = offsets <= _MAX_ARC_MISFIT * variance * weight and sense * _bulge(sums, start, end) > 0.0

@@ -34,11 +34,7 @@ def east_north_up(longitude: float, latitude: float) -> NDArray[np.float64]:
     east, north = np.radians(longitude), np.radians(latitude)
     sin_l, cos_l, sin_p, cos_p = np.sin(east), np.cos(east), np.sin(north), np.cos(north)
     return np.array(
-        [
-            [-sin_l, cos_l, 0.0],
-            [-sin_p * cos_l, -sin_p * sin_l, cos_p],
-            [cos_p * cos_l, cos_p * sin_l, sin_p],
-        ]
+        [[-sin_l, cos_l, 0.0], [-sin_p * cos_l, -sin_p * sin_l, cos_p], [cos_p * cos_l, cos_p * sin_l, sin_p]]
     )
 
 

@@ -208,10 +208,7 @@ def _ground_between(origin, direction, begin, end, above, under, terrain):
 #: Lever arm [m] and boresight angles [deg]: on the roof, tilted a little, turned by a quarter.
 MOUNTING = "0.6,-0.15,1.95,0.8,-1.2,90.5"
 #: A car on its springs.
-CAR = Sway(
-    (0.0, 0.0, 0.0),
-    ((0, 0.8, 1.7, 0.2), (0, 0.3, 0.6, 1.3), (1, 0.6, 1.3, 0.7), (2, 1.0, 4.3, 2.1)),
-)
+CAR = Sway((0.0, 0.0, 0.0), ((0, 0.8, 1.7, 0.2), (0, 0.3, 0.6, 1.3), (1, 0.6, 1.3, 0.7), (2, 1.0, 4.3, 2.1)))
 #: Poses a second.
 POSE_RATE = 100.0
 #: Turns a second.

@@ -190,11 +190,9 @@ class RingTracer:
         max_steps: int,
         points_on_wrong_side: Callable[[NDArray[np.int64]], NDArray[np.int64] | None],
     ) -> NDArray[np.int64] | None:
-        """
-        Walk from a row until a ring gives no trouble; widen the reach where the last walk did.
-
-        The heading leads into the empty side; the callable returns the rows on a ring's wrong side, or None.
-        """
+        """Walk from a row until a ring gives no trouble; widen the reach where the last walk did."""
+        # The heading leads into the empty side; the callable returns the rows on a ring's wrong side, or
+        # None.
         grid, before = self._grid, int(self._edges.size[0])
         reach = np.ones(len(self._follower))
         for _ in range(max_walks):

@@ -101,33 +101,20 @@ def trace_boundary(
     was seen, they are walked once more, and no step crosses it: what is open within is a courtyard, however
     narrow.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        The building's points, in any order [m].
-    config : BoundaryTracingConfig, optional
-        Settings.
-    pattern : ScanPattern, optional
-        Spacing along and across the scan lines: the neighbourhood is a rectangle with sides in these
-        proportions, aligned with the lines. Without it, or where both are the same, it is a disc, since
-        nothing tells how a square should be turned, unless `config.neighbourhood` wants one.
-    point_spacing : float, optional
-        The spacing of the building's points [m]; that of the pattern, or measured, if not given.
-    ground : ndarray of shape (n_ground, 2 or more), optional
-        Ground about the building, a point each half metre at most [m].
+    - `points`, shape (n_points, 3): The building's points, in any order [m].
+    - `config`, optional: Settings.
+    - `pattern`, optional: Spacing along and across the scan lines: the neighbourhood is a rectangle with
+      sides in these proportions, aligned with the lines. Without it, or where both are the same, it is a
+      disc, since nothing tells how a square should be turned, unless `config.neighbourhood` wants one.
+    - `point_spacing`, optional: The spacing of the building's points [m]; that of the pattern, or measured,
+      if not given.
+    - `ground`, shape (n_ground, 2 or more), optional: Ground about the building, a point each half metre at
+      most [m].
 
-    Returns
-    -------
-    TracedBoundary
-        All points lie inside or on the ring.
+    Returned: all points lie inside or on the ring.
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or `point_spacing` is not positive.
+    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
 
-    Notes
-    -----
     Heights have no influence; neither has the order of points. The ring turns with the points if the pattern
     does.
     """

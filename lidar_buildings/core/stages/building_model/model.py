@@ -186,31 +186,17 @@ def build_model(
     rounded as they will be written before a solid is built, so that what is checked is what is written.
     A level that fails its checks is left out, and the reason says so.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        The building's roof points, in any order [m].
-    outline : Outline
-        In the map frame [m].
-    config : BuildingModelConfig, optional
-    plane_id : array_like of shape (n_points,), optional
-        Number of each point's roof plane, 0 = none; without any the roof is one plane.
-    ground_elevation : float, optional
-        Elevation of the ground at the building [m]; without it a height is assumed, and the reason says so.
-    point_spacing : float, optional
-        Measured from the points if not given [m].
-    is_roof_seen : bool
-        Whether the points show the roof; else they are the tops of walls with at most a part of it, and
-        LoD1.2 is all that is built.
+    - `points`, shape (n_points, 3): The building's roof points, in any order [m].
+    - `outline`: In the map frame [m].
+    - `plane_id`, shape (n_points,), optional: Number of each point's roof plane, 0 = none; without any the
+      roof is one plane.
+    - `ground_elevation`, optional: Elevation of the ground at the building [m]; without it a height is
+      assumed, and the reason says so.
+    - `point_spacing`, optional: Measured from the points if not given [m].
+    - `is_roof_seen`: Whether the points show the roof; else they are the tops of walls with at most a part of
+      it, and LoD1.2 is all that is built.
 
-    Returns
-    -------
-    BuildingModel
-
-    Raises
-    ------
-    ValueError
-        If an array has another shape, or a value is not finite.
+    ValueError if an array has another shape, or a value is not finite.
     """
     config = config or BuildingModelConfig()
     points = checked_points(points)

@@ -256,19 +256,11 @@ def simplified(
     plane lost cell by cell it gets back at once: it takes all cells that hang together and that it fits no
     worse than theirs, cells and faces are tried again, and what is shorter then is kept.
 
-    Parameters
-    ----------
-    cells : Cells
-    labels : ndarray of shape (n_cells,), int64
-        Row of each cell's plane.
-    costs : ndarray of shape (n_cells, n_planes)
-        Misfit of each plane over each cell [m³].
-    planes : ndarray of shape (n_planes, 3)
-        z = a·x + b·y + c.
-    prices : tuple of float
-        Of a metre of border [m²], and of a corner [m³].
-    min_area : float
-        [m²].
+    - `labels`, shape (n_cells,), int64: Row of each cell's plane.
+    - `costs`, shape (n_cells, n_planes): Misfit of each plane over each cell [m³].
+    - `planes`, shape (n_planes, 3): z = a·x + b·y + c.
+    - `prices`, tuple of float: Of a metre of border [m²], and of a corner [m³].
+    - `min_area`: [m²].
     """
     labels = labels.copy()
     if len(cells) > 1 and costs.shape[1] > 1:

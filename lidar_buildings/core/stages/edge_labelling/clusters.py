@@ -165,11 +165,8 @@ def _is_one(second: NDArray[np.bool_]) -> bool:
 
 
 def _k_means(features: NDArray[np.float64], second: NDArray[np.bool_], distance: str) -> NDArray[np.bool_]:
-    """
-    Iterate with means for centres, with the Manhattan distance with medians.
-
-    By hand: scikit-learn's takes 1 s to import, and its threads spin as long again on so few features.
-    """
+    """Iterate with means for centres, with the Manhattan distance with medians."""
+    # By hand: scikit-learn's takes 1 s to import, and its threads spin as long again on so few features.
     metric = metric_of(features, distance)
     for _ in range(MAX_ROUNDS):
         before, second = second, in_second(features, _part_centres(features, second, distance), metric)

@@ -73,28 +73,15 @@ def label_edges(
     to be known beforehand. Of the band those points stay, and points close to it become edges, that an empty
     disc touches in plan: the rims of roofs.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Roof points of any number of buildings, in any order [m].
-    config : EdgeLabellingConfig, optional
-        The stage's parameters; lengths are multiples of the point spacing. `AS_PUBLISHED` is the method
-        without what was added to it.
-    point_spacing : float, optional
-        Spacing of the pulses [m]; measured if not given.
+    - `points`, shape (n_points, 3): Roof points of any number of buildings, in any order [m].
+    - `config`, optional: The stage's parameters; lengths are multiples of the point spacing. `AS_PUBLISHED`
+      is the method without what was added to it.
+    - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
-    Returns
-    -------
-    EdgeLabels
-        Rows as in the input.
+    Returned: rows as in the input.
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or `point_spacing` is not positive.
+    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
 
-    Notes
-    -----
     Neither the order of the points nor the number of threads changes a label. A roof that lies whole in two
     tiles is labelled alike in both, given the same spacing. Steps between roofs are labelled with thinning
     "surface"; ridges only with "none", and few: they bend the surface too little to be told apart.

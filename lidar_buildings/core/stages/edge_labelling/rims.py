@@ -110,23 +110,17 @@ def _without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyp
 
 @kernel
 def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
-    """
-    Return where the arc begins and ends in which a neighbour keeps the disc's centre out.
-
-    The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
-    direction (dx, dy) to either end the arc goes by the angle between diameter and distance.
-    """
+    """Return where the arc begins and ends in which a neighbour keeps the disc's centre out."""
+    # The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
+    # direction (dx, dy) to either end the arc goes by the angle between diameter and distance.
     first = _direction(dx * distance + dy * across, dy * distance - dx * across)
     return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
 
 
 @kernel
 def _direction(east, north):  # type: ignore[no-untyped-def]
-    """
-    Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east.
-
-    Quarter turns that are not quite even: it saves the arc tangent.
-    """
+    """Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east."""
+    # Quarter turns that are not quite even: it saves the arc tangent.
     along = north / (abs(east) + abs(north))
     if east < 0.0:
         return 2.0 - along

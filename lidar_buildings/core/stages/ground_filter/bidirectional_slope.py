@@ -108,13 +108,10 @@ def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ign
 
 @kernel
 def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
-    """
-    Label one profile in one direction.
-
-    The first points are likely ground, until the profile falls by more than the terrain can: then they were
-    on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
-    sure, that on the way there too.
-    """
+    """Label one profile in one direction."""
+    # The first points are likely ground, until the profile falls by more than the terrain can: then they were
+    # on an object, and nothing is said of them. Where it has gone on for longer than any object, ground is
+    # sure, that on the way there too.
     max_slope, step, max_object, _ = limits
     i = begin if heading > 0 else end - 1
     start, last = i, i
@@ -157,12 +154,9 @@ def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
 
 @kernel
 def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
-    """
-    Whether point i stands a step above the last ground point, or above one not much further back.
-
-    In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
-    same.
-    """
+    """Whether point i stands a step above the last ground point, or above one not much further back."""
+    # In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
+    # same.
     max_slope, step, _, window = limits
     j = last
     while begin <= j < end:
@@ -365,11 +359,9 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
 def _planes(
     moments: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64], level: float
 ) -> NDArray[np.float64]:
-    """
-    Return elevations at (x, y) of the planes of least squares, from sums of products.
-
-    `level` is added to the variances in plan [m²]: points near one place, or on a line, have no slope beyond.
-    """
+    """Return elevations at (x, y) of the planes of least squares, from sums of products."""
+    # `level` is added to the variances in plan [m²]: points near one place, or on a line, have no slope
+    # beyond.
     weight = np.maximum(moments[0], 1e-30)
     mx, my, mz, mxx, mxy, myy, mxz, myz = moments[1:] / weight
     xx, yy, xy = mxx - mx * mx + level, myy - my * my + level, mxy - mx * my

@@ -75,32 +75,19 @@ def classify_ground(
     ground was recorded (a tile that shows one roof only), that is the roof, and heights are measured from it;
     there is no result without a terrain.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Last or all returns [m]; in any order, but for ``bidirectional_slope``, which uses the scan's where
-        there is one.
-    config : GroundFilterConfig, optional
-        Thresholds; the defaults serve town and country.
-    gps_time, scan_angle, scan_direction_flag, point_source_id : array_like of shape (n_points,), optional
-        What tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
-    set_aside : array_like of bool, shape (n_points,), optional
-        Points that are known not to be of the terrain; class 1 or noise, unless nothing else is left.
-    point_spacing : float, optional
-        Spacing of the pulses [m]; measured if not given. Tiles of a survey agree if all are given the same.
+    - `points`, shape (n_points, 3): Last or all returns [m]; in any order, but for ``bidirectional_slope``,
+      which uses the scan's where there is one.
+    - `config`, optional: Thresholds; the defaults serve town and country.
+    - `gps_time`, `scan_angle`, `scan_direction_flag`, `point_source_id`, shape (n_points,), optional: What
+      tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
+    - `set_aside`, shape (n_points,), optional: Points that are known not to be of the terrain; class 1 or
+      noise, unless nothing else is left.
+    - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given. Tiles of a survey agree if
+      all are given the same.
 
-    Returns
-    -------
-    GroundResult
+    ValueError if `points` has another shape or is not finite, or another array has not one number per point,
+    or the spacing is no length.
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or another array has not one number per point, or the
-        spacing is no length.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> x, y = np.meshgrid(np.arange(20.0), np.arange(20.0))
     >>> roof = (abs(x - 10) < 4) & (abs(y - 10) < 4)

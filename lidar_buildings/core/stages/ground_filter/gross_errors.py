@@ -150,12 +150,9 @@ def _gather_groups(layers, seeds, state, group_of):  # type: ignore[no-untyped-d
 
 @kernel
 def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore[no-untyped-def]
-    """
-    Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit.
-
-    Layers of columns within `reach` are connected if they are within the `gap` [m], the slope allowed for.
-    `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
-    """
+    """Fill `members` with what is connected with a layer; return how many, or −1 if they do not fit."""
+    # Layers of columns within `reach` are connected if they are within the `gap` [m], the slope allowed for.
+    # `group_of` becomes the seed for each; all of a group that does not fit are marked as LARGE.
     n_members, done = 1, 0
     members[0], group_of[seed] = seed, seed
     while done < n_members:

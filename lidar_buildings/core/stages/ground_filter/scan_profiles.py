@@ -118,19 +118,12 @@ def find_scan_lines(
     the order given otherwise. A line ends where the direction flag changes, where the scan angle turns, or
     where the way from point to point turns back: the first that gives long, straight lines counts.
 
-    Parameters
-    ----------
-    points : ndarray of shape (n_points, 3)
-        In the order of the file [m].
-    spacing : float
-        Spacing of the points [m].
-    gps_time, scan_angle, scan_direction_flag, point_source_id : ndarray of shape (n_points,), optional
-        Columns of the file [s], [deg].
+    - `points`, shape (n_points, 3): In the order of the file [m].
+    - `spacing`: Spacing of the points [m].
+    - `gps_time`, `scan_angle`, `scan_direction_flag`, `point_source_id`, shape (n_points,), optional: Columns
+      of the file [s], [deg].
 
-    Returns
-    -------
-    ScanLines or None
-        None if the order is not that of a scan: shuffled, or sorted by tiles or by a curve.
+    Returned: None if the order is not that of a scan: shuffled, or sorted by tiles or by a curve.
     """
     n = len(points)
     if n < 2:

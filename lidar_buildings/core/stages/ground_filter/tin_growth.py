@@ -231,11 +231,8 @@ def _take_best(waiting, facets):  # type: ignore[no-untyped-def]
 
 @kernel
 def _insert(mesh, n_triangles, facets, best, waiting, pending):  # type: ignore[no-untyped-def]
-    """
-    Insert the best candidate of each facet; candidates of triangles that change become pending.
-
-    Return the numbers of triangles and of pending candidates.
-    """
+    """Insert the best candidate of each facet; candidates of triangles that change become pending."""
+    # Return the numbers of triangles and of pending candidates.
     vertices, triangles, neighbours, _, n_start, _ = mesh
     n_pending = 0
     for k in range(len(facets)):
@@ -278,11 +275,8 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
 
 @kernel
 def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
-    """
-    Return how well a point fits a facet; infinity where it may not join.
-
-    Below the facet the distance to it, negative; above it the largest angle at a corner.
-    """
+    """Return how well a point fits a facet; infinity where it may not join."""
+    # Below the facet the distance to it, negative; above it the largest angle at a corner.
     angle, gain, distance = limits
     slope = plane_slope(a, b, c)
     above = (point[2] - plane_elevation(point[0], point[1], a, b, c)) / math.sqrt(1.0 + slope * slope)
@@ -296,11 +290,9 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
 
 @kernel
 def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
-    """
-    Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there.
-
-    Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are ground.
-    """
+    """Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there."""
+    # Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are
+    # ground.
     angle, _, distance = limits
     if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
         return np.inf

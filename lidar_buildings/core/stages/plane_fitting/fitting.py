@@ -47,25 +47,12 @@ def fit_roof_planes(
     smoothness and number of planes as of Isack and Boykov 2012). With the method ``"ransac"``, planes are
     taken out of all points one after the other (Mancera-Taboada et al. 2012).
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        The building's roof points, in any order [m].
-    config : PlaneFittingConfig, optional
-    point_spacing : float, optional
-        Spacing of the cloud that the points are of [m]; measured on the points if not given.
+    - `points`, shape (n_points, 3): The building's roof points, in any order [m].
+    - `point_spacing`, optional: Spacing of the cloud that the points are of [m]; measured on the points if
+      not given.
 
-    Returns
-    -------
-    RoofPlanes
+    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
 
-    Raises
-    ------
-    ValueError
-        If `points` has another shape or is not finite, or `point_spacing` is not positive.
-
-    Notes
-    -----
     Order of points does not matter, nor do repetitions. Time grows with the number of points.
     """
     given = checked_points(points)

@@ -191,11 +191,8 @@ def both_ways(directions: tuple[float, ...]) -> NDArray[np.float64]:
 def _divided(
     samples: list[RingSamples], spacing: float, config: RegularisationConfig
 ) -> tuple[tuple[float, ...], list[Division]]:
-    """
-    Find the building's directions and the walls that follow them.
-
-    The long walls of a free division are candidates, taken as long as they are worth a further parameter.
-    """
+    """Find the building's directions and the walls that follow them."""
+    # The long walls of a free division are candidates, taken as long as they are worth a further parameter.
     costs = Costs(
         noise=config.noise * spacing,
         wall=config.wall_cost,

@@ -93,25 +93,13 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     1978), a wall keeps its own direction or bends where it clearly does, and concavities that are gaps
     between points are bridged first.
 
-    Parameters
-    ----------
-    traced : Outline
-        Outline whose vertices are lidar points [m].
-    config : RegularisationConfig, optional
-        Settings.
+    - `traced`: Outline whose vertices are lidar points [m].
+    - `config`, optional: Settings.
 
-    Returns
-    -------
-    RegularisedOutline
-        The traced outline with its reason where the walls give no valid ring.
+    Returned: the traced outline with its reason where the walls give no valid ring.
 
-    Raises
-    ------
-    ValueError
-        If a ring is not an array of finite x and y.
+    ValueError if a ring is not an array of finite x and y.
 
-    Notes
-    -----
     Coordinates are metres: points are worth `finest_spacing` at best, so that much smaller things stay as
     traced. Some 500 buildings a second; a ring of 100,000 points takes seconds.
     """

@@ -66,12 +66,9 @@ def of_road_grey(intensity: NDArray[np.floating], config: RoofSelectionConfig) -
 
 
 def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:
-    """
-    Remove what is narrower than a width [cells] between bright ground on both sides.
-
-    An opening for which cells that are no ground, or of unknown brightness, do not count as bright: cars and
-    walls beside a road do not make it narrower.
-    """
+    """Remove what is narrower than a width [cells] between bright ground on both sides."""
+    # An opening for which cells that are no ground, or of unknown brightness, do not count as bright: cars
+    # and walls beside a road do not make it narrower.
     radius = width / 2
     reach = math.ceil(radius) - 1
     if reach < 1:

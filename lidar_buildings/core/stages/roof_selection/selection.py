@@ -102,44 +102,27 @@ def select_roofs(
     street does not see their roofs. The rest above ground is vegetation by height, and ground that is darker
     than other ground over an area is road (Mancera-Taboada and others, 2012).
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        All points, in any order, near the origin [m].
-    config : RoofSelectionConfig, optional
-        The stage's parameters.
-    height_above_ground : array_like of shape (n_points,), optional
-        [m]; derived from the lowest points around if not given.
-    classification : array_like of shape (n_points,), optional
-        What is known before: 0, 1, 3 to 6 and 8 are decided here; ground 2 can become road 11; noise, water
-        and all others stay. If not given, points within 0.2 m of the ground are ground.
-    return_number, number_of_returns : array_like of shape (n_points,), optional
-        Used only if both are given and a pulse has a single return; else every point counts as the only
-        return of its pulse.
-    intensity : array_like of shape (n_points,), optional
-        As recorded; without any there are no roads.
-    normalised_intensity : array_like of shape (n_points,), optional
-        0 to 255, alike in all flight strips; made of `intensity` strip by strip if not given.
-    point_source_id : array_like of int, shape (n_points,), optional
-        The flight strips; one if not given.
-    dark_limit : float, optional
-        Normalised intensity up to which ground is dark, for the automatic search for roads; if not given, it
-        is found between the two modes of these points' ground.
-    point_spacing : float, optional
-        Spacing of the pulses [m]; measured if not given.
+    - `points`, shape (n_points, 3): All points, in any order, near the origin [m].
+    - `config`, optional: The stage's parameters.
+    - `height_above_ground`, shape (n_points,), optional: [m]; derived from the lowest points around if not
+      given.
+    - `classification`, shape (n_points,), optional: What is known before: 0, 1, 3 to 6 and 8 are decided
+      here; ground 2 can become road 11; noise, water and all others stay. If not given, points within 0.2 m
+      of the ground are ground.
+    - `return_number`, `number_of_returns`, shape (n_points,), optional: Used only if both are given and a
+      pulse has a single return; else every point counts as the only return of its pulse.
+    - `intensity`, shape (n_points,), optional: As recorded; without any there are no roads.
+    - `normalised_intensity`, shape (n_points,), optional: 0 to 255, alike in all flight strips; made of
+      `intensity` strip by strip if not given.
+    - `point_source_id`, shape (n_points,), optional: The flight strips; one if not given.
+    - `dark_limit`, optional: Normalised intensity up to which ground is dark, for the automatic search for
+      roads; if not given, it is found between the two modes of these points' ground.
+    - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
-    Returns
-    -------
-    RoofSelection
-        Classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
+    Returned: classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
 
-    Raises
-    ------
-    ValueError
-        If an array has another shape, or a number is not finite.
+    ValueError if an array has another shape, or a number is not finite.
 
-    Notes
-    -----
     Neither the order of the points nor the number of threads changes the result.
     A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
     """

@@ -88,11 +88,8 @@ def _small_parts(
 def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, rejection: NDArray[np.uint8]
 ) -> NDArray[np.bool_]:
-    """
-    Take out of the roofs what is too narrow, in plan and on its level, and what is too small; note why.
-
-    Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
-    """
+    """Take out of the roofs what is too narrow, in plan and on its level, and what is too small; note why."""
+    # Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
     label, n = _levels(candidates, roof, config, rejection)
     building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
     rejection[(label >= 0) & (building < 0)] = Rejection.SMALL

@@ -103,11 +103,8 @@ def _blocks(
 def _voids(
     plan: NDArray[np.bool_], half: int, reach: int, max_length: float
 ) -> Iterator[tuple[tuple[slice, ...], NDArray[np.bool_]]]:
-    """
-    Go through the voids up to a length: a window with a margin, and the cells in it.
-
-    An opening: the middles of empty windows, connected, grown by the window again.
-    """
+    """Go through the voids up to a length: a window with a margin, and the cells in it."""
+    # An opening: the middles of empty windows, connected, grown by the window again.
     labels, _ = ndimage.label(~_grown(plan, half), structure=np.ones((3, 3)))
     for number, window in enumerate(ndimage.find_objects(labels), start=1):
         if max(part.stop - part.start for part in window) <= max_length:

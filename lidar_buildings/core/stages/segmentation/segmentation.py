@@ -99,29 +99,16 @@ def segment_buildings(
     points of a place show some, otherwise a square. A cluster with too few points or too small an area is
     none.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Roof points, in any order [m].
-    config : SegmentationConfig, optional
-        Settings.
-    gps_time, point_source_id : array_like of shape (n_points,), optional
-        Tell scan lines; see `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns`.
-    point_spacing : float, optional
-        Spacing of the pulses [m]; measured if not given.
+    - `points`, shape (n_points, 3): Roof points, in any order [m].
+    - `config`, optional: Settings.
+    - `gps_time`, `point_source_id`, shape (n_points,), optional: Tell scan lines; see
+      `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns`.
+    - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
-    Returns
-    -------
-    Segmentation
-        Ids are made from each building's westernmost point (`lidar_buildings.core.model.ids`).
+    Returned: ids are made from each building's westernmost point (`lidar_buildings.core.model.ids`).
 
-    Raises
-    ------
-    ValueError
-        If an argument has the wrong shape or is not finite.
+    ValueError if an argument has the wrong shape or is not finite.
 
-    Notes
-    -----
     Linear in the number of points. Splitting at steps takes several times as long as all the rest.
     """
     config = config or SegmentationConfig()

@@ -181,12 +181,9 @@ def _contents(points, kind, is_core, is_first, origin, size, column, row, width,
 
 @kernel
 def _levelled(points, middles, rows, columns, number, spread):  # type: ignore[no-untyped-def]
-    """
-    Move elevations to the cells' middles.
-
-    `number` has a cell's row of `points`, −1 for none, and a rim; `spread` is what the squared distances of
-    the neighbours must sum up to along each axis.
-    """
+    """Move elevations to the cells' middles."""
+    # `number` has a cell's row of `points`, −1 for none, and a rim; `spread` is what the squared distances of
+    # the neighbours must sum up to along each axis.
     levels = np.empty(len(points), dtype=np.float32)
     for i in range(len(points)):
         xx = xy = yy = xz = yz = 0.0

@@ -38,14 +38,10 @@ def interpolator(
     - ``spline``: thin-plate spline of the nearest vertices (Duchon 1977), by SciPy; the same as kriging with
       the generalised covariance r² log r and a plane as drift.
 
-    Parameters
-    ----------
-    vertices : ndarray of shape (n_vertices, 3)
-        At least one, no two at one place [m].
-    extent : ndarray of shape (2, 2)
-        Least and greatest x and y of the places [m]; linear is fastest where consecutive ones are near.
-    method : str
-        One of `METHODS`.
+    - `vertices`, shape (n_vertices, 3): At least one, no two at one place [m].
+    - `extent`, shape (2, 2): Least and greatest x and y of the places [m]; linear is fastest where
+      consecutive ones are near.
+    - `method`: One of `METHODS`.
     """
     if method == IDW:
         return partial(_by_distance, vertices, cKDTree(vertices[:, :2]))

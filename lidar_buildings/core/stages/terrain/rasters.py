@@ -93,35 +93,22 @@ def make_rasters(
 
     O(n log n) in points and cells.
 
-    Parameters
-    ----------
-    points : array_like of shape (n_points, 3)
-        Map frame, in any order [m].
-    classification : array_like of shape (n_points,)
-        ASPRS classes: 2, 9, 10, 11 carry the terrain, 7 and 18 are left out.
-    config : RasterConfig, optional
-        Resolution, which must not be 0, and reach.
-    return_number : array_like of shape (n_points,), optional
-        Only first returns (0, 1) make the surface; all points where it is not given.
-    is_core : array_like of bool, shape (n_points,), optional
-        False for points of neighbouring tiles; all True if not given.
-    point_spacing : float, optional
-        Mean distance of neighbouring points, by which gaps are told from waters; measured if not given [m].
-    origin : tuple of two float
-        What to add to map coordinates: cells are aligned to multiples of the resolution in the sum [m].
+    - `points`, shape (n_points, 3): Map frame, in any order [m].
+    - `classification`, shape (n_points,): ASPRS classes: 2, 9, 10, 11 carry the terrain, 7 and 18 are left
+      out.
+    - `config`, optional: Resolution, which must not be 0, and reach.
+    - `return_number`, shape (n_points,), optional: Only first returns (0, 1) make the surface; all points
+      where it is not given.
+    - `is_core`, shape (n_points,), optional: False for points of neighbouring tiles; all True if not given.
+    - `point_spacing`, optional: Mean distance of neighbouring points, by which gaps are told from waters;
+      measured if not given [m].
+    - `origin`: What to add to map coordinates: cells are aligned to multiples of the resolution in the sum
+      [m].
 
-    Returns
-    -------
-    TerrainRasters
-        Without any cell if there is no core point but noise.
+    Returned: without any cell if there is no core point but noise.
 
-    Raises
-    ------
-    ValueError
-        If shapes differ, a coordinate is not finite, or the resolution is 0 or gives too many cells.
+    ValueError if shapes differ, a coordinate is not finite, or the resolution is 0 or gives too many cells.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> x, y = np.meshgrid(np.arange(0.5, 6.0), np.arange(0.5, 6.0))
     >>> house = (abs(x - 3) < 1) & (abs(y - 3) < 1)
