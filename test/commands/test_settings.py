@@ -22,7 +22,7 @@ def settings(tmp_path):
     return read
 
 
-def test_parameters_of_a_node_go_to_its_stage(settings):
+def test_parameters_of_a_node_go_to_its_stage_and_the_last_assignment_wins(settings):
     assert settings("roof_selector: {ros__parameters: {min_height: 3.0}}") == {
         "roof_selection": {"min_height": 3.0}
     }
@@ -30,6 +30,9 @@ def test_parameters_of_a_node_go_to_its_stage(settings):
         "building_tracer: {ros__parameters: {segmentation: {min_points: 9}, boundary_tracing.window: 4}}"
     )
     assert settings(several) == {"segmentation": {"min_points": 9}, "boundary_tracing": {"window": 4.0}}
+    text = "roof_selector: {ros__parameters: {min_height: 3.0, max_part_area: 9.0}}"
+    found = settings(text, "roof_selection.min_height=4", "roof_selection.min_height=5")
+    assert found == {"roof_selection": {"min_height": 5.0, "max_part_area": 9.0}}
 
 
 @pytest.mark.parametrize(
@@ -74,12 +77,6 @@ def test_a_wrong_name_suggests_the_nearest(settings, name, nearest):
         ParameterError, match=rf"no parameter model_writer\.{name} \(did you mean {nearest}\?\)"
     ):
         settings("", f"model_writer.{name}=9")
-
-
-def test_the_last_assignment_wins_over_earlier_ones_and_over_the_file(settings):
-    text = "roof_selector: {ros__parameters: {min_height: 3.0, max_part_area: 9.0}}"
-    found = settings(text, "roof_selection.min_height=4", "roof_selection.min_height=5")
-    assert found == {"roof_selection": {"min_height": 5.0, "max_part_area": 9.0}}
 
 
 def test_two_nodes_with_one_stage_must_agree_in_a_file(settings):

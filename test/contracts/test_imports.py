@@ -146,12 +146,9 @@ def test_the_core_knows_neither_ros_nor_file_formats():
     assert {module: names for module, names in foreign.items() if names} == {}
 
 
-def test_only_nodes_and_what_they_share_import_ros():
+def test_only_nodes_and_what_they_share_import_ros_and_configs_do_not():
     with_ros = {layer_of(dotted(p)) for p in MODULES if any(is_of_ros(name) for name in external_imports(p))}
     assert with_ros <= {"ros", "nodes", "commands"}
-
-
-def test_nodes_configs_need_no_ros():
     found = {dotted(p): external_imports(p) for p in MODULES if dotted(p) in WITHOUT_ROS}
     assert found.keys() == WITHOUT_ROS
     of_nodes = [name for module, names in found.items() if layer_of(module) == "nodes" for name in names]

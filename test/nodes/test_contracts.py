@@ -15,21 +15,15 @@ from bench.pages import node_reference as reference
 from lidar_buildings.commands.settings import shared_file
 from lidar_buildings.core.model.parameters import flat_names, parameter_names, spec_of
 from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.nodes import table
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
-from lidar_buildings.nodes.table import (
-    NODE_TABLE,
-    ON_REQUEST,
-    nodes_until,
-    topics_until,
-    writer_topics,
-)
 from lidar_buildings.nodes.topics import OF_EVERY_NODE
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.parameters import ros_value
 
-CARDS = {card.name: card for card in NODE_TABLE}
+CARDS = {card.name: card for card in table.NODE_TABLE}
 #: Parameters that `start` gives.
 GIVEN = {"input", "output", "advanced.output", "advanced.publish_clock", "footprints.file"}
 GIVEN |= {"publish_dtm", "advanced.publish_dtm", "flow_control.advanced.publish_tile_done"}
@@ -163,26 +157,26 @@ def test_every_stage_has_its_node():
     ],
 )
 def test_the_writer_takes_all_points_first_and_then_the_roofs(stage, clouds):
-    topics = list(writer_topics(stage))
+    topics = list(table.writer_topics(stage))
     assert topics[: len(clouds)] == clouds
     assert not any("points" in name for name in topics[len(clouds) :])
 
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_shorter_run_has_a_listener_for_every_topic_that_it_must_wait_for(stage):
-    nodes = nodes_until(stage)
+    nodes = table.nodes_until(stage)
     assert nodes[0] == "tile_player"
     assert nodes[-1] == "model_writer"
     published = {topic.name for name in nodes for topic in CARDS[name].publishes}
-    assert set(topics_until(stage)) <= published
+    assert set(table.topics_until(stage)) <= published
     heard = {
         topic.name
         for name in nodes[1:-1]
         for topic in CARDS[name].subscribes
-        if topic.name not in ON_REQUEST.get(name, ())
+        if topic.name not in table.ON_REQUEST.get(name, ())
     }
-    assert set(topics_until(stage)) == {*heard, *writer_topics(stage)}
-    assert {*writer_topics(stage)} <= published
+    assert set(table.topics_until(stage)) == {*heard, *table.writer_topics(stage)}
+    assert {*table.writer_topics(stage)} <= published
 
 
 def declared(configs):
@@ -253,7 +247,7 @@ def test_rviz_shows_topics_that_nodes_publish_in_messages_that_it_can_draw():
     shown = {
         one["Topic"]["Value"]: one["Class"].split("/")[1] for one in displays["Displays"] if "Topic" in one
     }
-    types = {topic.name: topic.type.split("/")[1] for card in NODE_TABLE for topic in card.publishes}
+    types = {topic.name: topic.type.split("/")[1] for card in table.NODE_TABLE for topic in card.publishes}
     assert shown
     assert shown == {name: types.get(name) for name in shown}
 
@@ -266,7 +260,7 @@ def test_foxglove_shows_topics_that_nodes_publish_and_numbers_that_they_tell(sta
     layout = json.loads((ROOT / "config" / "foxglove_layout.json").read_text())
     panels = layout["configById"]
     assert set(re.findall(r'"(\w+!\w+)"', json.dumps(layout["layout"]))) == set(panels)
-    published = {f"/{topic.name}": topic.type for card in NODE_TABLE for topic in card.publishes}
+    published = {f"/{topic.name}": topic.type for card in table.NODE_TABLE for topic in card.publishes}
     shown = panels["3D!buildings"]["topics"]
     drawn = {"sensor_msgs/PointCloud2", "visualization_msgs/MarkerArray"}
     assert {published.get(name) for name in shown} == drawn
@@ -274,7 +268,7 @@ def test_foxglove_shows_topics_that_nodes_publish_and_numbers_that_they_tell(sta
     lines = [line["value"] for one in panels.values() for line in one.get("paths", ())]
     plotted = [PATH.fullmatch(line).groups() for line in lines]
     told = {node: {"buildings", *start(node).summary.state()[2]} for node in dict(plotted)}
-    assert {node for node, _ in plotted} >= {card.name for card in NODE_TABLE} - {"recorder"}
+    assert {node for node, _ in plotted} >= {card.name for card in table.NODE_TABLE} - {"recorder"}
     assert [(node, key) for node, key in plotted if key not in told[node]] == []
 
 

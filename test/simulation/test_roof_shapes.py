@@ -59,15 +59,11 @@ def test_faces_share_the_outline_out_between_them(placed):
     assert shapely.union_all(polygons).symmetric_difference(building.polygon).area < 1e-2
 
 
-def test_outer_rings_run_counter_clockwise_and_holes_clockwise(placed):
+def test_rings_turn_the_right_way_and_shells_are_closed_with_a_volume_of_area_times_height(placed):
     building, _ = placed
     assert signed_area(building.exterior) > 0
     assert all(signed_area(hole) < 0 for hole in building.outline.holes)
     assert len(building.outline.holes) == (1 if building.roof_type == "courtyard" else 0)
-
-
-def test_shells_are_closed(placed):
-    building, _ = placed
     edges = Counter()
     for surface in shell_of(building).surfaces:
         for ring in surface:
@@ -75,10 +71,6 @@ def test_shells_are_closed(placed):
             edges.update(zip(corners, corners[1:] + corners[:1], strict=True))
     assert set(edges.values()) == {1}
     assert all(edge[::-1] in edges for edge in edges)
-
-
-def test_the_volume_of_a_shell_is_area_times_mean_height(placed):
-    building, _ = placed
     foot = np.array([31.7, -12.3, 105.0])
     volume = 0.0
     for surface in shell_of(building).surfaces:
@@ -91,10 +83,14 @@ def test_the_volume_of_a_shell_is_area_times_mean_height(placed):
     assert volume == pytest.approx(np.dot(areas, heights), rel=1e-6)
 
 
-def test_roofs_start_at_the_eave_and_rise_by_their_pitch():
+def test_heights_of_eaves_ridges_arcs_and_spires_are_those_of_their_measures():
     low, high = shapes.gable(14, 9, 5.0, 45.0).roof_elevation_range
     assert low == pytest.approx(5.0)
     assert high == pytest.approx(5.0 + 4.5)
+    assert shapes.hipped_l().height == pytest.approx(5.0 + 4.0 * np.tan(np.deg2rad(35)))
+    assert shapes.cross_gable().height == pytest.approx(shapes.hipped_l().height)
+    assert shapes.barrel().height == pytest.approx(9.0)
+    assert shapes.church().height == pytest.approx(34.0)
 
 
 def test_turned_by_a_right_angle_a_roof_has_the_same_heights():
@@ -105,16 +101,6 @@ def test_turned_by_a_right_angle_a_roof_has_the_same_heights():
     turned_id, turned_elevation = turned.roof_at(np.column_stack([3 - xy[:, 1], 4 + xy[:, 0]]))
     assert np.array_equal(plane_id, turned_id)
     assert np.allclose(elevation, turned_elevation, equal_nan=True)
-
-
-def test_arms_of_a_hipped_corner_and_of_a_cross_have_one_ridge_height():
-    assert shapes.hipped_l().height == pytest.approx(5.0 + 4.0 * np.tan(np.deg2rad(35)))
-    assert shapes.cross_gable().height == pytest.approx(shapes.hipped_l().height)
-
-
-def test_a_barrel_touches_its_arc_and_a_spire_stands_on_the_tower():
-    assert shapes.barrel().height == pytest.approx(9.0)
-    assert shapes.church().height == pytest.approx(34.0)
 
 
 def test_a_dormer_above_the_ridge_is_refused():

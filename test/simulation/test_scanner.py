@@ -48,7 +48,9 @@ def test_strips_cover_the_scene_without_gaps(village):
     assert len(cells) >= (1 - hidden) * np.prod(np.array(scene.size) / 5.0)
 
 
-def test_roof_points_lie_on_the_true_planes_within_the_noise(village, village_points):
+def test_roof_points_lie_on_their_planes_within_the_noise_and_roads_are_darker_than_grass(
+    village, village_points
+):
     scene, _ = village
     measured = village_points
     for building in scene.buildings:
@@ -60,6 +62,11 @@ def test_roof_points_lie_on_the_true_planes_within_the_noise(village, village_po
         # 3 cm along the beam and 3 cm along x and y are 3 cm across any plane; beams cross eaves askew.
         assert off.std() == pytest.approx(0.03, abs=0.005)
         assert np.abs(off).max() < 0.25
+    axis = shapely.LineString([scene.roads[0].start, scene.roads[0].end])
+    ground = village_points.true_class == PointClass.GROUND
+    aside = shapely.distance(axis, shapely.points(village_points.points[ground, :2]))
+    bright = village_points.intensity[ground]
+    assert bright[aside < 2.5].mean() < 0.5 * bright[(aside > 5.0) & (aside < 15.0)].mean()
 
 
 def test_without_noise_roof_points_lie_exactly_on_their_planes_inside_their_outlines():
@@ -111,7 +118,7 @@ def test_facade_points_lie_on_the_outline_between_ground_and_eave():
         assert np.all(points[:, 2] <= building.roof_elevation_range[1])
 
 
-def test_returns_of_a_pulse_are_numbered_from_the_highest(village):
+def test_returns_of_a_pulse_are_numbered_from_the_highest_and_time_runs_on_between_strips(village):
     for strip in village[1]:
         first = np.flatnonzero(strip.return_number == 1)
         sizes = np.diff(np.append(first, len(strip.points)))
@@ -120,9 +127,6 @@ def test_returns_of_a_pulse_are_numbered_from_the_highest(village):
         later = np.flatnonzero(strip.return_number > 1)
         assert (strip.points[later, 2] < strip.points[later - 1, 2]).all()
         assert np.array_equal(strip.gps_time[later], strip.gps_time[later - 1])
-
-
-def test_time_runs_on_within_and_between_strips(village):
     times = [strip.gps_time for strip in village[1]]
     assert all((np.diff(time) >= 0).all() for time in times)
     assert all(before[-1] < after[0] for before, after in itertools.pairwise(times))
@@ -190,15 +194,6 @@ def test_gross_errors_are_labelled_as_noise():
     assert (low.sum() + high.sum()) / len(tile) == pytest.approx(0.01, rel=0.2)
     assert (tile.points[low, 2] < 18.5).all()
     assert (tile.points[high, 2] > 59.0).all()
-
-
-def test_roads_are_darker_than_grass(village, village_points):
-    scene, _ = village
-    axis = shapely.LineString([scene.roads[0].start, scene.roads[0].end])
-    ground = village_points.true_class == PointClass.GROUND
-    aside = shapely.distance(axis, shapely.points(village_points.points[ground, :2]))
-    bright = village_points.intensity[ground]
-    assert bright[aside < 2.5].mean() < 0.5 * bright[(aside > 5.0) & (aside < 15.0)].mean()
 
 
 def test_a_scene_of_ones_own_and_an_empty_one_can_be_scanned():

@@ -2,26 +2,23 @@
 
 import numpy as np
 
-from lidar_buildings.io.results.tile_products import (
-    CORE,
-    EDGES,
-    ROOFS,
-    TileProducts,
-    load_raster_window,
-    load_rasters,
-    load_rows,
-    load_shapes,
-    load_sources,
-    load_stamp,
-)
+from lidar_buildings.io.results import tile_products
 
 
 def load_products(path):
     """What `TileProducts.save` wrote."""
-    sources = load_sources(path)
+    sources = tile_products.load_sources(path)
     core, roofs, edges = (
-        np.concatenate([np.zeros(0, kind), *(load_rows(path, name, source) for source in sources)])
-        for name, kind in (("core", CORE), ("roofs", ROOFS), ("edges", EDGES))
+        np.concatenate(
+            [np.zeros(0, kind), *(tile_products.load_rows(path, name, source) for source in sources)]
+        )
+        for name, kind in (
+            ("core", tile_products.CORE),
+            ("roofs", tile_products.ROOFS),
+            ("edges", tile_products.EDGES),
+        )
     )
-    rasters = None if load_raster_window(path) is None else load_rasters(path)
-    return TileProducts(load_stamp(path), core, roofs, edges, *load_shapes(path), rasters)
+    rasters = None if tile_products.load_raster_window(path) is None else tile_products.load_rasters(path)
+    return tile_products.TileProducts(
+        tile_products.load_stamp(path), core, roofs, edges, *tile_products.load_shapes(path), rasters
+    )

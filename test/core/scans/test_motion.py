@@ -22,11 +22,6 @@ def rolling(n_poses=201, gap=None, turn=1.0):
     return track
 
 
-def each_by_its_own(track, times, points):
-    poses = track.at(times)
-    return poses.apply(points), poses.is_known
-
-
 @pytest.mark.parametrize("is_sorted", [True, False])
 @pytest.mark.parametrize("n_points", [1, 7, 20_000])
 def test_points_lie_where_their_own_poses_put_them(is_sorted, n_points):
@@ -36,7 +31,8 @@ def test_points_lie_where_their_own_poses_put_them(is_sorted, n_points):
     times = np.sort(times) if is_sorted else times
     points = random.uniform(-500.0, 500.0, (n_points, 3))
     placed, is_placed = place_points(track.at, track.stamps, times, points)
-    truth, is_known = each_by_its_own(track, times, points)
+    poses = track.at(times)
+    truth, is_known = poses.apply(points), poses.is_known
     np.testing.assert_array_equal(is_placed, is_known)
     np.testing.assert_allclose(placed[is_known], truth[is_known], atol=1e-4)
 

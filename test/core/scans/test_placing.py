@@ -7,18 +7,6 @@ from support.scan_messages import SECOND, T0, cloud_of, odometry, scan, transfor
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans import placing
 from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import (
-    CLOCK_SET_BACK,
-    NO_POSE,
-    NO_POSES,
-    NO_WAY,
-    TOO_FAST,
-    TWICE,
-    TWO_CLOCKS,
-    UNREADABLE,
-    WAITED,
-    ScanPlacer,
-)
 from lidar_buildings.core.scans.scan import NO_RETURN, NO_TIME, NOT_FINITE
 
 POINTS = np.array([[5.0, 1.0, 0.0], [5.0, 2.0, 0.0], [5.0, 3.0, 0.0]])
@@ -30,7 +18,7 @@ class Drive:
     """Sends poses and scans of a sensor that moves along x; the clock may be set."""
 
     def __init__(self, **config):
-        self.placer = ScanPlacer(ScanConfig(**config))
+        self.placer = placing.ScanPlacer(ScanConfig(**config))
         self.found = []
 
     def pose(self, second, x=None, clock=0.0):
@@ -80,8 +68,8 @@ def test_a_scan_that_comes_twice_counts_once():
     drive.scan(0.1, frame="other")
     drive.poses(0.0, 0.5)
     assert drive.end() == [0.1] * 3
-    assert drive.placer.messages == {TWICE: 2}
-    assert drive.placer.left_out == {NO_WAY: 3}
+    assert drive.placer.messages == {placing.TWICE: 2}
+    assert drive.placer.left_out == {placing.NO_WAY: 3}
 
 
 @pytest.mark.parametrize("is_scan_first", [True, False])
@@ -98,8 +86,8 @@ def test_after_the_clock_was_set_back_poses_of_before_place_nothing(by, is_scan_
         drive.scan(6.1, clock=-by)
     drive.scan(7.0, clock=-by)
     assert sorted(set(drive.end())) == [5.5, 5.94, 6.1, 7.0]
-    assert drive.placer.messages == {CLOCK_SET_BACK: 1}
-    assert drive.placer.left_out == {NO_POSE: 2}
+    assert drive.placer.messages == {placing.CLOCK_SET_BACK: 1}
+    assert drive.placer.left_out == {placing.NO_POSE: 2}
 
 
 def test_of_two_sources_with_clocks_of_their_own_one_is_left_out_until_the_other_ends():
@@ -120,9 +108,9 @@ def test_of_two_sources_with_clocks_of_their_own_one_is_left_out_until_the_other
     assert seconds[-1] == 79.0
     assert len(seconds) > 3 * 98
     assert len(refused) > 95
-    assert set(refused) == {TWO_CLOCKS}
-    assert drive.placer.messages[CLOCK_SET_BACK] <= 4
-    assert drive.placer.messages[TWO_CLOCKS] > 400 + len(refused) - 10
+    assert set(refused) == {placing.TWO_CLOCKS}
+    assert drive.placer.messages[placing.CLOCK_SET_BACK] <= 4
+    assert drive.placer.messages[placing.TWO_CLOCKS] > 400 + len(refused) - 10
 
 
 def test_one_stamp_from_the_future_costs_half_a_second_of_poses_at_most():
@@ -156,8 +144,8 @@ def test_points_in_a_gap_and_where_a_pose_jumps_are_left_out_and_counted():
     for second in (0.5, 1.5, 2.5, 3.08, 3.25, 4.0):
         drive.scan(second)
     assert drive.end() == [0.5] * 3 + [2.5] * 3 + [4.0] * 3
-    assert drive.placer.left_out == {NO_POSE: 9}
-    assert drive.placer.messages == {TOO_FAST.format(510.0): 2}
+    assert drive.placer.left_out == {placing.NO_POSE: 9}
+    assert drive.placer.messages == {placing.TOO_FAST.format(510.0): 2}
 
 
 def test_poses_that_are_none_are_told():
@@ -167,11 +155,11 @@ def test_poses_that_are_none_are_told():
     drive.placer.add_odometry(odometry(stamp(0.53), (0, 0, 0), (0, 0, 0, 0)))
     drive.scan(0.5)
     assert drive.end() == [0.5] * 3
-    assert drive.placer.messages == {NO_POSES: 2}
+    assert drive.placer.messages == {placing.NO_POSES: 2}
 
 
 def test_what_is_no_measurement_is_left_out_and_counted():
-    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    placer = placing.ScanPlacer(ScanConfig(georeferenced=True))
     points = [[1, 2, 3], [0, 0, 0], [np.nan, 0, 0], [np.inf, 0, 0], [1e30, 0, 0], [4, 5, 6], [7, 8, 9]]
     seconds = [0, 0, 0, 0, 0, np.nan, 0.1]
     values = {"intensity": [-1, 1, 1, 1, 1, 1, np.nan], "gps_time": [np.inf] * 7, "scan_angle": [np.nan] * 7}
@@ -187,7 +175,7 @@ def test_what_is_no_measurement_is_left_out_and_counted():
 
 
 def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
-    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    placer = placing.ScanPlacer(ScanConfig(georeferenced=True))
     packed = np.zeros(3, [("z", "<f8"), ("pad", "u1"), ("y", "<f4"), ("x", "<f4"), ("t", "<u4")])
     packed["x"], packed["y"], packed["z"] = POINTS.T
     found = []
@@ -207,7 +195,7 @@ def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
 
 def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came():
     names = ["lidar", "lidar", "second", "lidar", "lidar", "lidar"]
-    one_by_one, at_once = ScanPlacer(), ScanPlacer()
+    one_by_one, at_once = placing.ScanPlacer(), placing.ScanPlacer()
     expected = []
     for placer in (one_by_one, at_once):
         for k in range(10):
@@ -229,19 +217,19 @@ def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came(
 
 
 def test_a_scan_that_claims_more_than_it_has_is_refused_and_the_next_placed():
-    placer = ScanPlacer(ScanConfig(georeferenced=True))
+    placer = placing.ScanPlacer(ScanConfig(georeferenced=True))
     rows = np.zeros(2, [(name, "<f4") for name in "xyz"])
     for changes in ({"width": 2**32 - 1}, {"height": 2**31, "row_step": 24}, {"data": b"123"}):
         with pytest.raises(MessageError):
             placer.add_scan(cloud_of(T0, "lidar", rows, **changes))
     placer.add_scan(scan(T0, POINTS))
     assert sum(len(one.points) for one in placer.placed()) == 3
-    assert placer.messages == {UNREADABLE: 3}
+    assert placer.messages == {placing.UNREADABLE: 3}
     assert "3 bytes of data" in placer.refusal
 
 
 def test_of_two_scanners_on_a_topic_each_is_placed_by_its_own_frame():
-    placer = ScanPlacer(ScanConfig(mounting="0,0,1,0,0,0"))
+    placer = placing.ScanPlacer(ScanConfig(mounting="0,0,1,0,0,0"))
     placer.add_transforms(transforms((0, "base", "right", (0, 0, 2))), is_static=True)
     for second in (0.0, 0.3):
         placer.add_odometry(odometry(stamp(second), (0, 0, 0), child="base"))
@@ -249,7 +237,7 @@ def test_of_two_scanners_on_a_topic_each_is_placed_by_its_own_frame():
         placer.add_scan(scan(T0, POINTS, frame=frame))
     heights = [one.points[:, 2].tolist() for one in placer.placed(is_end=True)]
     assert heights == [[1] * 3, [2] * 3, []]
-    assert placer.left_out == {NO_WAY: 3}
+    assert placer.left_out == {placing.NO_WAY: 3}
     assert "'nowhere'" in placer.refusal
 
 
@@ -270,7 +258,7 @@ def test_what_waits_is_bounded_by_points_and_by_scans(monkeypatch):
         drive.scan(number / 10)
     drive.poses(0.0, 3.0)
     assert sorted(set(drive.end())) == [number / 10 for number in range(5, 15)]
-    assert drive.placer.left_out == {WAITED: 15}
+    assert drive.placer.left_out == {placing.WAITED: 15}
     big = Drive()
     big.placer.add_scan(scan(T0, np.ones((100, 3))))
     assert big.placer.n_waiting == 100, "a single one may be as large as it is"
@@ -303,17 +291,17 @@ def test_a_scan_without_a_way_to_what_moves_is_left_out_wherever_poses_begin():
         drive.placer.add_odometry(odometry(stamp(second), (SPEED * second, 0, 0), child="base"))
     drive.scan(3.0)
     assert drive.end() == [3.0] * 3
-    assert drive.placer.left_out == {NO_POSE: 3}
+    assert drive.placer.left_out == {placing.NO_POSE: 3}
 
 
 def test_frames_that_nothing_moves_are_no_place_but_in_the_map():
-    placer = ScanPlacer()
+    placer = placing.ScanPlacer()
     placer.add_transforms(static("lidar"), is_static=True)
     placer.add_scan(scan(T0, POINTS))
     assert sum(len(one.points) for one in placer.placed(is_end=True)) == 0
-    assert placer.left_out == {NO_WAY: 3}
+    assert placer.left_out == {placing.NO_WAY: 3}
     assert "in which it moves (frames with poses: base, lidar)" in placer.refusal
-    tripod = ScanPlacer()
+    tripod = placing.ScanPlacer()
     tripod.add_transforms(static("lidar", "map", (0, 0, 7)), is_static=True)
     tripod.add_scan(scan(T0, POINTS))
     assert [one.points[:, 2].tolist() for one in tripod.placed()] == [[7] * 3]
@@ -322,7 +310,7 @@ def test_frames_that_nothing_moves_are_no_place_but_in_the_map():
 @pytest.mark.parametrize("is_static_first", [True, False])
 def test_a_frame_that_odometry_moves_keeps_what_is_fixed_to_it_as_its_parent(is_static_first):
     """As some drivers and odometries together tell it: lidar and imu fixed in the sensor, the imu moving."""
-    placer = ScanPlacer()
+    placer = placing.ScanPlacer()
     fixed = transforms((0, "sensor", "imu", (0, 0, 3)), (0, "sensor", "lidar", (0, 0, 5)))
     if is_static_first:
         placer.add_transforms(fixed, is_static=True)
@@ -336,7 +324,7 @@ def test_a_frame_that_odometry_moves_keeps_what_is_fixed_to_it_as_its_parent(is_
 
 def test_all_scans_are_placed_in_one_frame_though_the_map_comes_late():
     def placed(frames):
-        placer, found = ScanPlacer(frames=frames), []
+        placer, found = placing.ScanPlacer(frames=frames), []
         for k in range(20):
             second = 0.1 * k
             placer.add_odometry(odometry(stamp(second), (0, 0, 0), child="lidar"))
@@ -351,4 +339,4 @@ def test_all_scans_are_placed_in_one_frame_though_the_map_comes_late():
     assert set(found) == {0.0}
     later, found = placed(first.tree)
     assert set(found) == {50.0}
-    assert later.left_out[NO_POSE] > 0
+    assert later.left_out[placing.NO_POSE] > 0

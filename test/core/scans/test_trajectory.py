@@ -27,16 +27,13 @@ def track(poses, max_gap=1.0, max_speed=100.0):
     return trajectory
 
 
-def test_a_pose_lies_between_its_neighbours_in_place_and_attitude():
+def test_a_pose_lies_between_its_neighbours_in_place_and_attitude_by_the_shorter_way():
     found = track([(0.5, Pose((4.0, 2.0, 0.0), turned(90))), (0.0, Pose((0.0, 0.0, 0.0), NO_TURN))]).at(
         times(0.0, 0.125, 0.5)
     )
     assert found.is_known.all()
     np.testing.assert_allclose(found.translation, [[0, 0, 0], [1, 0.5, 0], [4, 2, 0]])
     np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[:, 0], [0, 22.5, 90], atol=1e-9)
-
-
-def test_of_two_opposite_quaternions_the_shorter_way_is_taken():
     back = tuple(-part for part in turned(10))
     found = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.5, Pose((0, 0, 0), back))]).at(times(0.25))
     np.testing.assert_allclose(found.rotation.as_euler("zyx", degrees=True)[0], [5, 0, 0], atol=1e-9)
@@ -49,13 +46,10 @@ def test_nothing_is_known_outside_in_gaps_and_where_the_pose_jumps():
     assert found.is_known.tolist() == [False, True, True, False, True, False, True, True, False]
 
 
-def test_one_pose_holds_at_its_own_time_alone_and_none_never():
+def test_one_pose_holds_at_its_own_time_alone_and_of_two_of_one_time_the_later():
     one = track([(1.0, Pose((5, 0, 0), NO_TURN))]).at(times(0.9, 1.0))
     assert one.is_known.tolist() == [False, True]
     assert not track([]).at(times(0.0)).is_known.any()
-
-
-def test_of_two_poses_of_one_time_the_later_counts():
     trajectory = track([(0.0, Pose((0, 0, 0), NO_TURN)), (0.0, Pose((1, 0, 0), NO_TURN))])
     assert len(trajectory) == 1
     assert trajectory.at(times(0.0)).translation.tolist() == [[1, 0, 0]]

@@ -22,10 +22,6 @@ FACES = {
 }
 
 
-def rotated(points, axis):
-    return np.roll(points, axis, axis=1)
-
-
 def edges_of(rings):
     return [edge for ring in rings for edge in zip(ring, (*ring[1:], ring[0]), strict=True)]
 
@@ -37,7 +33,7 @@ def area_of(vertices, rings):
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("name", FACES)
 def test_pieces_have_the_rings_edges_and_the_faces_area(name, axis):
-    vertices, face = rotated(PLAN, axis), FACES[name]
+    vertices, face = np.roll(PLAN, axis, axis=1), FACES[name]
     for rings in (face, tuple(ring[::-1] for ring in face)):
         triangles = triangles_of(*face_pieces(vertices, [rings]))
         edges = Counter(edges_of(triangles))

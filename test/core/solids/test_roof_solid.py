@@ -6,13 +6,8 @@ import shapely
 
 from bench.scenes.models import SHAPES, solid_of
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids import raising
 from lidar_buildings.core.solids.plan_graph import RoofPiece
-from lidar_buildings.core.solids.raising import (
-    checked_roof_solid,
-    extrude,
-    roof_solid,
-    triangulate_non_planar,
-)
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
 
@@ -54,14 +49,14 @@ def volume_below(pieces, ground=0.0):
 
 def test_one_flat_piece_gives_the_extruded_outline():
     courtyard = np.array([[4.0, 4.0], [4.0, 7.0], [6.0, 7.0], [6.0, 4.0]])
-    solid = roof_solid([flat(SQUARE, 8.25, courtyard)], 1.5)
-    assert face_set(solid) == face_set(extrude(Outline(SQUARE, (courtyard,)), 1.5, 8.25))
+    solid = raising.roof_solid([flat(SQUARE, 8.25, courtyard)], 1.5)
+    assert face_set(solid) == face_set(raising.extrude(Outline(SQUARE, (courtyard,)), 1.5, 8.25))
     assert check_solid(solid) == ()
 
 
 def test_a_gable_has_a_ridge_and_gable_walls_in_two_halves():
     lower, upper = rectangle(0, 0, 12, 4), rectangle(0, 4, 12, 8)
-    solid = roof_solid([piece(lower, (0.0, 0.5, 3.0)), piece(upper, (0.0, -0.5, 7.0))], 0.0)
+    solid = raising.roof_solid([piece(lower, (0.0, 0.5, 3.0)), piece(upper, (0.0, -0.5, 7.0))], 0.0)
     assert check_solid(solid) == ()
     assert len(solid.vertices) == 12
     assert [count(solid, k) for k in (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE)] == [1, 2, 6]
@@ -79,14 +74,14 @@ def test_the_faces_of_a_virtual_building_give_its_solid(name, turned):
     for face in building.faces:
         z, along_x, along_y = face.elevation(corners)
         pieces.append(RoofPiece(tuple(face.rings), (along_x - z, along_y - z, z)))
-    solid, codes = checked_roof_solid(pieces, building.ground_elevation)
+    solid, codes = raising.checked_roof_solid(pieces, building.ground_elevation)
     assert codes == ()
     assert (len(solid.vertices), len(solid.faces)) == (len(truth.vertices), len(truth.faces))
     assert solid.volume == pytest.approx(truth.volume, rel=1e-3)
 
 
 def test_a_step_has_an_inner_wall():
-    solid = roof_solid([flat(rectangle(0, 0, 10, 5), 3.0), flat(rectangle(0, 5, 10, 10), 7.0)], 0.0)
+    solid = raising.roof_solid([flat(rectangle(0, 0, 10, 5), 3.0), flat(rectangle(0, 5, 10, 10), 7.0)], 0.0)
     inner = [
         solid.vertices[list(face[0])]
         for face, kind in zip(solid.faces, solid.semantics, strict=True)
@@ -97,12 +92,17 @@ def test_a_step_has_an_inner_wall():
     assert solid.volume == pytest.approx(50 * 3 + 50 * 7)
 
 
-def test_a_step_that_vanishes_at_one_end_has_a_triangular_wall():
+def test_a_step_that_vanishes_at_one_end_has_a_triangular_wall_and_a_tiny_one_none():
     pieces = [flat(rectangle(0, 0, 10, 5), 3.0), piece(rectangle(0, 5, 10, 10), (0.2, 0.0, 3.0))]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     walls = [len(f[0]) for f, k in zip(solid.faces, solid.semantics, strict=True) if k == WALL_SURFACE]
     assert walls.count(3) == 1
     assert check_solid(solid) == ()
+    pieces = [flat(rectangle(0, 0, 10, 5), 3.0), piece(rectangle(0, 5, 10, 10), (0.0, 0.4, 1.006))]
+    solid = raising.roof_solid(pieces, 0.0)
+    assert check_solid(solid) == ()
+    assert set(solid.vertices[solid.vertices[:, 1] == 5.0, 2]) == {0.0, 3.003}
+    assert count(solid, WALL_SURFACE) == 6
 
 
 def test_where_profiles_cross_the_edge_is_divided():
@@ -110,7 +110,7 @@ def test_where_profiles_cross_the_edge_is_divided():
         piece(rectangle(0, 0, 10, 5), (0.3, 0.0, 3.0)),
         piece(rectangle(0, 5, 10, 10), (-0.3, 0.0, 6.0)),
     ]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert [5.0, 5.0, 4.5] in solid.vertices.tolist()
     assert solid.volume == pytest.approx(volume_below(pieces))
@@ -118,7 +118,7 @@ def test_where_profiles_cross_the_edge_is_divided():
 
 def test_a_tower_in_a_roof_and_a_courtyard_beside_it():
     tower, court = rectangle(2, 2, 4, 4), rectangle(6, 6, 8, 8)
-    solid = roof_solid([flat(SQUARE, 5.0, tower[::-1], court[::-1]), flat(tower, 12.0)], 0.0)
+    solid = raising.roof_solid([flat(SQUARE, 5.0, tower[::-1], court[::-1]), flat(tower, 12.0)], 0.0)
     assert check_solid(solid) == ()
     assert solid.volume == pytest.approx((100 - 8) * 5 + 4 * 12)
     assert count(solid, GROUND_SURFACE) == 1
@@ -133,10 +133,10 @@ def test_pieces_of_one_height_apart_from_each_other_keep_their_own_holes(monkeyp
         flat(rectangle(6, 0, 8, 6), 9.0),
         flat(rectangle(8, 0, 14, 6), 5.0),
     ]
-    assert checked_roof_solid(pieces, 0.0, join_equal=True)[1] == ()
+    assert raising.checked_roof_solid(pieces, 0.0, join_equal=True)[1] == ()
     # whatever memory holds that is given out again
     monkeypatch.setattr(np, "empty", lambda shape, dtype=float: np.full(shape, 1_000_000, dtype=dtype))
-    solid, codes = checked_roof_solid(pieces, 0.0, join_equal=True)
+    solid, codes = raising.checked_roof_solid(pieces, 0.0, join_equal=True)
     assert codes == ()
     assert solid.volume == pytest.approx(volume_below(pieces))
     assert sorted(len(face) for face in solid.faces) == sorted([2] + [1] * (len(solid.faces) - 1))
@@ -148,7 +148,7 @@ def test_vertices_in_the_middle_of_a_neighbours_edge_are_found():
         flat(rectangle(0, 5, 6, 10), 8.0),
         flat(rectangle(6, 5, 10, 10), 5.0),
     ]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert solid.volume == pytest.approx(volume_below(pieces))
 
@@ -159,7 +159,7 @@ def test_gaps_and_overlaps_of_millimetres_are_closed_and_nothing_else_is_coarser
         flat(rectangle(0.002, 5.002, 6.001, 10.001), 8.0),
         flat(rectangle(6, 4.999, 10, 10.001), 5.0),
     ]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert count(solid, GROUND_SURFACE) == 1
     assert len(solid.faces[0]) == 1
@@ -173,7 +173,7 @@ def test_gaps_and_overlaps_of_millimetres_are_closed_and_nothing_else_is_coarser
 def test_high_and_low_pieces_in_turns_around_a_vertex_do_not_touch_in_a_line(low):
     heights = {(0, 0): low, (5, 0): 8.0, (5, 5): low, (0, 5): 9.0}
     pieces = [flat(rectangle(x, y, x + 5, y + 5), z) for (x, y), z in heights.items() if z > 0.0]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert solid.volume == pytest.approx(volume_below(pieces), rel=2e-3)
 
@@ -182,33 +182,25 @@ def test_a_courtyard_may_touch_the_outer_ring():
     touching = np.array([[0.0, 5.0], [3.0, 7.0], [3.0, 3.0]])
     exterior = np.array([[0, 0], [10, 0], [10, 10], [0, 10], [0, 5]])
     for ring in (SQUARE, exterior):
-        solid = roof_solid([flat(ring, 3.0, touching)], 0.0)
+        solid = raising.roof_solid([flat(ring, 3.0, touching)], 0.0)
         assert check_solid(solid) == ()
         assert solid.volume == pytest.approx(3 * 94.0, rel=1e-3)
 
 
-def test_where_elevations_hardly_differ_there_is_no_wall():
-    pieces = [flat(rectangle(0, 0, 10, 5), 3.0), piece(rectangle(0, 5, 10, 10), (0.0, 0.4, 1.006))]
-    solid = roof_solid(pieces, 0.0)
-    assert check_solid(solid) == ()
-    assert set(solid.vertices[solid.vertices[:, 1] == 5.0, 2]) == {0.0, 3.003}
-    assert count(solid, WALL_SURFACE) == 6
-
-
 def test_a_roof_that_runs_into_the_ground_is_cut_off_above_it():
-    solid = roof_solid([piece(SQUARE, (1.0, 0.0, -4.9))], 0.0)
+    solid = raising.roof_solid([piece(SQUARE, (1.0, 0.0, -4.9))], 0.0)
     assert check_solid(solid) == ()
     assert solid.vertices[:, 2].max() == pytest.approx(5.1)
     assert count(solid, ROOF_SURFACE) == 2
     assert solid.volume == pytest.approx(0.1 * 100 + 0.5 * 5 * 5 * 10)
-    assert check_solid(roof_solid([flat(SQUARE, -3.0)], 0.0)) == ()
+    assert check_solid(raising.roof_solid([flat(SQUARE, -3.0)], 0.0)) == ()
 
 
 @pytest.mark.parametrize("slope", [0.2, 3.0, 40.0])
 def test_roof_faces_lie_in_their_planes_however_steep(slope):
     turned = SQUARE @ np.array([[0.8, 0.6], [-0.6, 0.8]])
     plane = (slope, 0.31 * slope, 500.0)
-    solid = roof_solid([piece(turned, plane)], 0.0)
+    solid = raising.roof_solid([piece(turned, plane)], 0.0)
     assert check_solid(solid) == ()
     x, y, z = solid.vertices[solid.vertices[:, 2] > 0.0].T
     assert np.abs(plane[0] * x + plane[1] * y + plane[2] - z).max() < 0.0006
@@ -216,41 +208,38 @@ def test_roof_faces_lie_in_their_planes_however_steep(slope):
 
 def test_coordinates_are_on_the_output_grid():
     pieces = [piece(SQUARE / 3, (0.123, -0.456, 20.0))]
-    steps = roof_solid(pieces, 0.12345).vertices * 1000
+    steps = raising.roof_solid(pieces, 0.12345).vertices * 1000
     assert np.abs(steps - np.rint(steps)).max() < 1e-6
 
 
-def test_nothing_gives_nothing():
-    empty = roof_solid([], 0.0)
+def test_nothing_gives_nothing_and_what_cannot_be_one_solid_comes_with_its_codes():
+    empty = raising.roof_solid([], 0.0)
     assert check_solid(empty) == (902,)
-    assert roof_solid([flat([[0, 0], [5, 0], [9, 0]], 3.0)], 0.0).faces == ()
-    assert roof_solid([flat(np.empty((0, 2)), 3.0)], 0.0).faces == ()
-
-
-def test_what_cannot_be_one_solid_comes_with_its_codes():
+    assert raising.roof_solid([flat([[0, 0], [5, 0], [9, 0]], 3.0)], 0.0).faces == ()
+    assert raising.roof_solid([flat(np.empty((0, 2)), 3.0)], 0.0).faces == ()
     apart = [flat(rectangle(0, 0, 5, 5), 3.0), flat(rectangle(7, 0, 12, 5), 4.0)]
-    solid, codes = checked_roof_solid(apart, 0.0)
+    solid, codes = raising.checked_roof_solid(apart, 0.0)
     assert codes == check_solid(solid) == (305,)
     assert solid.volume == pytest.approx(25 * 7)
-    assert checked_roof_solid(apart[:1], 0.0)[1] == ()
+    assert raising.checked_roof_solid(apart[:1], 0.0)[1] == ()
 
 
 def test_a_roof_face_that_is_not_planar_is_cut_into_triangles():
-    house = extrude(Outline(SQUARE), 0.0, 3.0)
+    house = raising.extrude(Outline(SQUARE), 0.0, 3.0)
     raised = house.vertices.copy()
     raised[6, 2] += 0.1
     bent = Solid(raised, house.faces, house.semantics)
     assert check_solid(bent) == (203,)
-    cut = triangulate_non_planar(bent)
+    cut = raising.triangulate_non_planar(bent)
     assert check_solid(cut) == ()
     assert count(cut, ROOF_SURFACE) == 2
-    assert triangulate_non_planar(house).faces == house.faces
+    assert raising.triangulate_non_planar(house).faces == house.faces
 
 
 def test_pieces_a_millimetre_wide_are_left_out():
     strip = rectangle(5, 0, 5.001, 10)
     pieces = [flat(rectangle(0, 0, 5, 10), 4.0), flat(strip, 9.0), flat(rectangle(5.001, 0, 10, 10), 6.0)]
-    solid = roof_solid(pieces, 0.0)
+    solid = raising.roof_solid(pieces, 0.0)
     assert check_solid(solid) == ()
     assert solid.vertices[:, 2].max() == 6.0
     assert solid.volume == pytest.approx(500.0, rel=1e-3)
@@ -290,7 +279,7 @@ def random_roof(seed):
 def test_random_roofs_give_valid_solids_of_the_right_volume(first):
     for seed in range(first, first + 20):
         pieces = random_roof(seed)
-        solid = roof_solid(pieces, 0.0)
+        solid = raising.roof_solid(pieces, 0.0)
         assert (seed, check_solid(solid)) == (seed, ())
         assert solid.volume == pytest.approx(volume_below(pieces), rel=2e-3)
 
@@ -298,7 +287,7 @@ def test_random_roofs_give_valid_solids_of_the_right_volume(first):
 def test_the_order_of_the_pieces_changes_nothing_but_their_order():
     pieces = random_roof(4)
     assert len(pieces) > 2
-    assert face_set(roof_solid(pieces, 0.0)) == face_set(roof_solid(pieces[::-1], 0.0))
+    assert face_set(raising.roof_solid(pieces, 0.0)) == face_set(raising.roof_solid(pieces[::-1], 0.0))
 
 
 @pytest.mark.parametrize(
@@ -313,5 +302,5 @@ def test_the_order_of_the_pieces_changes_nothing_but_their_order():
     ],
 )
 def test_a_plan_that_is_none_comes_with_the_codes_of_its_solid(pieces):
-    solid, codes = checked_roof_solid(pieces, 0.0)
+    solid, codes = raising.checked_roof_solid(pieces, 0.0)
     assert codes == check_solid(solid)

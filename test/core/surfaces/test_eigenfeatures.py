@@ -207,7 +207,7 @@ def test_tenfold_points_have_the_features_of_single_ones():
     assert tenfold.eigenvalues[::10] == pytest.approx(single.eigenvalues, abs=1e-13)
 
 
-def test_a_plane_without_noise_has_its_exact_normal_and_no_roughness():
+def test_a_plane_without_noise_has_its_exact_normal_and_a_line_is_all_linear():
     rng = np.random.default_rng(0)
     plan = rng.uniform(0, 20, (2000, 2))
     plane = np.column_stack([plan, 0.5 * plan[:, 0] - 0.25 * plan[:, 1] + 7.0])
@@ -216,9 +216,6 @@ def test_a_plane_without_noise_has_its_exact_normal_and_no_roughness():
     assert found.normals @ normal == pytest.approx(1, abs=1e-12)
     assert found.roughness.max() < 1e-6
     assert found.scattering.max() < 1e-12
-
-
-def test_a_line_without_noise_is_all_linear():
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
     found = eigen_features(np.arange(100)[:, None] * 0.1 * direction + 5.0, [0.5, 1.0])
     assert found.normals @ direction == pytest.approx(0, abs=1e-9)

@@ -12,16 +12,12 @@ def adjusted(points, plane_id):
     return adjust(points, np.asarray(plane_id, np.uint16)).planes
 
 
-def angle_deg(one, other):
-    return np.degrees(np.arccos(np.clip(one @ other, -1.0, 1.0)))
-
-
 @pytest.mark.parametrize("name", ["gable", "hip", "l_shape", "mansard", "pitched_courtyard"])
 @pytest.mark.parametrize("rotation_deg", [0, 27])
 def test_adjusted_planes_are_those_of_the_building(name, rotation_deg):
     scene = model_scene(name, rotation_deg=rotation_deg)
     for plane, face in zip(adjusted(scene.points, scene.plane_id), scene.building.faces, strict=True):
-        assert angle_deg(plane.normal, face.normal) < 0.2
+        assert np.degrees(np.arccos(np.clip(plane.normal @ face.normal, -1.0, 1.0))) < 0.2
         middle = face.polygon.representative_point().coords[0]
         assert plane.elevation(np.array([middle]))[0] == pytest.approx(
             face.elevation(np.array([middle]))[0], abs=0.02

@@ -21,12 +21,9 @@ def inside():
     return np.random.default_rng(1).uniform((510, -290), (610, -230), (5000, 2))
 
 
-def test_elevations_are_those_of_scipys_linear_interpolation(scattered, inside):
+def test_elevations_are_those_of_scipys_linear_interpolation_and_of_startin(scattered, inside):
     expected = LinearNDInterpolator(scattered[:, :2], scattered[:, 2])(inside)
     np.testing.assert_allclose(build_tin(scattered).elevation(inside), expected, atol=1e-9)
-
-
-def test_elevations_are_those_of_startin(scattered, inside):
     peer = startinpy.DT()
     peer.insert(scattered)
     expected = peer.interpolate({"method": "TIN"}, inside[:500])
@@ -42,9 +39,12 @@ def test_every_point_lies_in_the_triangle_it_is_located_in(scattered, inside):
         assert (side[:, 0] * away[:, 1] - side[:, 1] * away[:, 0] >= -1e-9).all()
 
 
-def test_order_and_repetition_of_vertices_do_not_matter(scattered, inside):
+def test_order_and_repetition_of_vertices_and_order_of_queries_do_not_matter(scattered, inside):
     again = np.random.default_rng(2).permutation(np.vstack((scattered, scattered[::3])))
     np.testing.assert_array_equal(build_tin(again).elevation(inside), build_tin(scattered).elevation(inside))
+    shuffled = np.random.default_rng(3).permutation(len(inside))
+    tin = build_tin(scattered)
+    np.testing.assert_allclose(tin.elevation(inside[shuffled]), tin.elevation(inside)[shuffled], atol=1e-12)
 
 
 def test_triangles_of_a_lattice_do_not_depend_on_where_it_is_cut():
@@ -56,12 +56,6 @@ def test_triangles_of_a_lattice_do_not_depend_on_where_it_is_cut():
     expected = build_tin(lattice).elevation(queries)
     for part in (lattice[lattice[:, 0] < 15.0], lattice[lattice[:, 1] > 1.0], random.permutation(lattice)):
         np.testing.assert_allclose(build_tin(part).elevation(queries), expected, atol=1e-12)
-
-
-def test_order_of_queries_does_not_matter(scattered, inside):
-    shuffled = np.random.default_rng(3).permutation(len(inside))
-    tin = build_tin(scattered)
-    np.testing.assert_allclose(tin.elevation(inside[shuffled]), tin.elevation(inside)[shuffled], atol=1e-12)
 
 
 def test_terrain_goes_on_level_beyond_the_vertices(scattered):
@@ -95,12 +89,9 @@ def test_degenerate_vertices_give_their_elevation_everywhere(vertices):
     np.testing.assert_allclose(tin.elevation(np.random.default_rng(5).uniform(-20, 120, (100, 2))), 5.0)
 
 
-def test_the_lowest_of_points_at_one_place_counts():
+def test_the_lowest_of_points_at_one_place_counts_and_no_vertices_and_nan_are_refused():
     tin = build_tin(np.array([[1.0, 2.0, 7.0], [1.0, 2.0, 3.0], [1.0, 2.0, 5.0]]))
     assert tin.elevation(np.array([[1.0, 2.0]]))[0] == 3.0
-
-
-def test_no_vertices_and_nan_are_refused_by_name():
     with pytest.raises(ValueError, match="vertices"):
         build_tin(np.zeros((0, 3)))
     with pytest.raises(ValueError, match="finite"):

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.evaluation.scores.edges import (
-    alpha_of_spacing,
-    fewest_points,
-    reference_edges,
-    roofs_of_points,
-    roofs_of_polygons,
-    score_edges,
-)
+from lidar_buildings.evaluation.scores import edges
 
 
 def flat_roof(west, south, columns, rows, elevation=10.0, step=0.5):
@@ -24,7 +17,7 @@ def flat_roof(west, south, columns, rows, elevation=10.0, step=0.5):
 def test_figures_are_those_of_both_classes():
     result = np.array([1, 1, 1, 0, 0, 0, 0, 0, 0, 0], dtype=bool)
     reference = np.array([1, 1, 0, 1, 1, 0, 0, 0, 0, 0], dtype=bool)
-    score = score_edges(result, reference)
+    score = edges.score_edges(result, reference)
     assert (score["n_points"], score["n_edges_reference"], score["n_edges_result"]) == (10, 4, 3)
     assert score["edge_completeness"] == 2 / 4
     assert score["edge_correctness"] == 2 / 3
@@ -35,40 +28,40 @@ def test_figures_are_those_of_both_classes():
 
 
 def test_a_share_of_nothing_is_nan():
-    score = score_edges(np.zeros(3, dtype=bool), np.zeros(3, dtype=bool))
+    score = edges.score_edges(np.zeros(3, dtype=bool), np.zeros(3, dtype=bool))
     assert math.isnan(score["edge_completeness"])
     assert math.isnan(score["edge_correctness"])
     assert score["non_edge_f_score"] == 1.0
-    assert math.isnan(score_edges([], [])["non_edge_completeness"])
+    assert math.isnan(edges.score_edges([], [])["non_edge_completeness"])
 
 
 def test_the_radius_is_that_of_the_paper_at_its_density():
-    assert alpha_of_spacing(1 / math.sqrt(5.0)) == pytest.approx(0.60)
-    assert alpha_of_spacing(1.0) == pytest.approx(1.342, abs=5e-4)
+    assert edges.alpha_of_spacing(1 / math.sqrt(5.0)) == pytest.approx(0.60)
+    assert edges.alpha_of_spacing(1.0) == pytest.approx(1.342, abs=5e-4)
 
 
 def test_each_roof_has_an_alpha_shape_of_its_own():
     houses = np.vstack((flat_roof(0, 0, 10, 8), flat_roof(5, 0, 10, 8)))
     roof = np.repeat([0, 1], 80)
-    apart = reference_edges(houses, roof, 0.6)
+    apart = edges.reference_edges(houses, roof, 0.6)
     assert apart.sum() == 2 * (2 * (10 + 8) - 4)
-    together = reference_edges(houses, np.zeros_like(roof), 0.6)
+    together = edges.reference_edges(houses, np.zeros_like(roof), 0.6)
     assert together.sum() == 2 * (20 + 8) - 4
     assert not (together & ~apart).any()
-    assert not reference_edges(houses, np.where(roof == 1, -1, 0), 0.6)[80:].any()
+    assert not edges.reference_edges(houses, np.where(roof == 1, -1, 0), 0.6)[80:].any()
 
 
 def test_points_belong_to_the_first_polygon_that_holds_them():
     polygons = [shapely.box(0, 0, 2, 2), None, shapely.box(1, 0, 4, 2), shapely.Polygon()]
     points = np.array([[0.5, 1, 7], [1.5, 1, 7], [3, 1, 7], [4, 2, 7], [5, 1, 7], [3, 3, 7]])
-    assert roofs_of_polygons(points, polygons).tolist() == [0, 0, 2, 2, -1, -1]
-    assert roofs_of_polygons(np.zeros((0, 3)), polygons).tolist() == []
-    assert roofs_of_polygons(points, []).tolist() == [-1] * 6
+    assert edges.roofs_of_polygons(points, polygons).tolist() == [0, 0, 2, 2, -1, -1]
+    assert edges.roofs_of_polygons(np.zeros((0, 3)), polygons).tolist() == []
+    assert edges.roofs_of_polygons(points, []).tolist() == [-1] * 6
 
 
 def test_a_polygon_that_crosses_itself_is_repaired():
     bow_tie = shapely.Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])
-    assert roofs_of_polygons(np.array([[0.2, 1.0, 0], [1.0, 1.5, 0]]), [bow_tie]).tolist() == [0, -1]
+    assert edges.roofs_of_polygons(np.array([[0.2, 1.0, 0], [1.0, 1.5, 0]]), [bow_tie]).tolist() == [0, -1]
 
 
 def test_parts_of_a_cloud_are_roofs_whatever_the_order():
@@ -77,15 +70,15 @@ def test_parts_of_a_cloud_are_roofs_whatever_the_order():
     order = np.random.default_rng(0).permutation(len(cloud))
     for rows in (np.arange(len(cloud)), order):
         roof = np.empty(len(cloud), dtype=int)
-        roof[rows] = roofs_of_points(cloud[rows], 0.8, min_points=5)
+        roof[rows] = edges.roofs_of_points(cloud[rows], 0.8, min_points=5)
         assert [len(set(part.tolist())) for part in np.split(roof, [36, 72])] == [1, 1, 1]
         assert roof[0] != roof[36]
         assert roof[72] == -1
-    assert len(set(roofs_of_points(cloud, 0.8).tolist())) == 3
-    assert set(roofs_of_points(cloud, 40.0).tolist()) == {0}
-    assert roofs_of_points(np.zeros((0, 3)), 1.0).tolist() == []
+    assert len(set(edges.roofs_of_points(cloud, 0.8).tolist())) == 3
+    assert set(edges.roofs_of_points(cloud, 40.0).tolist()) == {0}
+    assert edges.roofs_of_points(np.zeros((0, 3)), 1.0).tolist() == []
 
 
 def test_the_smallest_roof_has_six_square_metres():
-    assert fewest_points(1.0) == 6
-    assert fewest_points(0.5) == 24
+    assert edges.fewest_points(1.0) == 6
+    assert edges.fewest_points(0.5) == 24

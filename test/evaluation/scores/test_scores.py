@@ -71,20 +71,20 @@ def test_ground_errors_of_a_hand_made_case():
     assert score.kappa == pytest.approx(0.70)
 
 
-def test_a_road_in_the_result_is_ground():
+def test_a_road_in_the_result_is_ground_and_water_of_the_reference_on_request():
     result, reference = labelled((5, 11, 2), (5, 6, 6))
     assert score_ground(result, reference).total_error == 0.0
-
-
-def test_water_of_the_reference_is_ground_on_request():
     result, reference = labelled((6, 2, 2), (2, 2, 9), (2, 6, 6))
     assert score_ground(result, reference).false_alarms == 2
     assert score_ground(result, reference, reference_ground=(2, 9)).total_error == 0.0
 
 
-def test_a_ten_metre_square_has_four_hundred_half_metre_cells_wherever_it_stands():
+def test_a_square_has_its_cells_wherever_it_stands_and_overlapping_and_touching_ones_count_once():
     for x, y in ((0.0, 0.0), (-15.0, -3.0), FAR):
         assert len(cells_of_polygons([box(x, y, 10, 10)], 0.5)) == 400
+    assert len(cells_of_polygons([box(0, 0, 10, 10), box(5, 0, 10, 10)], 0.5)) == 600
+    # The shared wall runs through centres of cells: no gap opens along it.
+    assert len(cells_of_polygons([box(0, 0, 5.25, 10), box(5.25, 0, 4.75, 10)], 0.5)) == 400
 
 
 def test_a_shifted_square_has_the_iou_of_its_overlap():
@@ -101,12 +101,6 @@ def test_only_cells_inside_the_area_of_interest_count():
     assert score_buildings(result, reference).precision == pytest.approx(0.5)
     assert score_buildings(result, reference, area=[box(-5, -5, 20, 20)]).precision == 1.0
     assert len(cells_inside(result, [box(0, 0, 5, 5), box(50, 0, 5, 5)], 0.5)) == 200
-
-
-def test_overlapping_and_touching_polygons_count_their_cells_once():
-    assert len(cells_of_polygons([box(0, 0, 10, 10), box(5, 0, 10, 10)], 0.5)) == 600
-    # The shared wall runs through centres of cells: no gap opens along it.
-    assert len(cells_of_polygons([box(0, 0, 5.25, 10), box(5.25, 0, 4.75, 10)], 0.5)) == 400
 
 
 def test_cells_agree_with_testing_every_centre_of_a_window(monkeypatch):
@@ -182,7 +176,7 @@ def test_a_shifted_outline_has_iou_and_distances_that_can_be_worked_out():
     assert score["boundary_hausdorff"] == pytest.approx(1.0)
 
 
-def test_found_missed_and_extra_objects_are_counted():
+def test_found_missed_and_extra_objects_are_counted_and_each_is_used_once_the_better_pair_first():
     reference = [box(0, 0, 10, 10), box(20, 0, 10, 10), box(40, 0, 10, 10)]
     result = [box(0, 0, 10, 10), box(26, 0, 10, 10), box(60, 0, 10, 10)]
     score = score_outlines(result, reference)
@@ -191,9 +185,6 @@ def test_found_missed_and_extra_objects_are_counted():
     assert score["iou_per_reference"] == pytest.approx([1.0, 40 / 160, 0.0])
     assert score["mean_iou"] == pytest.approx((1.0 + 0.25 + 0.0) / 3)
     assert score["mean_iou_found"] == 1.0
-
-
-def test_each_outline_is_used_once_and_the_better_pair_comes_first():
     reference = [box(0, 0, 10, 10), box(10, 0, 10, 10)]
     merged, exact = box(0, 0, 20, 10), box(10, 0, 10, 10)
     score = score_outlines([merged, exact], reference)
@@ -213,22 +204,19 @@ def test_outlines_are_cut_to_the_area_of_interest():
     assert score["boundary_hausdorff"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_courtyard_that_was_missed_counts_in_area_and_in_distance():
+def test_a_missed_courtyard_counts_in_area_and_distance_and_self_crossing_outlines_are_repaired():
     courtyard = shapely.Polygon(box(0, 0, 20, 20).exterior, [box(5, 5, 10, 10).exterior])
     score = score_outlines([box(0, 0, 20, 20)], [courtyard])
     assert score["mean_iou"] == pytest.approx(300 / 400)
     assert score["boundary_hausdorff"] == pytest.approx(5.0)
+    bow_tie = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
+    assert score_outlines([bow_tie], [bow_tie])["mean_iou"] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("broken", [None, shapely.Polygon(), shapely.Polygon([(0, 0), (5, 5), (9, 9)])])
 def test_outlines_without_area_are_left_out(broken):
     score = score_outlines([broken, box(0, 0, 10, 10)], [box(0, 0, 10, 10), broken])
     assert (score["n_result"], score["n_reference"], score["n_found"]) == (1, 1, 1)
-
-
-def test_self_crossing_outlines_are_repaired():
-    bow_tie = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
-    assert score_outlines([bow_tie], [bow_tie])["mean_iou"] == pytest.approx(1.0)
 
 
 def test_nothing_against_something_and_nothing_against_nothing():

@@ -121,14 +121,14 @@ def test_wrong_bounds_in_the_header_are_measured_anew(tmp_path, caplog):
     assert "bounds" in caplog.text
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_what_is_missing_or_empty_and_a_folder_in_place_of_a_file_are_named(tmp_path):
     assert "no such file" in the_line(find_inputs, tmp_path / "gone.laz")
     assert "no such file" in the_line(open_cloud, tmp_path / "gone.laz")
-
-
-def test_an_empty_folder_and_a_pattern_without_match_are_named(tmp_path):
     assert str(tmp_path) in the_line(find_inputs, tmp_path)
     assert "*.laz" in the_line(find_inputs, tmp_path / "*.laz")
+    (tmp_path / "empty.laz").touch()
+    assert "empty.laz: is empty (0 bytes)" in the_line(open_cloud, tmp_path / "empty.laz")
+    assert str(tmp_path) in the_line(open_cloud, tmp_path)
 
 
 def test_folders_patterns_and_files_are_expanded_once_each(tmp_path):
@@ -137,12 +137,6 @@ def test_folders_patterns_and_files_are_expanded_once_each(tmp_path):
     (tmp_path / "sub.laz").mkdir()
     found = find_inputs([tmp_path / "b.laz", tmp_path, tmp_path / "*.laz"])
     assert [path.name for path in found] == ["b.laz", "A.LAS", "c.copc.laz"]
-
-
-def test_an_empty_file_and_a_folder_in_place_of_one_are_named(tmp_path):
-    (tmp_path / "empty.laz").touch()
-    assert "empty.laz: is empty (0 bytes)" in the_line(open_cloud, tmp_path / "empty.laz")
-    assert str(tmp_path) in the_line(open_cloud, tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"x", b"LASF", b"hello world" * 100])
@@ -278,7 +272,7 @@ def test_a_cloud_without_system_joins_one_that_has_it_and_says_so(tmp_path, capl
     assert "EPSG:5709" in vertical
 
 
-def test_clouds_that_name_no_system_are_given_one(tmp_path):
+def test_clouds_that_name_no_system_are_given_one_and_others_no_other_one(tmp_path):
     silent = [open_cloud(cloud_at(tmp_path / "silent.laz"))]
     assert frame_of(silent).crs == ""
     assert frame_of(silent, "EPSG:28992").crs == "EPSG:28992"
@@ -290,9 +284,6 @@ def test_clouds_that_name_no_system_are_given_one(tmp_path):
     }.items():
         with pytest.raises(ParameterError, match=why):
             frame_of(silent, crs)
-
-
-def test_clouds_that_name_a_system_are_given_no_other_one(tmp_path):
     cloud = cloud_files.with_wkt(cloud_files.random_cloud(), "EPSG:28992")
     clouds = [open_cloud(cloud_files.saved(cloud, tmp_path / "dutch.laz"))]
     assert frame_of(clouds, "EPSG:28992").crs == "EPSG:28992"

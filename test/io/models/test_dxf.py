@@ -38,10 +38,13 @@ def outlines_of(drawing, number=None, layer=OUTLINE):
     return [one for one in found if number is None or f"building_id={number}" in data_of(one)]
 
 
-def test_the_audit_finds_nothing_to_mend(dutch):
+def test_the_audit_finds_nothing_to_mend_and_no_handle_is_given_twice(dutch):
     audit = dutch[1].audit()
     assert not audit.errors
     assert not audit.fixes
+    handles = [int(e.dxf.handle, 16) for e in dutch[1].modelspace()]
+    assert len(set(handles)) == len(handles)
+    assert int(dutch[1].header["$HANDSEED"], 16) > max(handles)
 
 
 def test_an_empty_drawing_is_sound_and_has_all_layers(tmp_path):
@@ -53,21 +56,12 @@ def test_an_empty_drawing_is_sound_and_has_all_layers(tmp_path):
     assert surfaces | {OUTLINE, COURTYARD} <= {layer.dxf.name for layer in drawing.layers}
 
 
-def test_no_handle_is_given_twice_and_the_next_one_is_free(dutch):
-    handles = [int(e.dxf.handle, 16) for e in dutch[1].modelspace()]
-    assert len(set(handles)) == len(handles)
-    assert int(dutch[1].header["$HANDSEED"], 16) > max(handles)
-
-
-def test_faces_lie_on_the_layer_of_their_level_and_surface(dutch):
+def test_faces_lie_on_the_layer_of_their_level_and_surface_and_lines_on_that_of_their_kind(dutch):
     buildings, drawing = dutch
     faces = drawing.modelspace().query("3DFACE")
     layers = Counter(one.dxf.layer for one in faces if "building-84900.0-447400.0" in data_of(one))
     assert layers == {"LOD22_ROOF": 2, "LOD22_WALL": 6, "LOD22_GROUND": 4}
     assert {data_of(one)[0] for one in faces} == {b.readable_id for b in buildings if b.solid}
-
-
-def test_lines_of_roofs_lie_on_the_layer_of_their_kind(dutch):
     lines = dutch[1].modelspace().query("LINE")
     layers = Counter(one.dxf.layer for one in lines if "building-84900.0-447400.0" in data_of(one))
     assert layers == {"LINE_RIDGE": 1, "LINE_EAVE": 2, "LINE_VERGE": 4}
@@ -120,25 +114,22 @@ def test_a_round_tower_is_drawn_with_arcs(dutch):
         assert bulge_radius((x, y), end[:2], bulge) == pytest.approx(model_survey.RADIUS, abs=1e-3)
 
 
-def test_straight_outlines_keep_their_corners(dutch):
+def test_straight_outlines_keep_their_corners_and_all_outlines_carry_the_attributes(dutch):
     (outline,) = outlines_of(dutch[1], 5)
     expected = model_survey.rectangle(84900, 447400, 84910, 447408)
     assert np.array(outline.get_points("xy")) == pytest.approx(expected)
     assert not outline.has_arc
     assert outline.dxf.elevation == model_survey.GROUND
+    (gable,) = outlines_of(dutch[1], 5)
+    assert {"status=ok", "height=6.0", "volume=360.0"} <= set(data_of(gable))
+    (ruin,) = outlines_of(dutch[1], 7)
+    assert {"status=degenerate", "reason=no roof points"} <= set(data_of(ruin))
 
 
 def test_courtyards_have_a_layer_of_their_own(dutch):
     (hole,) = outlines_of(dutch[1], layer=COURTYARD)
     assert "building_id=9" in data_of(hole)
     assert np.ptp(np.array(hole.get_points("xy")), axis=0).tolist() == [8.0, 8.0]
-
-
-def test_outlines_carry_the_attributes_also_of_a_building_without_solid(dutch):
-    (gable,) = outlines_of(dutch[1], 5)
-    assert {"status=ok", "height=6.0", "volume=360.0"} <= set(data_of(gable))
-    (ruin,) = outlines_of(dutch[1], 7)
-    assert {"status=degenerate", "reason=no roof points"} <= set(data_of(ruin))
 
 
 def test_feet_are_written_in_feet(tmp_path):
@@ -218,22 +209,16 @@ def test_it_does_not_matter_where_a_ring_begins(first):
     assert sorted(found.bulges) == pytest.approx([0.0, 0.0, 0.0, 1.0], abs=1e-4)
 
 
-def test_an_arc_that_bends_inwards_has_a_negative_bulge():
+def test_an_arc_that_bends_inwards_has_a_negative_bulge_and_none_is_more_than_half_a_circle():
     ring = np.vstack([[[-10.0, -10.0], [10.0, -10.0], [10.0, 5.0]], arc((0.0, 5.0), 5.0, 0.0, -180.0, 8)])
     found = ring_arcs(carried(np.vstack([ring, [[-10.0, 5.0]]])))
     assert found.bulges.min() == pytest.approx(-1.0, abs=1e-4)
     assert np.count_nonzero(found.bulges) == 1
     backwards = ring_arcs(carried(np.vstack([ring, [[-10.0, 5.0]]]))[::-1])
     assert backwards.bulges.max() == pytest.approx(1.0, abs=1e-4)
-
-
-def test_a_circle_is_two_arcs():
     found = ring_arcs(carried(arc((3.0, 4.0), 6.0, 10.0, 370.0, 20)[:-1]))
     assert found.rows.tolist() == [0, 10]
     assert found.bulges == pytest.approx([1.0, 1.0], abs=1e-4)
-
-
-def test_three_quarters_of_a_circle_are_drawn_in_parts_of_at_most_a_half():
     ring = carried(np.vstack([arc((0.0, 0.0), 8.0, 45.0, 315.0, 12), [[20.0, -5.0], [20.0, 5.0]]]))
     found = ring_arcs(ring)
     swept = 4.0 * np.degrees(np.arctan(found.bulges))

@@ -33,7 +33,7 @@ def meshes_of(path):
     return trimesh.load_scene(path, split_objects=True, group_material=False).geometry
 
 
-def test_every_solid_is_a_closed_mesh_of_the_same_volume(dutch):
+def test_every_solid_is_a_closed_mesh_of_the_same_volume_the_gable_house_that_of_a_prism(dutch):
     buildings, path = dutch
     meshes = meshes_of(path)
     solid = {b.readable_id: b.solid for b in buildings if b.solid}
@@ -43,15 +43,11 @@ def test_every_solid_is_a_closed_mesh_of_the_same_volume(dutch):
         assert mesh.is_watertight, name
         assert mesh.is_winding_consistent
         assert mesh.volume == pytest.approx(solid[name].volume, rel=1e-6)
-
-
-def test_the_gable_house_has_the_volume_of_a_prism(dutch):
-    buildings, path = dutch
     (gable,) = [b.readable_id for b in buildings if b.building_id == 5]
     assert meshes_of(path)[gable].volume == pytest.approx(10 * 8 * 3 + 10 * 8 * 3 / 2)
 
 
-def test_faces_have_the_material_of_their_surface(dutch):
+def test_faces_have_the_material_of_their_surface_and_a_building_without_solid_is_told_of(dutch):
     _, path = dutch
     used = {line.split()[1] for line in path.read_text().splitlines() if line.startswith("usemtl")}
     known = {
@@ -61,6 +57,9 @@ def test_faces_have_the_material_of_their_surface(dutch):
     }
     assert used == known == {"roof", "wall", "ground"}
     assert "mtllib model.mtl\n" in path.read_text()
+    (line,) = [line for line in path.read_text().splitlines() if "no solid" in line]
+    assert line.startswith("# building-84980.0-447400.0:")
+    assert line.endswith("no roof points")
 
 
 @pytest.mark.parametrize("frame", [model_survey.DUTCH, model_survey.FEET])
@@ -72,13 +71,6 @@ def test_coordinates_with_the_offset_are_those_of_the_source(tmp_path, frame):
     assert np.abs(places).max() < 100.0
     expected = frame.to_source(buildings[0].solid.vertices)
     assert places + offset_of(path) == pytest.approx(expected, abs=1e-4)
-
-
-def test_a_building_without_solid_is_told_of_with_its_reason(dutch):
-    _, path = dutch
-    (line,) = [line for line in path.read_text().splitlines() if "no solid" in line]
-    assert line.startswith("# building-84980.0-447400.0:")
-    assert line.endswith("no roof points")
 
 
 def test_no_buildings_give_a_file_without_faces(tmp_path):

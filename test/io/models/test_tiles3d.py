@@ -76,12 +76,18 @@ def test_files_are_closed_meshes_that_another_reader_reads(dutch):
     assert volume == pytest.approx(sum(b.solid.volume for b in buildings if b.solid) * 1.00012, rel=2e-5)
 
 
-def test_normals_are_units_that_look_out_of_their_triangles(dutch):
+def test_normals_are_units_that_look_out_of_their_triangles_and_surfaces_have_their_colours(dutch):
     for file, _ in contents_of(dutch[1]):
         a, b, c = file.attribute("POSITION").reshape(-1, 3, 3).swapaxes(0, 1)
         normals = file.attribute("NORMAL")
         assert (normals**2).sum(axis=1) == pytest.approx(np.ones(len(normals)), abs=1e-5)
         assert ((np.cross(b - a, c - a) * normals[::3]).sum(axis=1) > 0).all()
+    for file, _ in contents_of(dutch[1]):
+        colours, normals = file.attribute("COLOR_0")[:, :3], file.attribute("NORMAL")
+        up = normals[:, 1]
+        kinds = [colours[chosen] for chosen in (up > 0.1, np.abs(up) < 0.1, up < -0.1)]
+        assert len(np.unique(np.concatenate([np.unique(kind, axis=0) for kind in kinds]), axis=0)) == 3
+        assert [len(np.unique(kind, axis=0)) for kind in kinds] == [1, 1, 1]
 
 
 def test_each_building_is_there_once_with_its_attributes(dutch):
@@ -99,15 +105,6 @@ def test_each_building_is_there_once_with_its_attributes(dutch):
         if b.solid
     }
     assert rows == expected
-
-
-def test_roofs_walls_and_grounds_have_their_colours(dutch):
-    for file, _ in contents_of(dutch[1]):
-        colours, normals = file.attribute("COLOR_0")[:, :3], file.attribute("NORMAL")
-        up = normals[:, 1]
-        kinds = [colours[chosen] for chosen in (up > 0.1, np.abs(up) < 0.1, up < -0.1)]
-        assert len(np.unique(np.concatenate([np.unique(kind, axis=0) for kind in kinds]), axis=0)) == 3
-        assert [len(np.unique(kind, axis=0)) for kind in kinds] == [1, 1, 1]
 
 
 def test_terrain_is_there_without_attributes(dutch):

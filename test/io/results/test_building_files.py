@@ -61,11 +61,18 @@ def feet(tmp_path_factory):
     return folder
 
 
-def test_all_files_are_named_and_buildings_counted_by_status(dutch):
+def test_all_files_and_layers_are_named_and_buildings_counted_by_status(dutch):
     folder, files, statuses = dutch
     assert files == NAMES
     assert all((folder / name).exists() for name in files)
     assert statuses == {"degenerate": 1, "ok": 4}
+    layers = pyogrio.list_layers(dutch[0] / "buildings.gpkg").tolist()
+    assert layers == [
+        ["outlines", "Polygon"],
+        ["traced", "Polygon"],
+        ["roof_faces", "Polygon Z"],
+        ["roof_lines", "LineString Z"],
+    ]
 
 
 def test_outlines_have_every_attribute_and_every_building(dutch):
@@ -122,16 +129,6 @@ def test_roof_lines_have_their_kinds_and_faces(dutch):
     assert list(shapely.from_wkb(geometry[ridge[0]]).coords) == [
         (84910.0, 447404.0, model_survey.RIDGE),
         (84900.0, 447404.0, model_survey.RIDGE),
-    ]
-
-
-def test_layers_are_there_under_their_names(dutch):
-    layers = pyogrio.list_layers(dutch[0] / "buildings.gpkg").tolist()
-    assert layers == [
-        ["outlines", "Polygon"],
-        ["traced", "Polygon"],
-        ["roof_faces", "Polygon Z"],
-        ["roof_lines", "LineString Z"],
     ]
 
 

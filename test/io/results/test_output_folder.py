@@ -40,7 +40,7 @@ def test_a_run_makes_every_file_and_leaves_nothing_else(tmp_path, survey):
     assert summary.problems == ()
 
 
-def test_points_get_the_results_of_their_own_tile_in_the_order_of_the_file(tmp_path, survey):
+def test_points_get_their_tiles_results_and_the_ids_of_buildings_also_of_other_tiles(tmp_path, survey):
     source, tiles = survey
     run(tmp_path / "out", source, tiles)
     for number in range(2):
@@ -52,11 +52,6 @@ def test_points_get_the_results_of_their_own_tile_in_the_order_of_the_file(tmp_p
         assert np.array_equal(after.classification == 6, high)
         assert np.allclose(after["HeightAboveGround"], np.asarray(before.z) - 1.0, atol=1e-5)
         assert np.array_equal(after["EdgeLabel"], np.where(high, np.arange(600) % 2, 0))
-
-
-def test_a_buildings_points_in_another_tiles_core_carry_its_id(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles)
     found = [laspy.read(tmp_path / "out" / "classified" / f"{n}.laz") for n in range(2)]
     expected = [np.zeros(600, dtype=np.uint32) for _ in range(2)]
     for tile in sorted(tiles, key=lambda tile: tile.stamp):
@@ -76,7 +71,7 @@ def test_a_buildings_points_in_another_tiles_core_carry_its_id(tmp_path, survey)
         assert np.array_equal(found[number]["PlaneId"], np.where(expected[number] > 0, 3, 0))
 
 
-def test_the_geopackage_holds_every_building_in_source_coordinates(tmp_path, survey):
+def test_the_files_hold_every_building_and_what_the_run_was_told(tmp_path, survey):
     source, tiles = survey
     run(tmp_path / "out", source, tiles)
     path = tmp_path / "out" / "buildings.gpkg"
@@ -96,20 +91,10 @@ def test_the_geopackage_holds_every_building_in_source_coordinates(tmp_path, sur
     assert all(len(polygon.interiors) == 1 and polygon.bounds[0] >= 85_000.0 for polygon in outlines)
     faces, _, _ = read_polygons(path, "roof_faces")
     assert all(face.has_z for face in faces)
-
-
-def test_the_city_model_is_a_header_and_the_features_by_building(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles)
     header, *features = map(json.loads, (tmp_path / "out" / "city_model.city.jsonl").read_text().splitlines())
     assert header["type"] == "CityJSON"
     numbers = [next(iter(f["CityObjects"].values()))["attributes"]["building_id"] for f in features]
     assert numbers == sorted(products_of(t).outlines[0].building_id for t in tiles)
-
-
-def test_run_json_tells_inputs_counts_and_what_it_was_told(tmp_path, survey):
-    source, tiles = survey
-    run(tmp_path / "out", source, tiles)
     told = json.loads((tmp_path / "out" / "run.json").read_text())
     assert [i["output"] for i in told["inputs"]] == ["classified/0.laz", "classified/1.laz"]
     assert told["versions"] == {"lidar_buildings": "0"}
@@ -153,7 +138,7 @@ def test_points_without_names_are_a_mistake():
         TileProducts.from_tiles(PointTile(np.zeros((1, 3))))
 
 
-def test_equal_names_get_numbers(tmp_path):
+def test_equal_names_get_numbers_and_are_all_written(tmp_path, survey):
     names = ["a/x.laz", "b/X.LAS", "c/x.copc.laz", "x_2.las", "y.v1.laz"]
     assert output_names([InputFile(tmp_path / name, 1) for name in names]) == [
         "x",
@@ -162,9 +147,6 @@ def test_equal_names_get_numbers(tmp_path):
         "x_2_2",
         "y.v1",
     ]
-
-
-def test_equal_names_of_different_folders_are_both_written(tmp_path, survey):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         cloud_files.saved(cloud_files.random_cloud(50, seed=ord(folder)), tmp_path / folder / "x.laz")

@@ -14,38 +14,26 @@ def building(number: int, x: float, y: float, width: float, height: float) -> Bu
 WHOLE = building(1, 0, 0, 20, 10)
 
 
-def test_a_piece_within_another_tiles_building_is_found_whichever_tile_came_first():
+def test_a_piece_within_a_building_and_an_equal_one_are_found_whichever_tile_came_first():
     piece = building(2, 15, 2, 5, 5)
     assert seam_pieces([[WHOLE], [piece]]) == seam_pieces([[piece], [WHOLE]]) == {2}
+    twin = BuildingOutline(7, WHOLE.outline)
+    assert seam_pieces([[WHOLE], [twin]]) == seam_pieces([[twin], [WHOLE]]) == {7}
 
 
-def test_neighbours_that_overlap_by_less_than_half_are_both_kept():
+def test_neighbours_that_overlap_little_or_are_of_one_tile_or_in_a_courtyard_are_no_pieces():
     assert seam_pieces([[WHOLE], [building(2, 18, 0, 10, 10)]]) == set()
-
-
-def test_buildings_of_one_tile_are_never_pieces_of_each_other():
     assert seam_pieces([[WHOLE, building(2, 5, 2, 5, 5)]]) == set()
-
-
-def test_a_building_in_another_ones_courtyard_is_no_piece_of_it():
     hole = np.array([[5.0, 2.0], [5.0, 8.0], [15.0, 8.0], [15.0, 2.0]])
     around = BuildingOutline(1, Outline(WHOLE.outline.exterior, (hole,)))
     assert seam_pieces([[around], [building(2, 6, 3, 4, 4)]]) == set()
-
-
-def test_of_two_equal_buildings_one_is_kept():
-    twin = BuildingOutline(7, WHOLE.outline)
-    assert seam_pieces([[WHOLE], [twin]]) == seam_pieces([[twin], [WHOLE]]) == {7}
+    assert seam_pieces([]) == seam_pieces([[], []]) == set()
 
 
 def test_a_building_that_has_gone_over_to_another_tile_is_no_piece_of_itself():
     grown = building(1, 0, 0, 25, 10)
     piece = building(2, 15, 2, 5, 5)
     assert seam_pieces([[WHOLE], [grown, piece]]) == {2}
-
-
-def test_nothing_at_all_has_no_pieces():
-    assert seam_pieces([]) == seam_pieces([[], []]) == set()
 
 
 def test_of_an_id_a_second_building_nearby_is_the_same_one_and_one_far_away_another(tmp_path):

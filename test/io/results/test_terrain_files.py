@@ -37,10 +37,6 @@ def sloping(corner, frame=DUTCH, size=20.0, stamp=1, n=900):
     return PointTile(points, classification=np.full(n, 2), stamp=stamp, frame=frame, **numbers)
 
 
-def products_of(tile):
-    return TileProducts.from_tiles(tile, rasters=rasterise_tile(tile, RasterConfig(), DUTCH))
-
-
 def saved(folder, tile, config=None, frame=DUTCH):
     rasters = rasterise_tile(tile, config or RasterConfig(), frame)
     path = folder / f"{tile.stamp}.npz"
@@ -193,7 +189,8 @@ def test_places_too_far_apart_for_one_raster_leave_the_rest_of_the_run_complete(
     folder = OutputFolder(tmp_path / "out", [InputFile(cloud, 10)], DUTCH, until="ground_filter")
     for k, d in ((1, 0.0), (2, 2_000_000.0)):
         tile = sloping((d, d), stamp=1_000 * k)
-        folder.write_tile(products_of(tile))
+        rasters = rasterise_tile(tile, RasterConfig(), DUTCH)
+        folder.write_tile(TileProducts.from_tiles(tile, rasters=rasters))
     summary = folder.finalise()
     (line,) = summary.problems
     assert line.startswith(f"{tmp_path / 'out'}: no rasters were made: 4,000,")

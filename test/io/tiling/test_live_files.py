@@ -103,8 +103,9 @@ def test_a_strip_brings_no_more_than_600_000_points_into_a_tile_with_its_buffer(
     assert density * (side + 100.0) ** 2 <= 1.1 * 0.6e6 < 1.1 * density * (side + 125.0) ** 2
 
 
-def test_a_dense_strip_gets_no_smaller_tiles_than_are_worth_their_buffer():
+def test_tiles_are_no_smaller_than_is_worth_their_buffer_and_no_larger_than_files():
     assert scale_of(strip(60.0), BUFFER).side == 150.0
+    assert scale_of(strip(0.4, width=500.0), BUFFER).side == 1000.0
 
 
 @pytest.mark.parametrize("density", [2.2, 6.0, 12.0])
@@ -116,10 +117,6 @@ def test_a_strip_tells_the_spacing_of_what_is_left_behind(density):
 
 def test_few_points_tell_no_spacing():
     assert scale_of(strip(0.02), BUFFER).spacing is None
-
-
-def test_a_sparse_strip_gets_no_larger_tiles_than_files():
-    assert scale_of(strip(0.4, width=500.0), BUFFER).side == 1000.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 8.0])

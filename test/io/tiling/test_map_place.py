@@ -13,25 +13,17 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.scans.scan import PlacedScan
+from lidar_buildings.io.tiling import map_place
 from lidar_buildings.io.tiling.live_files import FeedScale, Recorded
-from lidar_buildings.io.tiling.map_place import (
-    Fix,
-    FrameSearch,
-    Geodetic,
-    LevelFrame,
-    MapPlace,
-    SatelliteFixes,
-    moved_origin,
-)
 
 #: The frame of odometry that began along a street, in a zone of UTM.
-TRUTH = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
+TRUTH = map_place.LevelFrame(map_place.Geodetic(4.4, 52.0, 30.0), "EPSG:32631", yaw=np.radians(40.0))
 #: Along that street and then another, with five poses a second: 20 s at 5 m/s.
 DRIVE = np.array([[min(k, 60), max(k - 60, 0), 2.0] for k in range(101)])
 
 
 def place_by_fix(stamp, place, placer):
-    fixes = SatelliteFixes()
+    fixes = map_place.SatelliteFixes()
     fixes.take(fix(stamp, place.latitude, place.longitude, place.height), placer)
     fixes.pair(placer)
     return fixes.place()
@@ -39,7 +31,7 @@ def place_by_fix(stamp, place, placer):
 
 def driven(truth=TRUTH, noise=0.0, ahead=0, wrong=(), **more):
     """Fixes of a drive, of which some are 60 m off; their clock may be ahead [s]."""
-    placer, fixes = ScanPlacer(), SatelliteFixes()
+    placer, fixes = ScanPlacer(), map_place.SatelliteFixes()
     random = np.random.default_rng(0)
     for k, place in enumerate(DRIVE):
         stamp = T0 + k * SECOND // 5
@@ -70,7 +62,7 @@ def placer_at(place):
 )
 def test_a_fix_says_where_the_map_lies(latitude, longitude, crs):
     place = (12.0, -7.0, 1.5)
-    found = place_by_fix(T0, Geodetic(longitude, latitude, 44.0), placer_at(place))
+    found = place_by_fix(T0, map_place.Geodetic(longitude, latitude, 44.0), placer_at(place))
     frame, level = found.frame, found.level
     assert "too little" in found.said
     assert frame.crs == crs
@@ -87,7 +79,7 @@ def test_a_fix_says_where_the_map_lies(latitude, longitude, crs):
 def test_poses_that_are_told_in_the_grid_are_not_turned_and_as_good_as_fixes(away, origin):
     to_grid = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:32631", always_xy=True)
     pose = (*to_grid.transform(4.4, 52.0), 44.0)
-    found = place_by_fix(T0, Geodetic(4.4, 52.0, 44.0), placer_at(np.add(pose, away)))
+    found = place_by_fix(T0, map_place.Geodetic(4.4, 52.0, 44.0), placer_at(np.add(pose, away)))
     assert found.level is None
     np.testing.assert_allclose(found.frame.origin, origin, atol=0.001)
 
@@ -95,7 +87,7 @@ def test_poses_that_are_told_in_the_grid_are_not_turned_and_as_good_as_fixes(awa
 @pytest.mark.parametrize("crs", ["EPSG:32631", "EPSG:32632", "EPSG:28992"])
 def test_poses_are_told_in_a_neighbouring_zone_or_in_a_grid_that_fixes_cannot_name(crs):
     pose = pyproj.Transformer.from_crs("EPSG:4979", crs, always_xy=True).transform(5.9, 52.0, 44.0)
-    found = place_by_fix(T0, Geodetic(5.9, 52.0, 44.0), placer_at(pose))
+    found = place_by_fix(T0, map_place.Geodetic(5.9, 52.0, 44.0), placer_at(pose))
     assert found.level is None
     assert found.frame.crs == ("" if crs == "EPSG:28992" else crs)
     assert any("other than UTM" in one for one in found.warnings) == (crs == "EPSG:28992")
@@ -111,7 +103,7 @@ def test_odometry_that_began_along_a_street_is_turned_by_its_fixes(wrong):
 
 
 def test_noise_of_fixes_turns_no_odometry_that_points_east():
-    truth = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
+    truth = map_place.LevelFrame(map_place.Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
     place = driven(truth, noise=2.0).place()
     assert place.level.yaw == 0.0
     assert off(place, truth) < 0.8, "the mean of a hundred fixes, four standard errors"
@@ -139,7 +131,7 @@ def test_fixes_that_tell_how_good_they_are_are_held_to_it():
 
 
 def test_an_antenna_is_where_transforms_say_that_it_is():
-    placer, fixes = ScanPlacer(), SatelliteFixes()
+    placer, fixes = ScanPlacer(), map_place.SatelliteFixes()
     placer.add_transforms(transforms((0, "base_link", "gps", (2.0, 0.0, 1.0))), is_static=True)
     for k, place in enumerate(DRIVE):
         placer.add_odometry(odometry(T0 + k * SECOND, place, frame="odom", child="base_link"))
@@ -150,7 +142,7 @@ def test_an_antenna_is_where_transforms_say_that_it_is():
 
 
 def test_scans_of_a_level_frame_lie_in_the_grid_and_do_when_the_feed_goes_on(tmp_path):
-    truth = LevelFrame(Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
+    truth = map_place.LevelFrame(map_place.Geodetic(4.4, 52.0, 30.0), "EPSG:32631")
     places = np.concatenate([points(250, at=(2020.0, 1020.0, 2.0)), points(250, at=(2050.0, 1020.0, 2.0))])
     found = np.full((500, 3), np.nan)
     for k, part in enumerate(np.split(places, 2)):
@@ -184,28 +176,30 @@ def test_where_the_frame_of_the_poses_lies_in_that_of_the_topics_is_said():
 @pytest.mark.parametrize("wrong", [{"status": -1}, {"latitude": np.nan}, {"longitude": 400.0}])
 def test_a_message_without_position_is_no_fix(wrong):
     values = {"latitude": 52.0, "longitude": 4.4, "altitude": 0.0} | wrong
-    assert Fix.of(fix(T0, **values)) is None
+    assert map_place.Fix.of(fix(T0, **values)) is None
 
 
 def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
-    search = FrameSearch(None)
+    search = map_place.FrameSearch(None)
     assert search.settled(ScanPlacer(), 100.0, 10) is None
     assert search.settled(ScanPlacer(), 101.9, 10) is None
-    assert search.settled(ScanPlacer(), 102.0, 10) == MapPlace()
-    told = FrameSearch(None)
+    assert search.settled(ScanPlacer(), 102.0, 10) == map_place.MapPlace()
+    told = map_place.FrameSearch(None)
     assert told.settled(ScanPlacer(), 0.0, 10) is None
     told.take_frame(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
-    assert told.settled(ScanPlacer(), 0.1, 10) == MapPlace(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
-    by_fix, placer = FrameSearch(None), placer_at((0.0, 0.0, 0.0))
+    assert told.settled(ScanPlacer(), 0.1, 10) == map_place.MapPlace(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
+    by_fix, placer = map_place.FrameSearch(None), placer_at((0.0, 0.0, 0.0))
     by_fix.fixes.take(fix(T0, 52.0, 4.4, 0.0), placer)
     assert by_fix.settled(placer, 0.0, 10) is None
     assert by_fix.settled(placer, 9.9, 10) is None, "it may move yet, and tell how it is turned"
     assert by_fix.settled(placer, 10.0, 10).frame.crs == "EPSG:32631"
-    assert FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == MapPlace(), "memory is bounded"
+    assert map_place.FrameSearch(None).settled(ScanPlacer(), 0.0, 10_000_000) == map_place.MapPlace(), (
+        "memory is bounded"
+    )
 
 
 def test_later_fixes_that_contradict_are_reported_once():
-    search, placer = FrameSearch(None), ScanPlacer()
+    search, placer = map_place.FrameSearch(None), ScanPlacer()
     for k, place in enumerate(np.concatenate([DRIVE, DRIVE + np.array([0.0, 20.0, 0.0])])):
         stamp = T0 + k * SECOND // 5
         placer.add_odometry(odometry(stamp, place, frame="odom", child="base_link"))
@@ -222,9 +216,9 @@ def test_later_fixes_that_contradict_are_reported_once():
 
 def test_an_origin_far_away_is_moved_so_that_float32_suffices():
     near = MapFrame("EPSG:28992", (10.0, 20.0, 30.0))
-    assert moved_origin(near, np.array([40_000.0, -40_000.0, 0.0])) == near
+    assert map_place.moved_origin(near, np.array([40_000.0, -40_000.0, 0.0])) == near
     in_feet = MapFrame("EPSG:2263", horizontal_unit=0.3048, vertical_unit=0.3048)
-    far = moved_origin(in_feet, np.array([85_321.0, 447_890.0, 3.0]))
+    far = map_place.moved_origin(in_feet, np.array([85_321.0, 447_890.0, 3.0]))
     assert far == replace(in_feet, origin=(85_000.0, 448_000.0, 0.0))
 
 
@@ -240,10 +234,10 @@ def test_scans_far_from_the_origin_keep_their_millimetres():
 
 #: Low and high, near the middle of a zone of UTM and at its edge, north and south of the equator.
 PLACES = [
-    (Geodetic(4.4, 52.0, 44.0), "EPSG:32631"),
-    (Geodetic(151.2, -33.9, 10.0), "EPSG:32756"),
-    (Geodetic(2.9, 43.0, 800.0), "EPSG:32631"),
-    (Geodetic(5.9, 65.0, 2000.0), "EPSG:32631"),
+    (map_place.Geodetic(4.4, 52.0, 44.0), "EPSG:32631"),
+    (map_place.Geodetic(151.2, -33.9, 10.0), "EPSG:32756"),
+    (map_place.Geodetic(2.9, 43.0, 800.0), "EPSG:32631"),
+    (map_place.Geodetic(5.9, 65.0, 2000.0), "EPSG:32631"),
 ]
 
 
@@ -254,7 +248,7 @@ def points_within(reach):
 
 @pytest.mark.parametrize(("origin", "crs"), PLACES)
 def test_points_lie_in_the_grid_where_pyproj_says(origin, crs):
-    frame, points = LevelFrame(origin, crs), points_within(10_000.0)
+    frame, points = map_place.LevelFrame(origin, crs), points_within(10_000.0)
     truth = in_grid(points, origin, crs) - frame.place
     np.testing.assert_allclose(frame.in_grid(points), truth, atol=1e-6)
     assert np.linalg.norm(points - truth, axis=1).max() > 1.5, "they do not where the grid is taken for level"
@@ -264,8 +258,8 @@ def test_points_lie_in_the_grid_where_pyproj_says(origin, crs):
 @pytest.mark.parametrize(("n_points", "yaw"), [(1, 0.0), (20, 0.0), (20, 2.5)])
 def test_a_frame_is_found_by_points_of_it_seen_by_satellites(origin, crs, n_points, yaw):
     track = np.array([3000.0, -2000.0, 50.0]) + np.outer(np.arange(n_points), [10.0, 2.0, 0.5])
-    truth = LevelFrame(origin, crs, yaw)
-    found, fit = LevelFrame.fitted(track, truth.geodetic(track), np.ones(n_points), crs)
+    truth = map_place.LevelFrame(origin, crs, yaw)
+    found, fit = map_place.LevelFrame.fitted(track, truth.geodetic(track), np.ones(n_points), crs)
     np.testing.assert_allclose(found.place, truth.place, atol=0.002)
     np.testing.assert_allclose(found.in_grid(track), truth.in_grid(track), atol=0.002)
     assert fit.yaw == pytest.approx(yaw, abs=1e-6)

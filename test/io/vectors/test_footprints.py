@@ -137,23 +137,16 @@ def test_a_changed_file_is_read_anew_and_an_unchanged_one_is_not(tmp_path):
     assert len(read(write_vectors(path, HOUSES[:1])).footprints) == 1
 
 
-def several_layers(path):
+def test_of_several_layers_one_is_named_but_not_the_only_one_of_polygons_or_of_earlier_results(tmp_path):
+    path = tmp_path / "town.gpkg"
     for name in ("houses", "sheds"):
         write_vectors(path, HOUSES, layer=name, append=path.exists())
     write_vectors(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
-    return path
-
-
-def test_of_several_layers_one_is_named(tmp_path):
-    path = several_layers(tmp_path / "town.gpkg")
     with pytest.raises(InputError, match=r"houses, sheds\): choose one with --footprints-layer"):
         read(path)
     with pytest.raises(InputError, match="has no layer 'cars': its layers are houses, sheds, trees"):
         read(path, "cars")
     assert read(path, "sheds").record["layer"] == "sheds"
-
-
-def test_the_only_layer_of_polygons_and_earlier_results_need_no_name(tmp_path):
     path = write_vectors(tmp_path / "one.gpkg", HOUSES, layer="houses")
     write_vectors(path, [shapely.Point(0, 0)], kind="Point", layer="trees", append=True)
     assert read(path).record["layer"] == "houses"

@@ -33,11 +33,7 @@ def layer(name="outlines", polygons=(HOUSE, SHED), rows=ROWS, **options):
     return VectorLayer(name, list(polygons), FIELDS, list(rows), **options)
 
 
-def raised(polygon, z):
-    return shapely.force_3d(polygon, z)
-
-
-def test_polygons_and_attributes_come_back_as_they_were(tmp_path):
+def test_polygons_and_attributes_come_back_as_they_were_with_their_types(tmp_path):
     path = tmp_path / "buildings.gpkg"
     write_geopackage(path, [layer()], "EPSG:28992")
     polygons, attributes, crs = read_polygons(path)
@@ -50,11 +46,6 @@ def test_polygons_and_attributes_come_back_as_they_were(tmp_path):
     assert attributes["status"].tolist() == ["ok", "no_solid"]
     assert attributes["height"][0] == 6.25
     assert math.isnan(attributes["height"][1])
-
-
-def test_columns_have_their_types_and_missing_numbers_are_null(tmp_path):
-    path = tmp_path / "buildings.gpkg"
-    write_geopackage(path, [layer()], "EPSG:28992")
     info = pyogrio.read_info(path, layer="outlines")
     assert dict(zip(info["fields"], info["ogr_types"], strict=True)) == {
         "building_id": "OFTInteger64",
@@ -66,10 +57,10 @@ def test_columns_have_their_types_and_missing_numbers_are_null(tmp_path):
     assert np.isnan(read_polygons(path)[1]["n_planes"]).all()
 
 
-def test_several_layers_stand_in_one_file_even_empty_ones(tmp_path):
+def test_several_layers_stand_in_one_file_even_empty_ones_also_first(tmp_path):
     path = tmp_path / "buildings.gpkg"
     faces = VectorLayer(
-        "roof_faces", [raised(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], "Polygon Z"
+        "roof_faces", [shapely.force_3d(HOUSE, 16.5)], {"building_id": int}, [{"building_id": 5}], "Polygon Z"
     )
     empty = VectorLayer("traced", [], BUILDING_FIELDS, [])
     write_geopackage(path, [layer(), empty, faces], "EPSG:28992")
@@ -82,10 +73,6 @@ def test_several_layers_stand_in_one_file_even_empty_ones(tmp_path):
     ((face,), _, _) = read_polygons(path, "roof_faces")
     assert {z for _, _, z in face.exterior.coords} == {16.5}
     assert len(face.interiors) == 2
-
-
-def test_an_empty_layer_may_come_first(tmp_path):
-    path = tmp_path / "buildings.gpkg"
     write_geopackage(path, [layer(polygons=[], rows=[]), layer("traced")], "")
     assert len(read_polygons(path)[0]) == 0
     assert len(read_polygons(path, "traced")[0]) == 2
@@ -150,17 +137,14 @@ def test_a_file_with_too_few_polygons_is_not_handed_out(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path):
+def test_a_folder_that_is_not_there_and_a_reference_system_that_is_none_are_refused(tmp_path):
     with pytest.raises(OutputError, match="nowhere"):
         write_geopackage(tmp_path / "nowhere" / "buildings.gpkg", [layer()], "")
-
-
-def test_a_reference_system_that_is_none_is_refused(tmp_path):
     with pytest.raises(OutputError, match="cannot be written"):
         write_geopackage(tmp_path / "buildings.gpkg", [layer()], "EPSG:nonsense")
 
 
-def test_parts_of_multi_polygons_stand_one_by_one_and_other_shapes_are_left_out(tmp_path):
+def test_parts_of_multi_polygons_stand_one_by_one_and_what_is_no_polygon_is_left_out(tmp_path):
     path = tmp_path / "footprints.geojson"
     shapes = [shapely.MultiPolygon([HOUSE, SHED]), shapely.Point(1, 1), SHED]
     write_vectors(path, shapes, crs="EPSG:4326", kind="Unknown", columns={"number": [10, 20, 30]})
@@ -168,14 +152,11 @@ def test_parts_of_multi_polygons_stand_one_by_one_and_other_shapes_are_left_out(
     assert [polygon.area for polygon in polygons] == [HOUSE.area, SHED.area, SHED.area]
     assert attributes["number"].tolist() == [10, 10, 30]
     assert crs == "EPSG:4326"
-
-
-def test_rows_without_geometry_are_left_out(tmp_path):
     path = write_vectors(tmp_path / "holey.gpkg", [None, SHED])
     assert len(read_polygons(path)[0]) == 1
 
 
-def test_a_missing_file_an_unreadable_one_and_a_missing_layer_are_named(tmp_path):
+def test_missing_and_unreadable_files_missing_layers_and_tables_without_geometry_are_named(tmp_path):
     with pytest.raises(InputError, match=r"absent\.gpkg: no such file"):
         read_polygons(tmp_path / "absent.gpkg")
     broken = tmp_path / "broken.gpkg"
@@ -186,9 +167,6 @@ def test_a_missing_file_an_unreadable_one_and_a_missing_layer_are_named(tmp_path
     write_geopackage(path, [layer()], "")
     with pytest.raises(InputError, match=r"roofs.*outlines"):
         read_polygons(path, "roofs")
-
-
-def test_a_table_without_geometry_is_refused(tmp_path):
     table = tmp_path / "table.csv"
     table.write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match=r"table\.csv"):

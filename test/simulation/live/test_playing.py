@@ -33,13 +33,10 @@ def played(stamps, works, pause=0.5):
     return told, report
 
 
-def test_each_item_is_told_when_its_time_has_come():
+def test_each_item_is_told_when_its_time_has_come_and_what_is_late_at_once():
     told, report = played([7.0, 7.1, 7.3], [0.0, 0.05, 0.0])
     assert told == pytest.approx([0.0, 0.1, 0.3])
     assert report.worst_delay == pytest.approx(0.0, abs=1e-9)
-
-
-def test_what_is_late_is_told_at_once_and_the_rest_in_time_again():
     told, report = played([0.0, 0.1, 0.2, 0.9], [0.35, 0.0, 0.0, 0.0])
     assert told == pytest.approx([0.0, 0.35, 0.35, 0.9])
     assert report.worst_delay == pytest.approx(0.25)
@@ -68,7 +65,7 @@ def test_items_come_in_order_and_not_too_many_of_them_ahead():
     assert seen == list(range(20))
 
 
-def test_an_error_in_making_is_raised_where_the_items_are_read():
+def test_an_error_in_making_is_raised_where_the_items_are_read_and_the_thread_ends_with_the_reader():
     def making():
         yield 1
         raise OSError("full")
@@ -77,9 +74,6 @@ def test_an_error_in_making_is_raised_where_the_items_are_read():
     assert next(items) == 1
     with pytest.raises(OSError, match="full"):
         next(items)
-
-
-def test_the_thread_ends_with_its_reader():
     before = threading.active_count()
     with closing(ahead(itertools.count(), 2)) as items:
         assert next(items) == 0

@@ -222,12 +222,9 @@ def test_rays_upwards_meet_roofs_and_crowns_and_end_at_the_range():
     assert counts[int(PointClass.UNCLASSIFIED)] > 100  # cars
 
 
-def test_a_scene_without_streets_cannot_be_driven_through():
+def test_a_scene_without_streets_and_a_pulse_rate_of_zero_are_refused():
     with pytest.raises(ParameterError, match=r"single_house.*no street"):
         drive(make_scene("single_house"))
-
-
-def test_a_pulse_rate_of_zero_is_refused():
     with pytest.raises(ParameterError, match=r"pulse rate = 0: must be above 0"):
         fly(make_scene("single_house"), pulse_rate=0)
 

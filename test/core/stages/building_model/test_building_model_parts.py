@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.raising import extrude
+from lidar_buildings.core.stages.building_model import partition
 from lidar_buildings.core.stages.building_model.cell_costs import point_weights
 from lidar_buildings.core.stages.building_model.cells import (
     cells_of_points,
@@ -15,22 +16,12 @@ from lidar_buildings.core.stages.building_model.cells import (
     face_rings,
 )
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.partition import (
-    join_equal_cells,
-    partition_outline,
-    parts_of_one_height,
-    with_level_tops,
-)
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface, outline_coverage
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 COURT = np.array([[4.0, 4.0], [4.0, 6.0], [6.0, 6.0], [6.0, 4.0]])
-
-
-def random_segments(n, seed):
-    return np.round(np.random.default_rng(seed).uniform(-1, 11, (n, 2, 2)), 3)
 
 
 def inner_edges(cells):
@@ -52,7 +43,8 @@ def polygons_of(cells):
 @pytest.mark.parametrize("holes", [(), (COURT,)])
 def test_cells_cover_the_outline_exactly_and_share_whole_edges(n_segments, holes):
     outline = Outline(SQUARE, holes)
-    segments = extend_segments(random_segments(n_segments, n_segments), ring_walls(outline.rings))
+    segments = np.round(np.random.default_rng(n_segments).uniform(-1, 11, (n_segments, 2, 2)), 3)
+    segments = extend_segments(segments, ring_walls(outline.rings))
     cells = cut_into_cells(outline, segments)
     polygons = polygons_of(cells)
     assert len(polygons) > 0.8 * n_segments
@@ -67,25 +59,24 @@ def test_cells_cover_the_outline_exactly_and_share_whole_edges(n_segments, holes
         assert cells.polygons[other].boundary.covers(line)
 
 
-def test_lines_that_lie_on_one_another_and_on_walls_cut_once():
+def test_lines_that_lie_on_one_another_cut_once_and_a_courtyard_keeps_its_cells_apart():
     lines = np.array([[[5.0, 0.0], [5.0, 10.0]], [[5.0, 2.0], [5.0, 8.0]], [[0.0, 0.0], [0.0, 4.0]]])
     cells = cut_into_cells(Outline(SQUARE), lines)
     assert cells.areas == pytest.approx([50.0, 50.0])
     assert length_of_borders(cells) == pytest.approx(10.0)
-
-
-def test_a_courtyard_within_a_court_keeps_its_cells_apart():
     island = np.array([[4.5, 4.5], [5.5, 4.5], [5.5, 5.5], [4.5, 5.5]])
     sides = np.stack([island, np.roll(island, -1, axis=0)], axis=1)
     assert cut_into_cells(Outline(SQUARE, (COURT,)), sides).areas == pytest.approx([96.0])
     assert cut_into_cells(Outline(SQUARE), sides).areas == pytest.approx([99.0, 1.0])
 
 
-def test_a_segment_runs_on_to_the_next_one_at_both_ends():
-    segments = np.array([[[4.0, 5.0], [6.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
-    extended = extend_segments(segments, ring_walls([SQUARE]))
-    assert extended[0] == pytest.approx(np.array([[0.0, 5.0], [8.0, 5.0]]))
-    assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
+@pytest.mark.parametrize(("end", "extended"), [(6.0, [0.0, 8.0]), (4.0, [4.0, 4.0])])
+def test_a_segment_runs_on_to_the_next_one_at_both_ends_unless_it_has_no_length(end, extended):
+    first, other = extend_segments(
+        np.array([[[4.0, 5.0], [end, 5.0]], [[8.0, 2.0], [8.0, 8.0]]]), ring_walls([SQUARE])
+    )
+    assert first == pytest.approx(np.array([[x, 5.0] for x in extended]))
+    assert other == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
 
 def test_a_step_runs_past_the_next_segment_but_not_past_a_wall():
@@ -100,13 +91,6 @@ def test_segments_that_meet_in_a_point_run_on_to_a_wall_just_behind_it():
     assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
     assert extended[0, 1, 1] == pytest.approx(10.0)
     assert extended[2, 1] == pytest.approx((5.0, 5.0))  # the wall is 5 m behind
-
-
-def test_a_segment_without_length_stays_where_it_is():
-    segments = np.array([[[4.0, 5.0], [4.0, 5.0]], [[8.0, 2.0], [8.0, 8.0]]])
-    extended = extend_segments(segments, ring_walls([SQUARE]))
-    assert np.array_equal(extended[0], segments[0])
-    assert extended[1] == pytest.approx(np.array([[8.0, 0.0], [8.0, 10.0]]))
 
 
 def test_places_are_found_in_their_cells_and_courtyards_are_beside_all():
@@ -138,7 +122,7 @@ def strips(xs):
 def test_cells_of_one_plane_make_one_face_without_the_vertices_between_them():
     cells, order = strips([2.0, 4.0, 6.0])
     labels = np.array([0, 0, 1, 1])[order]
-    face = join_equal_cells(cells, labels)
+    face = partition.join_equal_cells(cells, labels)
     rings = face_rings(cells, face, Outline(SQUARE))
     assert sorted(len(group[0]) for group in rings) == [4, 4]
     assert sorted(shapely.Polygon(group[0]).area for group in rings) == pytest.approx([40.0, 60.0])
@@ -187,32 +171,29 @@ def test_a_plane_gets_back_a_roof_that_it_lost_in_small_cells():
     assert np.array_equal(simplified(cells, np.zeros_like(truth), costs, levels, (0.05, 0.15), 0.0), truth)
 
 
-def test_faces_that_meet_are_one_part_and_a_high_step_makes_two():
+def test_faces_that_meet_are_one_part_and_a_step_that_is_high_in_the_mean_makes_two():
     cells, order = strips([3.0, 6.0])
     planes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 6.0], [0.0, 0.0, 5.0]])
-    assert parts_of_one_height(cells, order, planes, 1.0).tolist() == [0, 0, 1]
-    assert parts_of_one_height(cells, order, planes, 6.0).tolist() == [0, 0, 0]
-
-
-def test_faces_that_cross_on_the_way_differ_by_their_mean_step():
+    assert partition.parts_of_one_height(cells, order, planes, 1.0).tolist() == [0, 0, 1]
+    assert partition.parts_of_one_height(cells, order, planes, 6.0).tolist() == [0, 0, 0]
     cells, order = strips([5.0])
     # Along their border the second is 2 m below at one end and 2 m above at the other: 1 m in the mean.
     planes = np.array([[0.0, 0.0, 2.0], [0.0, 0.4, 0.0]])
-    assert parts_of_one_height(cells, order, planes, 0.99).tolist() == [0, 1]
-    assert parts_of_one_height(cells, order, planes, 1.01).tolist() == [0, 0]
+    assert partition.parts_of_one_height(cells, order, planes, 0.99).tolist() == [0, 1]
+    assert partition.parts_of_one_height(cells, order, planes, 1.01).tolist() == [0, 0]
 
 
 def test_a_plane_is_cut_off_level_where_it_rises_above_all_that_was_seen():
     points = np.array([[4.0, 5.0, 4.0], [5.0, 5.0, 5.0], [6.0, 5.0, 6.0]])
     slope = RoofFacePatch((SQUARE,), np.array([1.0, 0.0, 0.0]), np.arange(3), 7)
-    sloping, above = with_level_tops([slope], points, 0.5)
+    sloping, above = partition.with_level_tops([slope], points, 0.5)
     # A margin of 0.3 m, and half a metre more at this slope and spacing.
     assert shapely.Polygon(sloping.rings[0]).bounds == pytest.approx((0.0, 0.0, 6.8, 10.0))
     assert (sloping.rows.tolist(), sloping.part) == ([0, 1, 2], 7)
     assert shapely.Polygon(above.rings[0]).bounds == pytest.approx((6.8, 0.0, 10.0, 10.0))
     assert above.plane == pytest.approx([0.0, 0.0, 6.8])
     assert (len(above.rows), above.part) == (0, 7)
-    assert with_level_tops([slope], points + np.array([0.0, 0.0, 4.0]), 0.5) == [slope]
+    assert partition.with_level_tops([slope], points + np.array([0.0, 0.0, 4.0]), 0.5) == [slope]
 
 
 def test_points_share_the_squares_of_a_spacing_and_those_beside_the_outline_stand_for_none():
@@ -225,13 +206,13 @@ def test_a_cell_without_points_takes_the_plane_beside_it():
     lines = np.array([[[5.0, -1.0], [5.0, 11.0]]])
     points = np.column_stack([np.random.default_rng(5).uniform(0, 5, (200, 2)) * [1, 2], np.full(200, 6.0)])
     planes = np.array([[0.0, 0.0, 9.0], [0.0, 0.0, 6.0]])
-    (face,) = partition_outline(
+    (face,) = partition.partition_outline(
         Outline(SQUARE), points, planes, (lines, lines[:0]), 0.5, BuildingModelConfig()
     )
     assert (face.plane.tolist(), len(face.rings[0])) == ([0.0, 0.0, 6.0], 4)
 
 
-def test_distances_to_a_box_are_those_of_geometry():
+def test_distances_to_a_box_are_those_of_geometry_and_one_that_is_known_is_never_raised():
     box = extrude(Outline(SQUARE), 0.0, 5.0)
     points = np.random.default_rng(2).uniform(-5, 15, (500, 3))
     outside = np.maximum(np.maximum(-points, points - [10.0, 10.0, 5.0]), 0.0)
@@ -239,9 +220,6 @@ def test_distances_to_a_box_are_those_of_geometry():
     expected = np.where(inside > 0, inside, np.linalg.norm(outside, axis=1))
     found = distance_to_surface(points, box, np.full(500, np.inf))
     assert found == pytest.approx(expected, abs=1e-9)
-
-
-def test_a_distance_that_is_known_is_never_raised():
     box = extrude(Outline(SQUARE, (COURT,)), 0.0, 5.0)
     points = np.array([[5.0, 5.0, 5.0], [1.0, 1.0, 9.0]])
     assert distance_to_surface(points, box, np.array([0.3, np.inf])) == pytest.approx([0.3, 4.0])

@@ -10,35 +10,25 @@ FEATURES = ("eigenvalues", "linearity_planarity", "linearity")
 
 @pytest.mark.parametrize("features", FEATURES)
 @pytest.mark.parametrize("density", [2.0, 8.0, 30.0])
-def test_edges_are_found_and_surfaces_left_alone(features, density):
+def test_edges_are_found_and_surfaces_left_alone_and_as_published_bands_along_edges(features, density):
     points, distance = roof_and_truth("hip", density=density, rotation_deg=25)
     found = label_edges(points, EdgeLabellingConfig(features=features))
     assert found.status == "ok"
     # The paper's lowest values: 61 % of the edges and 92 % of the rest.
     assert found.edge[distance < 0.35].mean() > 0.8
     assert found.edge[distance > 2].mean() < 0.02
-
-
-@pytest.mark.parametrize("features", FEATURES)
-@pytest.mark.parametrize("density", [2.0, 8.0, 30.0])
-def test_the_published_method_finds_bands_along_edges(features, density):
-    points, distance = roof_and_truth("hip", density=density, rotation_deg=25)
     found = label_edges(points, EdgeLabellingConfig(features=features, scope="tile", thinning="none"))
     assert found.edge[distance < 0.35].mean() > 0.75
     assert found.edge[distance > 2].mean() < 0.08
 
 
-def test_discriminant_analysis_finds_the_outline_of_a_flat_roof():
+def test_the_outline_of_a_flat_roof_is_found_almost_completely_also_by_discriminant_analysis():
     points, distance = roof_and_truth("flat", density=8.0)
     found = label_edges(points, EdgeLabellingConfig(method="discriminant_analysis"))
     assert found.status == "ok"
     assert found.clusters == ()
     assert found.edge[distance < 0.35].mean() > 0.8
     assert found.edge[distance > 2].mean() < 0.02
-
-
-def test_the_outline_of_a_flat_roof_is_found_almost_completely():
-    points, distance = roof_and_truth("flat", density=8.0)
     found = label_edges(points)
     assert found.edge[distance < 0.35].mean() > 0.9
     assert found.edge[distance > 1.5].mean() < 0.01
@@ -51,27 +41,15 @@ def test_thinned_edges_are_rows_of_points_not_bands():
     assert thin.sum() < 0.8 * band.sum()
 
 
-def high_beside_low():
-    """Return a high roof that touches a low one along x = 15, and which points are within 0.3 m of it."""
-    points = np.vstack([level_roof((0, 15), (0, 12), 12.0), level_roof((15, 30), (0, 12), 8.0, seed=1)])
-    return points, (np.abs(points[:, 0] - 15) < 0.3) & (np.abs(points[:, 1] - 6) < 4)
-
-
 def test_a_step_between_roofs_is_an_edge_of_surfaces_and_not_of_the_outline():
-    points, at_step = high_beside_low()
+    points = np.vstack([level_roof((0, 15), (0, 12), 12.0), level_roof((15, 30), (0, 12), 8.0, seed=1)])
+    at_step = (np.abs(points[:, 0] - 15) < 0.3) & (np.abs(points[:, 1] - 6) < 4)
     outline, surface = (
         label_edges(points, EdgeLabellingConfig(thinning=t)).edge for t in ("outline", "surface")
     )
     assert outline[at_step].mean() < 0.05
     assert surface[at_step].mean() > 0.6
     assert surface[outline == 1].mean() > 0.97
-
-
-def test_a_surface_without_edges_is_not_split_at_random():
-    found = label_edges(sphere())
-    assert found.status == "one_cluster"
-    assert not found.edge.any()
-    assert label_edges(sphere(), AS_PUBLISHED).edge.mean() < 0.002
 
 
 def test_a_large_roof_has_its_edges_though_they_are_few_among_noise():
@@ -95,10 +73,14 @@ def test_each_roof_has_a_status_of_its_own():
     assert 0.05 < found.edge[6000 : 6000 + len(house)].mean() < 0.2
 
 
-def test_points_on_a_line_are_all_edges():
+def test_points_on_a_line_are_all_edges_and_a_surface_without_edges_is_not_split_at_random():
     found = label_edges(np.arange(40.0)[:, None] * [1, 0.5, 0.1])
     assert found.status == "one_cluster"
     assert found.edge.all()
+    found = label_edges(sphere())
+    assert found.status == "one_cluster"
+    assert not found.edge.any()
+    assert label_edges(sphere(), AS_PUBLISHED).edge.mean() < 0.002
 
 
 def test_what_is_no_number_is_refused_by_name():

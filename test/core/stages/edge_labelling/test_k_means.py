@@ -15,17 +15,14 @@ def points_of(n_features, seed=0):
     return np.column_stack([linearity, *others])[:, :n_features], linearity
 
 
-def inertia(features, centres):
-    return np.min(((features[:, None] - centres) ** 2).sum(axis=2), axis=1).sum()
-
-
 @pytest.mark.parametrize("n_features", [1, 2, 3])
 @pytest.mark.parametrize("seed", range(4))
 def test_euclidean_clusters_are_as_good_as_those_of_the_best_of_ten_random_starts(n_features, seed):
     features, linearity = points_of(n_features, seed)
     centres = two_means(features, linearity, "euclidean")
     best = KMeans(n_clusters=2, n_init=10, random_state=0, tol=0).fit(features)
-    assert inertia(features, centres) <= best.inertia_ * (1 + 1e-6)
+    inertia = np.min(((features[:, None] - centres) ** 2).sum(axis=2), axis=1).sum()
+    assert inertia <= best.inertia_ * (1 + 1e-6)
     expected = best.cluster_centers_[np.argsort(best.cluster_centers_[:, 0])]
     assert np.abs(centres - expected).max() < 1e-3
 

@@ -80,22 +80,25 @@ def test_whatever_a_file_calls_a_polygon_becomes_valid_polygons_or_is_counted(
     assert found.dropped == dropped
 
 
-def test_what_had_to_be_repaired_is_counted():
-    assert repaired_polygons(array(HOUSE, BOWTIE, NEIGHBOUR)).n_repaired == 1
-
-
-def test_a_footprint_that_is_drawn_twice_counts_once_and_overlapping_ones_both():
+def test_a_footprint_that_is_drawn_twice_counts_once_overlapping_ones_both_and_repairs_are_counted():
     again = shapely.Polygon(np.roll(np.array(HOUSE.exterior.coords)[:-1], 1, axis=0)[::-1])
     tower = shapely.box(12, 12, 15, 15)
     found = repaired_polygons(array(HOUSE, again, tower, NEIGHBOUR))
     assert found.row.tolist() == [0, 2, 3]
     assert found.dropped == {"drawn twice": 1}
+    assert repaired_polygons(array(HOUSE, BOWTIE, NEIGHBOUR)).n_repaired == 1
 
 
-def test_no_geometries_give_no_footprints():
+def test_no_geometries_tiles_of_one_or_no_point_and_points_without_classes_are_legal():
     found = footprints()
     assert len(found) == 0
     assert assign_footprints(town(HOUSE), found).outlines == ()
+    given = footprints(HOUSE)
+    assert assign_footprints(PointTile(np.zeros((0, 3))), given).outlines == ()
+    found = assign_footprints(PointTile(np.array([[15.0, 14.0, 3.0]])), given)
+    assert len(found.outlines) == 1
+    assert found.outlines[0].ground_elevation is None
+    assert found.building_id.tolist() == given.building_id.tolist()
 
 
 def test_walls_that_footprints_share_stay_as_they_are():
@@ -106,12 +109,6 @@ def test_walls_that_footprints_share_stay_as_they_are():
     assert np.abs(np.array(one) - np.array(jagged.exterior.coords)[:-1]).max() < 0.001
 
 
-def test_ids_are_unique_even_where_footprints_lie_over_each_other():
-    rings = [HOUSE.buffer(-0.4 * k, join_style="mitre") for k in range(8)]
-    found = footprints(*rings)
-    assert len(set(found.building_id.tolist())) == len(rings)
-
-
 def test_footprints_near_a_place_keep_their_ids():
     houses = [shapely.box(20.0 * k, 0.0, 20.0 * k + 10.0, 10.0) for k in range(5)]
     whole = footprints(*houses)
@@ -120,11 +117,14 @@ def test_footprints_near_a_place_keep_their_ids():
     assert len(near) == len(near.bounds) == len(near.area) == 2
 
 
-def test_ids_do_not_depend_on_the_order_nor_on_the_direction_of_rings():
+def test_ids_are_unique_and_do_not_depend_on_the_order_nor_on_the_direction_of_rings():
     polygons = [HOUSE, NEIGHBOUR, shapely.box(12, 12, 15, 15), shapely.box(0, 30, 5, 33)]
     ids = footprints(*polygons).building_id
     assert footprints(*polygons[::-1]).building_id[::-1].tolist() == ids.tolist()
     assert footprints(*(shapely.reverse(one) for one in polygons)).building_id.tolist() == ids.tolist()
+    rings = [HOUSE.buffer(-0.4 * k, join_style="mitre") for k in range(8)]
+    found = footprints(*rings)
+    assert len(set(found.building_id.tolist())) == len(rings)
 
 
 def test_points_are_told_inside_from_outside_as_shapely_does():
@@ -224,7 +224,7 @@ def test_what_is_neither_roof_nor_stands_is_never_taken():
         assert len(found.outlines) == 1
 
 
-def test_a_footprint_without_points_is_there_with_its_ground_and_one_outside_is_not():
+def test_footprints_without_points_and_across_the_edge_are_there_and_those_outside_are_not():
     tile = town()
     empty = tile.select(~shapely.contains_xy(HOUSE, tile.points[:, :2]))
     outside = shapely.box(41, 10, 44, 14)
@@ -233,9 +233,6 @@ def test_a_footprint_without_points_is_there_with_its_ground_and_one_outside_is_
     assert [one.building_id for one in found.outlines] == [given.building_id[0]]
     assert found.outlines[0].ground_elevation == 1.0
     assert not found.building_id.any()
-
-
-def test_a_footprint_across_the_edge_of_the_data_is_there():
     given = footprints(shapely.box(-20, 10, 5, 20))
     assert len(assign_footprints(town(), given).outlines) == 1
 
@@ -259,12 +256,3 @@ def test_a_footprint_that_reaches_beyond_the_tile_asks_for_more_of_it():
         cut = tile.select(tile.points[:, 0] <= east)
         bounded = PointTile(cut.points, **cut.columns, bounds=(-5.0, -5.0, east, 45.0))
         assert assign_footprints(bounded, given).clipped == Sides(east=is_clipped)
-
-
-def test_tiles_of_one_or_no_point_and_points_without_classes_are_legal():
-    given = footprints(HOUSE)
-    assert assign_footprints(PointTile(np.zeros((0, 3))), given).outlines == ()
-    found = assign_footprints(PointTile(np.array([[15.0, 14.0, 3.0]])), given)
-    assert len(found.outlines) == 1
-    assert found.outlines[0].ground_elevation is None
-    assert found.building_id.tolist() == given.building_id.tolist()

@@ -1,6 +1,7 @@
 import laspy
 import numpy as np
 import pytest
+from support.lattice import lattice
 
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.classes import PointClass
@@ -11,14 +12,6 @@ from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 GROUND, LOW, HIGH = PointClass.GROUND, PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 WITHOUT_GROUND = {"single_point", "collinear"}
 METHODS = ("consensus", "progressive_tin", "bidirectional_slope", "morphological")
-
-
-def lattice(width, depth, spacing, elevation=0.0, seed=0):
-    """Jittered points over a rectangle, at one elevation but for 2 cm of noise."""
-    random = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
-    xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
-    return np.column_stack((xy, elevation + random.normal(0, 0.02, x.size)))
 
 
 def hilly_town(seed=0):

@@ -1,20 +1,13 @@
 import laspy
 import numpy as np
 import pytest
+from support.lattice import lattice
 
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.consensus import opened_ground
 from lidar_buildings.evaluation.scores.cells import score_ground
 
 CONFIG = GroundFilterConfig(method="morphological")
-
-
-def lattice(width, depth, spacing, seed=0):
-    """Jittered points over a level rectangle, 2 cm rough."""
-    random = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(0.0, width, spacing), np.arange(0.0, depth, spacing))
-    xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
-    return np.column_stack((xy, random.normal(0, 0.02, x.size)))
 
 
 def town(slope=0.0, seed=0, size=160.0):

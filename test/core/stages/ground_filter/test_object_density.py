@@ -15,14 +15,9 @@ def density_by_brute_force(candidates, is_object):
     return density
 
 
-def scattered(n, side, seed=0):
-    """Random points over a square about the origin."""
-    return np.random.default_rng(seed).uniform(-side / 2, side / 2, (n, 3))
-
-
 @pytest.mark.parametrize("side", [30.0, 150.0, 500.0])
 def test_the_density_is_the_weighted_share_counted_candidate_by_candidate(side):
-    candidates = scattered(600, side)
+    candidates = np.random.default_rng(0).uniform(-side / 2, side / 2, (600, 3))
     is_object = (candidates[:, 0] > 0) & (np.arange(600) % 5 == 0)
     found = object_density(candidates, is_object)
     np.testing.assert_allclose(found, density_by_brute_force(candidates, is_object), atol=1e-9)

@@ -1,19 +1,12 @@
 import numpy as np
 import pytest
+from support.lattice import lattice
 
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.progressive_tin import grown_ground
 
 CONFIG = GroundFilterConfig(method="progressive_tin")
-
-
-def lattice(width, depth, spacing=0.8, seed=0):
-    """Jittered points over a level rectangle about the origin, 2 cm rough."""
-    random = np.random.default_rng(seed)
-    x, y = np.meshgrid(np.arange(-width / 2, width / 2, spacing), np.arange(-depth / 2, depth / 2, spacing))
-    xy = np.column_stack((x.ravel(), y.ravel())) + random.uniform(0, 0.8 * spacing, (x.size, 2))
-    return np.column_stack((xy, random.normal(0, 0.02, x.size)))
 
 
 def is_ground(points, config=CONFIG):
@@ -24,7 +17,7 @@ def is_ground(points, config=CONFIG):
 @pytest.mark.parametrize("run", [3.0, 5.0])
 def test_without_growth_by_wider_limits_a_steep_bank_is_lost_that_is_found_with_it(run):
     # Narrower than a seed cell, so that no seed lies on it.
-    points = lattice(140.0, 140.0)
+    points = lattice(140.0, 140.0, is_centred=True)
     away = abs(points[:, :2]).max(axis=1)
     points[:, 2] += 4.0 * np.clip((15.0 - away) / run, 0, 1)
     assert is_ground(points).mean() > 0.995
@@ -34,7 +27,7 @@ def test_without_growth_by_wider_limits_a_steep_bank_is_lost_that_is_found_with_
 
 
 def test_bushes_on_open_hillsides_are_fewer_where_open_terrain_is_judged_like_a_town():
-    points = lattice(100.0, 100.0)
+    points = lattice(100.0, 100.0, is_centred=True)
     bush = np.hypot(points[:, 0] % 10.0 - 5.0, points[:, 1] % 10.0 - 5.0) < 1.3
     points[:, 2] += 0.3 * points[:, 0]
     points[bush, 2] += np.random.default_rng(0).uniform(1.0, 1.8, bush.sum())
@@ -43,7 +36,7 @@ def test_bushes_on_open_hillsides_are_fewer_where_open_terrain_is_judged_like_a_
 
 
 def test_a_rough_slope_is_the_ground_that_its_candidates_make_up():
-    candidates = lattice(60.0, 60.0, 1.2)
+    candidates = lattice(60.0, 60.0, 1.2, is_centred=True)
     candidates[:, 2] += 0.3 * candidates[:, 0]
     extent = np.array([candidates[:, :2].min(axis=0), candidates[:, :2].max(axis=0)])
     ground, _ = grown_ground(candidates, extent, 1.2, CONFIG)

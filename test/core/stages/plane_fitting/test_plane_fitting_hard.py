@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 from bench.scenes import buildings as scenes
+from lidar_buildings.core.stages.plane_fitting import model_selection
 from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.connected import split_planes
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
-from lidar_buildings.core.stages.plane_fitting.model_selection import (
-    bridged_planes,
-    seam_points,
-    touching_planes,
-)
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud, survey_points
 from lidar_buildings.evaluation.scores.planes import score_planes
 from lidar_buildings.simulation import roof_shapes
@@ -179,9 +175,9 @@ def test_parts_and_neighbours_of_planes_on_a_row_of_points():
     labels = np.array([1, 1, 2, 2, 1, 1], dtype=np.int32)
     assert split_planes(neighbours, labels, 2).tolist() == [1, 1, 2, 2, 3, 3]
     assert split_planes(neighbours, labels, 3).tolist() == [0] * 6
-    seam = seam_points(neighbours, labels)
+    seam = model_selection.seam_points(neighbours, labels)
     assert seam.tolist() == [1, 2, 3, 4]
-    assert touching_planes(neighbours, labels, seam).tolist() == [[1, 2]]
+    assert model_selection.touching_planes(neighbours, labels, seam).tolist() == [[1, 2]]
 
 
 def test_parts_of_a_plane_are_bridged_over_points_on_it_up_to_a_distance():
@@ -190,10 +186,10 @@ def test_parts_of_a_plane_are_bridged_over_points_on_it_up_to_a_distance():
     cloud = Cloud(points, np.zeros((6, 3)), np.ones(6, dtype=bool), neighbours)
     labels = np.array([1, 1, 2, 2, 3, 3], dtype=np.int32)
     seam, equations = np.array([1, 2, 3, 4]), np.array([[0.0] * 4, [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
-    assert bridged_planes(cloud, labels, seam, equations, 3.0, 0.1).tolist() == [[1, 3]]
-    assert bridged_planes(cloud, labels, seam, equations, 2.9, 0.1).tolist() == []
+    assert model_selection.bridged_planes(cloud, labels, seam, equations, 3.0, 0.1).tolist() == [[1, 3]]
+    assert model_selection.bridged_planes(cloud, labels, seam, equations, 2.9, 0.1).tolist() == []
     points[2, 2] = 0.2
-    assert bridged_planes(cloud, labels, seam, equations, 4.0, 0.1).tolist() == []
+    assert model_selection.bridged_planes(cloud, labels, seam, equations, 4.0, 0.1).tolist() == []
 
 
 def test_as_published_planes_leave_the_cloud_one_after_the_other():

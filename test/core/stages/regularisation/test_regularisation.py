@@ -95,7 +95,7 @@ def test_a_round_tower_is_one_arc_with_its_centre_and_radius():
         assert 0 < arc.radius - radius[0] < 0.5 * scene.spacing
 
 
-def test_chords_leave_an_arc_by_no_more_than_asked_for():
+def test_chords_leave_an_arc_by_no_more_than_asked_for_and_are_no_shorter_than_a_wall():
     (scene,) = outline_scenes(names=["round_tower_8"], rotations=(0.0,))
     traced = trace_boundary(scene.points).outline
     counts = []
@@ -107,11 +107,6 @@ def test_chords_leave_an_arc_by_no_more_than_asked_for():
         assert 0 < sagitta <= chord_error * scene.spacing * 1.1
         counts.append(len(middles))
     assert counts[0] > counts[1] > counts[2]
-
-
-def test_chords_are_no_shorter_than_the_shortest_wall():
-    (scene,) = outline_scenes(names=["round_tower_8"], rotations=(0.0,))
-    traced = trace_boundary(scene.points).outline
     ring = regularise_outline(traced, RegularisationConfig(chord_error=0.01)).outline.exterior
     chords = np.hypot(*(ring - np.roll(ring, 1, axis=0)).T)
     assert (chords >= 1.0).all()

@@ -6,14 +6,8 @@ from hypothesis import strategies as st
 
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.regularisation import directions
 from lidar_buildings.core.stages.regularisation.config import AS_PUBLISHED
-from lidar_buildings.core.stages.regularisation.directions import (
-    WallScatter,
-    along_nearest,
-    divide_at_turns,
-    shared_directions,
-    wall_scatters,
-)
 from lidar_buildings.core.stages.regularisation.drawing import offset_outwards, through_all_points
 from lidar_buildings.core.stages.regularisation.regularising import regularise_outline
 from lidar_buildings.core.stages.regularisation.samples import (
@@ -235,21 +229,21 @@ def test_shared_directions_are_those_of_a_joint_adjustment():
         centred = wall + rng.normal(0, 0.1, wall.shape)
         centred -= centred.mean(axis=0)
         (xx, xy), (_, yy) = centred.T @ centred
-        walls.append(WallScatter(xx, xy, yy, 20.0))
-    (found,) = shared_directions(walls, np.deg2rad(10), 0.1, 15.0, 3)
+        walls.append(directions.WallScatter(xx, xy, yy, 20.0))
+    (found,) = directions.shared_directions(walls, np.deg2rad(10), 0.1, 15.0, 3)
     assert np.rad2deg(found) == pytest.approx(20.0, abs=0.2)
 
 
 def test_a_ring_is_divided_at_its_turns():
     box = shapely.segmentize(shapely.box(0, 0, 12, 6), 1.0)
     ring = shapely.get_coordinates(shapely.orient_polygons(box).exterior)[:-1]
-    samples, found = divide_at_turns(sample_ring(ring - (6, 3), 1.0, None), np.deg2rad(40))
+    samples, found = directions.divide_at_turns(sample_ring(ring - (6, 3), 1.0, None), np.deg2rad(40))
     assert len(samples.points) == len(ring) + 4
     assert sorted((found.last - found.first).tolist()) == [7, 7, 13, 13], "both ends are of a segment"
     assert set(found.kind.tolist()) == {FREE}
-    kinds = along_nearest(samples, found, np.array([0.0, np.pi / 2])).kind
+    kinds = directions.along_nearest(samples, found, np.array([0.0, np.pi / 2])).kind
     assert sorted(kinds.tolist()) == [0, 0, 1, 1]
-    walls = wall_scatters(samples.points, running_sums(samples.points, samples.weights), found, 2)
+    walls = directions.wall_scatters(samples.points, running_sums(samples.points, samples.weights), found, 2)
     assert sorted(wall.length for wall in walls) == pytest.approx([6.0, 6.0, 12.0, 12.0])
 
 

@@ -43,8 +43,9 @@ def test_a_wall_under_the_edge_is_facade_from_its_foot_to_the_eave():
     assert not found[(wall[:, 2] < 0.7) | (wall[:, 2] > 8.0)].any()
 
 
-def test_what_stands_away_from_the_roof_in_plan_is_none():
+def test_what_stands_away_from_the_roof_in_plan_is_none_and_without_a_reach_nothing_is():
     assert not facades(roof(0.0, 10.0), column(10.6)).any()
+    assert not facades(roof(0.0, 10.0), column(9.9), reach=0.0).any()
 
 
 @pytest.mark.parametrize(("is_last", "farthest"), [(True, 1.1), (False, 0.5)])
@@ -53,10 +54,6 @@ def test_where_points_lie_far_apart_only_what_ends_its_pulse_is_facade_far_from_
     for away in (0.4, 0.6, 1.0, 1.2):
         found = facades(roof(0.0, 10.0), column(eave + away, 2.0), is_last=is_last, spacing=1.6)
         assert (found == (away < farthest)).all()
-
-
-def test_without_a_reach_there_are_none():
-    assert not facades(roof(0.0, 10.0), column(9.9), reach=0.0).any()
 
 
 def test_a_light_well_is_of_the_building_if_the_pulse_ends_there():

@@ -87,11 +87,23 @@ def test_constant_intensity_gives_no_road(intensity, method):
     assert not road_of(points, intensity(len(points)), RoofSelectionConfig(road_method=method)).any()
 
 
-def test_without_intensity_or_on_request_there_is_no_road():
+def test_only_ground_with_intensity_becomes_road_in_any_order_and_none_on_request():
     points, reflectance = meadow()
     _, reflectance = with_roads(points, reflectance)
     assert not road_of(points, None).any()
     assert not road_of(points, measured(reflectance), RoofSelectionConfig(road_method="none")).any()
+    intensity = measured(reflectance)
+    order = np.random.default_rng(5).permutation(len(points))
+    np.testing.assert_array_equal(road_of(points[order], intensity[order]), road_of(points, intensity)[order])
+    before = np.arange(len(points)) % 2 * 7 + 2
+    classes = select_roofs(
+        points,
+        height_above_ground=np.zeros(len(points)),
+        classification=before,
+        intensity=measured(reflectance),
+    ).classification
+    assert (classes[before == 9] == 9).all()
+    assert (classes == 11).any()
 
 
 def test_small_dark_patches_and_narrow_dark_lines_are_no_road():
@@ -149,34 +161,12 @@ def road_of_all(points, intensity, n_leaves):
     )
 
 
-def test_only_ground_becomes_road():
-    points, reflectance = meadow()
-    _, reflectance = with_roads(points, reflectance)
-    before = np.arange(len(points)) % 2 * 7 + 2
-    classes = select_roofs(
-        points,
-        height_above_ground=np.zeros(len(points)),
-        classification=before,
-        intensity=measured(reflectance),
-    ).classification
-    assert (classes[before == 9] == 9).all()
-    assert (classes == 11).any()
-
-
 def test_a_limit_that_is_known_already_is_used():
     points, _ = meadow()
     normalised = np.full(len(points), 60.0)
     assert not road_of(points, None, normalised_intensity=normalised).any()
     assert road_of(points, None, normalised_intensity=normalised, dark_limit=90.0).all()
     assert not road_of(points, None, normalised_intensity=normalised, dark_limit=50.0).any()
-
-
-def test_the_order_of_the_points_does_not_matter():
-    points, reflectance = meadow()
-    _, reflectance = with_roads(points, reflectance)
-    intensity = measured(reflectance)
-    order = np.random.default_rng(5).permutation(len(points))
-    np.testing.assert_array_equal(road_of(points[order], intensity[order]), road_of(points, intensity)[order])
 
 
 def test_a_part_of_the_cloud_gives_the_same_road_with_a_known_limit():

@@ -191,16 +191,11 @@ def test_sparse_clouds_get_larger_cells():
     assert f1(roofs(scene.points, "lasclassify", scene.columns), scene) > 0.9
 
 
-def at_edge(scene):
-    """Return which points lie within 0.3 m of the edge of the only building."""
-    edge = scene.buildings[0].polygon.boundary
-    return scene.is_roof & (shapely.distance(edge, shapely.points(scene.points[:, :2])) < 0.3)
-
-
 @pytest.mark.parametrize(("returns", "kept"), [("single", False), ("last", False), ("all", True)])
 def test_split_pulses_at_eaves_are_roof_only_where_all_returns_count(returns, kept):
     scene = scenes.gable(density=8.0)
-    edge = at_edge(scene)
+    rim = shapely.distance(scene.buildings[0].polygon.boundary, shapely.points(scene.points[:, :2]))
+    edge = scene.is_roof & (rim < 0.3)
     columns = {**known(scene), "return_number": np.ones(len(edge), dtype=int), "number_of_returns": 1 + edge}
     found = roofs(scene.points, "single_returns", columns, roof_returns=returns)
     assert found[edge].all() == kept

@@ -246,7 +246,7 @@ def test_lines_hit_corners_that_are_rounded_to_millimetres(name):
         assert np.hypot(*(ends - corner).T).min() < 1e-6
 
 
-def test_numbers_of_planes_may_have_gaps():
+def test_numbers_of_planes_may_have_gaps_and_very_many_planes_stay_by_themselves():
     scene = model_scene("dormer", seed=3)
     spread = np.array([0, 7, 40_000, 65_535], dtype=np.uint16)
     dense, sparse = (
@@ -257,9 +257,6 @@ def test_numbers_of_planes_may_have_gaps():
     assert [(one.first, one.second, one.kind) for one in sparse.intersections] == [
         (one.first, one.second, one.kind) for one in dense.intersections
     ]
-
-
-def test_very_many_planes_stay_by_themselves():
     random = np.random.default_rng(0)
     points, outline = random.random((8000, 3)) * (100, 100, 1), Outline.of(shapely.box(0, 0, 100, 100))
     topology = find_topology(points, 1 + np.arange(8000) // 4, outline)

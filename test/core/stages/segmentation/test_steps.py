@@ -4,15 +4,9 @@ import pytest
 from bench.scenes.buildings import GALLERY, touching_houses
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
+from lidar_buildings.core.stages.segmentation import steps
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
-from lidar_buildings.core.stages.segmentation.steps import (
-    measure_borders,
-    merge_parts,
-    plan_sums,
-    rectangle_width,
-    spread_width,
-)
 from lidar_buildings.pipeline.tile_tracing import trace_buildings
 
 SPLIT = SegmentationConfig(split_at_steps=True)
@@ -152,12 +146,12 @@ def test_parts_merge_the_smallest_first_and_never_across_blocks():
         [plane(0, 0, 10, 10, 5.0), plane(10, 0, 11, 10, 8.0, seed=1), plane(11, 0, 30, 10, 5.0, seed=2)]
     )
     part = np.repeat([0, 1, 2], [800, 80, 1520])
-    borders = measure_borders(points, part, 3, 1.0)
-    area, sums = np.array([100.0, 10.0, 190.0]), plan_sums(points, part, 3)
+    borders = steps.measure_borders(points, part, 3, 1.0)
+    area, sums = np.array([100.0, 10.0, 190.0]), steps.plan_sums(points, part, 3)
     limits = {"min_area": 6.0, "min_width": 2.5}
     assert borders.shared[0, 1] == pytest.approx(10.0, rel=0.3)
     for block, expected in (([0, 0, 0], [0, 2, 2]), ([0, 0, 1], [0, 0, 2]), ([0, 1, 2], [0, 1, 2])):
-        assert merge_parts(borders, area, sums, np.array(block), **limits).tolist() == expected
+        assert steps.merge_parts(borders, area, sums, np.array(block), **limits).tolist() == expected
 
 
 def test_a_block_of_split_houses_comes_out_whole_in_the_tile_that_holds_its_anchor():
@@ -203,7 +197,7 @@ def test_borders_are_those_of_a_comparison_of_all_cells():
                 free[own] += 1
             elif beside != own:
                 shared[own, beside] = shared.get((own, beside), 0) + 1
-    found = measure_borders(points, part, 4, 1.0)
+    found = steps.measure_borders(points, part, 4, 1.0)
     assert np.allclose(found.free * 1.27, free)
     assert {pair: round(length * 1.27, 6) for pair, length in found.shared.items()} == shared
 
@@ -212,27 +206,26 @@ def test_borders_are_those_of_a_comparison_of_all_cells():
 @pytest.mark.parametrize("width", [1.2, 3.0, 8.0])
 def test_a_rectangle_has_its_width_however_it_is_turned(width, deg):
     points = turned(plane(1000, -500, 1012, -500 + width, 0.0), deg)
-    sums = plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)
-    assert spread_width(sums[0]) == pytest.approx(width, rel=0.06)
+    sums = steps.plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)
+    assert steps.spread_width(sums[0]) == pytest.approx(width, rel=0.06)
 
 
-def test_two_halves_that_merge_are_as_wide_as_the_whole():
+def test_two_halves_are_as_wide_as_the_whole_and_rectangles_have_the_shorter_side():
     points = turned(plane(0, 0, 12, 6, 0.0), 20.0)
     half = (points[:, 0] > 5.0).astype(np.int64)
-    whole = plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)[0]
-    assert spread_width(plan_sums(points, half, 2).sum(axis=0)) == pytest.approx(spread_width(whole))
+    whole = steps.plan_sums(points, np.zeros(len(points), dtype=np.int64), 1)[0]
+    assert steps.spread_width(steps.plan_sums(points, half, 2).sum(axis=0)) == pytest.approx(
+        steps.spread_width(whole)
+    )
+    assert steps.rectangle_width(24.0, 20.0) == pytest.approx(4.0)
+    assert steps.rectangle_width(25.0, 19.0) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("n_points", [0, 1, 2])
 def test_a_few_points_have_no_width(n_points):
     points = np.arange(3.0 * n_points).reshape(n_points, 3)
-    sums = plan_sums(points, np.zeros(n_points, dtype=np.int64), 1)
-    assert spread_width(sums[0]) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_rectangles_have_the_shorter_side_and_what_has_less_rim_than_a_square_the_squares():
-    assert rectangle_width(24.0, 20.0) == pytest.approx(4.0)
-    assert rectangle_width(25.0, 19.0) == pytest.approx(5.0)
+    sums = steps.plan_sums(points, np.zeros(n_points, dtype=np.int64), 1)
+    assert steps.spread_width(sums[0]) == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("deg", [0.0, 25.0, 45.0])

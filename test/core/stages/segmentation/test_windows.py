@@ -63,13 +63,10 @@ def test_components_are_those_of_the_published_loop(along, across, turn, window)
     for pattern in patterns:
         # A component is what the loop finds with the window of its place.
         expected = partition(grown_as_published(points[:, :2], pattern, window))
-        own = {frozenset(np.flatnonzero(chains.component == k)) for k in _numbers(chains, pattern)}
+        numbers = [k for k, one in enumerate(chains.patterns) if one == pattern]
+        own = {frozenset(np.flatnonzero(chains.component == k)) for k in numbers}
         assert own <= expected
     assert len(found) == chains.n_components
-
-
-def _numbers(chains, pattern):
-    return [k for k, one in enumerate(chains.patterns) if one == pattern]
 
 
 @pytest.mark.parametrize("window", [2.0, 4.0])
