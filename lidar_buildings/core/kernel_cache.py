@@ -1,5 +1,5 @@
 """
-Where numba keeps the compiled loops: a folder for each state of their sources, so that none is ever stale.
+Where numba keeps the compiled loops: a folder for each state of their sources, and for each numba and Python.
 
 Numba looks only at a loop's own file: it would reuse a loop that contains an older version of another file's
 loop. A user's NUMBA_CACHE_DIR is kept; if it is set but empty, numba uses its own places.
@@ -50,10 +50,7 @@ def kernel_folder() -> Path | None:
 def marker() -> Path | None:
     """Return the file whose presence says that all loops are compiled; None where numba chooses places."""
     folder = kernel_folder()
-    if folder is None:
-        return None
-    state = _hash_of_sources(), metadata.version("numba"), platform.processor(), sys.implementation.cache_tag
-    return folder / f"lidar_buildings-{hashlib.sha256(repr(state).encode()).hexdigest()[:16]}.complete"
+    return None if folder is None else folder / f"lidar_buildings-{_state()}.complete"
 
 
 def is_compiled() -> bool:
@@ -81,9 +78,10 @@ def remove_earlier_folders() -> None:
 
 
 @cache
-def _hash_of_sources() -> str:
-    """Return a hash of all files with loops."""
-    found = hashlib.sha256()
+def _state() -> str:
+    """Return a hash of all files with loops, and of what compiles them: numba keeps loops of one version."""
+    compiler = metadata.version("numba"), platform.processor(), sys.implementation.cache_tag
+    found = hashlib.sha256(repr(compiler).encode())
     for room in _WITH_LOOPS:
         for path in sorted((_PACKAGE / room).rglob("*.py")):
             source = path.read_bytes()
@@ -94,7 +92,7 @@ def _hash_of_sources() -> str:
 
 def _choose_folder() -> Path:
     """Return the first of these that can be written: in the installation, in the home, a temporary one."""
-    name = f"kernels-{_hash_of_sources()}"
+    name = f"kernels-{_state()}"
     installed = _PACKAGE / "__pycache__" / name
     if _is_writable(installed):
         return installed

@@ -17,9 +17,9 @@ def package(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path / "package")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     monkeypatch.setattr(kernel_cache.tempfile, "tempdir", str(tmp_path))
-    kernel_cache._hash_of_sources.cache_clear()
+    kernel_cache._state.cache_clear()
     yield tmp_path
-    kernel_cache._hash_of_sources.cache_clear()
+    kernel_cache._state.cache_clear()
 
 
 def refuse(monkeypatch, *folders):
@@ -39,10 +39,17 @@ def test_loops_are_kept_in_the_installation(package):
 def test_a_changed_loop_gets_a_folder_of_its_own_and_other_files_do_not_count(package):
     before = kernel_cache._choose_folder()
     (package / "package" / "core" / "plain.py").write_text("x = 1\n")
-    kernel_cache._hash_of_sources.cache_clear()
+    kernel_cache._state.cache_clear()
     assert kernel_cache._choose_folder() == before
     (package / "package" / "core" / "a.py").write_text("@njit \n")
-    kernel_cache._hash_of_sources.cache_clear()
+    kernel_cache._state.cache_clear()
+    assert kernel_cache._choose_folder() != before
+
+
+def test_another_version_of_numba_gets_a_folder_of_its_own(package, monkeypatch):
+    before = kernel_cache._choose_folder()
+    monkeypatch.setattr(kernel_cache.metadata, "version", lambda name: "0.58.1")
+    kernel_cache._state.cache_clear()
     assert kernel_cache._choose_folder() != before
 
 
