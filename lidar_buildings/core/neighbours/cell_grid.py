@@ -206,16 +206,11 @@ def _number(points, cell, start, n_columns, numbers, begin, end):  # type: ignor
         numbers[i] = row * n_columns + column
 
 
-def _can_be_counted(numbers: NDArray[np.int64]) -> bool:
-    """Return whether a table of all cells is small enough beside the points."""
-    return int(numbers.max(initial=0)) < MAX_COUNTED_CELLS * (len(numbers) + 1024)
-
-
 def _rows_by_number(
     numbers: NDArray[np.int64],
 ) -> tuple[NDArray[np.intp], NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows by rising number, equal ones in the order given; the numbers; where each begins."""
-    if _can_be_counted(numbers):
+    if int(numbers.max(initial=0)) < MAX_COUNTED_CELLS * (len(numbers) + 1024):
         rows, first = rows_by_group(numbers, int(numbers.max(initial=-1)) + 1)
         occupied = np.flatnonzero(first[1:] != first[:-1])
         return rows, occupied, np.append(first[occupied], len(rows))

@@ -205,11 +205,8 @@ def _medians(values: NDArray[Any], group: NDArray[np.int64], n_groups: int) -> N
 
 @kernel
 def _follow(pulses, cells, asking, runs, group, is_probe, spacing, by_time, sums, axis, step):  # type: ignore[no-untyped-def]
-    """
-    Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to the nearest neighbours, group by group.
-
-    Farther ones count less. With `axis` known, write instead each probe's mean step along its line.
-    """
+    """Add up (cos 2φ, sin 2φ, number of probes) of the directions φ to nearest neighbours, group by group."""
+    # Farther ones count less. With `axis` known, write instead each probe's mean step along its line.
     near = np.empty((64, 3))
     for one in range(len(asking)):
         n = (runs[one, :, 1] - runs[one, :, 0]).sum()

@@ -87,20 +87,16 @@ def read_scan(
     stamp = stamp_of(message.header)
     times, name = point_times(columns, stamp, "" if config.time_unit == "auto" else config.time_unit)
     points, doubts = xyz[kept], []
-    if step := _coarse_step(points[:_N_LOOKED_AT, :2]):
+    plan = points[:_N_LOOKED_AT, :2]
+    single = plan.astype(np.float32)
+    step = float(np.spacing(np.abs(single).max(initial=0.0)))
+    if step > _COARSE_STEP and np.array_equal(single, plan):
         doubts.append(COARSE.format(step))
     if times is None:
         times = np.full(len(kept), stamp, dtype=np.int64)
         if name and columns[name].any():
             doubts.append(COARSE_TIMES)
     return Scan(frame_name(message.header.frame_id), points, times, _cleaned(columns), tuple(doubts))
-
-
-def _coarse_step(plan: NDArray[np.float64]) -> float:
-    """Return the step of coordinates that have been single precision, if that is coarse, else 0 [m]."""
-    single = plan.astype(np.float32)
-    step = float(np.spacing(np.abs(single).max(initial=0.0)))
-    return step if step > _COARSE_STEP and np.array_equal(single, plan) else 0.0
 
 
 def is_alike(one: Scan, other: Scan) -> bool:

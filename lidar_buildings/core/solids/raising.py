@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import accumulate, pairwise
+from collections.abc import Sequence
+from itertools import accumulate, chain, pairwise
 
 import numpy as np
 
-from lidar_buildings.core.model.array_types import IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.assembly import CLEARANCE, assemble
 from lidar_buildings.core.solids.half_edges import HalfEdges
@@ -18,7 +17,6 @@ from lidar_buildings.core.solids.plan_graph import (
     noded_coverage,
     with_minimum_height,
 )
-from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.shell import (
     GROUND_SURFACE,
     ROOF_SURFACE,
@@ -98,7 +96,8 @@ def checked_roof_solid(
         first: dict[tuple[float, ...], int] = {}
         numbers = np.array([first.setdefault(piece.plane, k) for k, piece in enumerate(pieces)])
     first_tried = None
-    for graph in _plans(pieces, numbers):
+    simpler = (noded_coverage(pieces, numbers, within, 0.5 * within) for within in _SIMPLER)
+    for graph in chain([matched_coverage(pieces, numbers)], simpler):
         if not len(graph.ends):
             break
         faces, semantics = assemble(HalfEdges(graph, planes, ground))
@@ -112,13 +111,6 @@ def checked_roof_solid(
         nothing = Solid(np.empty((0, 3)), (), ())
         return nothing, check_solid(nothing)
     return first_tried
-
-
-def _plans(pieces: Sequence[RoofPiece], numbers: IntArray) -> Iterator[PlanGraph]:
-    """Yield the plan of numbered pieces, and a simpler one."""
-    yield matched_coverage(pieces, numbers)
-    for within in _SIMPLER:
-        yield noded_coverage(pieces, numbers, within, 0.5 * within)
 
 
 def triangulate_non_planar(solid: Solid) -> Solid:

@@ -62,7 +62,9 @@ def roof_lines(solid: Solid) -> list[RoofLine]:
     is_roof, is_wall = kinds == ROOF_SURFACE, kinds == WALL_SURFACE
     number_of = np.cumsum(is_roof)
     above_wall = is_roof[edges.face] & is_wall[edges.other]
-    falls_behind = _fall_behind(edges)
+    x, y, _ = (edges.ends[:, 1] - edges.ends[:, 0]).T
+    wall = edges.normals[edges.other]
+    falls_behind = wall[:, 0] * y - wall[:, 1] * x > 0.0  # the wall looks away from the roof: is below it
     ends: list[_Ends] = edges.ends.tolist()
     other, number = edges.other.tolist(), number_of[edges.face].tolist()
     lower: dict[int, list[_Ends]] = defaultdict(list)
@@ -110,13 +112,6 @@ def _folds(edges: _Edges, level: NDArray[np.bool_]) -> NDArray[np.str_]:
     is_flat = (np.abs(turn) < _LEAST_FOLD) & (np.einsum("ij,ij->i", one, other) > 0.0)
     level = level | _are_level(edges, edges.other)
     return np.select([is_flat, turn < 0.0, level], ["", VALLEY, RIDGE], HIP)
-
-
-def _fall_behind(edges: _Edges) -> NDArray[np.bool_]:
-    """Whether the wall on the right of each edge of a roof looks away from it, and so stands below it."""
-    x, y, _ = (edges.ends[:, 1] - edges.ends[:, 0]).T
-    wall = edges.normals[edges.other]
-    return np.asarray(wall[:, 0] * y - wall[:, 1] * x > 0.0)
 
 
 def _are_level(edges: _Edges, faces: IntArray) -> NDArray[np.bool_]:

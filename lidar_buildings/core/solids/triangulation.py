@@ -69,7 +69,10 @@ def fitted_planes(faces: FaceArrays) -> tuple[FloatArray, FloatArray]:
     axes = np.linalg.eigh(moments)[1].repeat(counts, axis=0)
     local = np.einsum("ni,nij->nj", offsets, axes)
     off_plane = np.maximum.reduceat(np.abs(local[:, 0]), starts[:-1])
-    return off_plane, _counter_clockwise(faces, local[:, 2:0:-1].copy())
+    flat = local[:, 2:0:-1].copy()
+    clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
+    flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
+    return off_plane, flat
 
 
 def ring_areas(faces: FaceArrays, flat: FloatArray) -> FloatArray:
@@ -79,14 +82,6 @@ def ring_areas(faces: FaceArrays, flat: FloatArray) -> FloatArray:
     after = flat[following]
     cross = flat[:, 0] * after[:, 1] - flat[:, 1] * after[:, 0]
     return 0.5 * np.add.reduceat(cross, faces.ring_starts[:-1])
-
-
-def _counter_clockwise(faces: FaceArrays, flat: FloatArray) -> FloatArray:
-    """Mirror the faces whose exteriors run clockwise."""
-    clockwise = ring_areas(faces, flat)[faces.face_starts[:-1]] < 0.0
-    if clockwise.any():
-        flat[np.repeat(clockwise, np.diff(faces.corner_starts)), 1] *= -1.0
-    return flat
 
 
 def starts_of(sizes: IntArray) -> IntArray:

@@ -89,12 +89,9 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
 
 @kernel
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
-    """
-    Whether a vertex d lies within the circle round a triangle abc and the side bc may be turned into ad.
-
-    Of four on one circle the first by x, then y, gets the side, as if it alone lay a little lower on the
-    paraboloid (Edelsbrunner and Mücke 1990): the triangles depend on neither order nor cut.
-    """
+    """Whether a vertex d lies within the circle round a triangle abc and side bc may be turned into ad."""
+    # Of four on one circle the first by x, then y, gets the side, as if it alone lay a little lower on the
+    # paraboloid (Edelsbrunner and Mücke 1990): the triangles depend on neither order nor cut.
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     dx, dy = vertices[vertex, 0], vertices[vertex, 1]
     ax, ay = vertices[a, 0] - dx, vertices[a, 1] - dy

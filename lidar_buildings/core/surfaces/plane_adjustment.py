@@ -171,11 +171,8 @@ def multipliers(rows, response, nearest):  # type: ignore[no-untyped-def]
 def _terms(
     vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatArray
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """
-    Return the terms of vertices' equations, sums that are zero: plane, vertex, equation, factors of a, b, c.
-
-    At a given position all planes have the elevation of the first; an unknown position is cancelled out.
-    """
+    """Return the terms of vertices' equations, sums of zero: plane, vertex, equation, factors of a, b, c."""
+    # At a given position all planes have the elevation of the first; an unknown position is cancelled out.
     terms: list[tuple[int, int, int]] = []
     factor: list[tuple[float, float, float]] = []
     n_equations, (west, south) = 0, centre[:2].tolist()

@@ -253,12 +253,9 @@ def _chord(sums, start, end):  # type: ignore[no-untyped-def]
 
 @kernel
 def _beyond(weight, along, length, n):  # type: ignore[no-untyped-def]
-    """
-    Return what squared distances of samples beyond the ends of a wall come to, as they scatter along it.
-
-    Samples spread evenly from one end to the other scatter by a known share of its length: what scatters more
-    goes beyond an end and comes back.
-    """
+    """Return what squared distances of samples beyond a wall's ends come to, as they scatter along it."""
+    # Samples spread evenly from one end to the other scatter by a known share of its length: what scatters
+    # more goes beyond an end and comes back.
     even = abs(length) * math.sqrt((n + 1.0) / (12.0 * max(n - 1.0, 1.0)))
     return weight * max(math.sqrt(max(along, 0.0) / weight) - even, 0.0) ** 2
 

@@ -173,11 +173,13 @@ class RingTracer:
     def _rim(self, centre: Sequence[float]) -> NDArray[np.int64] | None:
         """Walk round an empty place from one of the points nearest to it that no other ring has taken."""
         max_steps = _MAX_RIM_STEPS * len(self._exterior)
+
+        def inside(rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
+            return self._wrong(rows, True) if holds(self._grid, rows, *centre) else None
+
         for start in nearest_free(self._grid, self._follower, centre, _MAX_STARTS).tolist():
             heading = centre[0] - float(self._grid.x[start]), centre[1] - float(self._grid.y[start])
-            ring = self._walk(
-                start, heading, _MAX_RIM_WALKS, max_steps, lambda rows: self._inside_hole(rows, centre)
-            )
+            ring = self._walk(start, heading, _MAX_RIM_WALKS, max_steps, inside)
             if ring is not None:
                 return ring
         return None
@@ -215,12 +217,6 @@ class RingTracer:
             if not is_wider:
                 break
         return None
-
-    def _inside_hole(self, rows: NDArray[np.int64], centre: Sequence[float]) -> NDArray[np.int64] | None:
-        """Return the points that lie inside a courtyard's rim; None if it is no rim round the centre."""
-        if not holds(self._grid, rows, *centre):
-            return None
-        return self._wrong(rows, True)
 
     def _wrong(self, ring: NDArray[np.int64], inside: bool) -> NDArray[np.int64]:
         rows = misplaced(self._grid, ring, inside)

@@ -144,9 +144,11 @@ def trace_boundary(
     reach = GROUND_REACH * spacing
     outline, reasons = _traced(grid, known, seen, reach, config, rules)
     if not is_rectangle:
-        across_gaps = _across_gaps(known, grid, outline)
+        positions = np.column_stack((grid.x, grid.y))
+        wider = gap_spacing(positions, outline.polygon, known.spacing) / known.spacing
+        across_gaps = replace(known, along=known.along * wider, across=known.across * wider)
         if across_gaps != known:
-            clear = clear_ground(seen, np.column_stack((grid.x, grid.y)), known.spacing, reach)
+            clear = clear_ground(seen, positions, known.spacing, reach)
             grid = build_point_grid(cloud, across_gaps, config.window, is_rectangle=False)
             smoother, why = _traced(grid, across_gaps, seen, reach, config, rules)
             more = _n_within(smoother, clear) - _n_within(outline, clear)
@@ -205,13 +207,6 @@ def _spacing(cloud: NDArray[np.float64], pattern: ScanPattern | None, point_spac
     if point_spacing is not None:
         return given_or_measured(cloud, point_spacing)
     return measure_spacing(cloud, FEW_PROBES) if pattern is None else pattern.spacing
-
-
-def _across_gaps(pattern: ScanPattern, grid: PointGrid, outline: Outline) -> ScanPattern:
-    """Return the pattern as much wider as the gaps between the points are than its own."""
-    positions = np.column_stack((grid.x, grid.y))
-    wider = gap_spacing(positions, outline.polygon, pattern.spacing) / pattern.spacing
-    return replace(pattern, along=pattern.along * wider, across=pattern.across * wider)
 
 
 def _main_direction(dx: NDArray[np.float64], dy: NDArray[np.float64]) -> float:

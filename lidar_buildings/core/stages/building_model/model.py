@@ -243,7 +243,10 @@ def _model(
 ) -> BuildingModel:
     """Build the model of a building with points, LoD1.2 first: what fails above leaves that."""
     ground, remark = _ground(points, ground_elevation, config)
-    top, why_raised = _flat_top(attributes[f"roof_elevation_{config.roof_elevation}"], ground)
+    roof, why_raised = attributes[f"roof_elevation_{config.roof_elevation}"], ""
+    top = max(roof, elevation_on_grid(ground + MIN_HEIGHT))
+    if top > roof:
+        why_raised = f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
     lowest, outline = level_12(outline, ground, top)
     attributes |= {"ground_elevation": ground, "height": elevation_on_grid(top - ground)}
     if lowest.solid is None:
@@ -262,14 +265,6 @@ def _model(
         _log.exception("building at (%.1f, %.1f): no finer level than LoD1.2", *outline.exterior[0])
         remarks = [*remarks, f"no finer level than LoD1.2: {error!r}", lowest.remark]
         return _lowest_alone(lowest.solid, attributes, remarks)
-
-
-def _flat_top(roof: float, ground: float) -> tuple[float, str]:
-    """Return the elevation of LoD1.2's top [m], and what to remark about it."""
-    lowest = elevation_on_grid(ground + MIN_HEIGHT)
-    if roof >= lowest:
-        return roof, ""
-    return lowest, f"the roof at {roof:.2f} m is not above the ground at {ground:.2f} m: raised"
 
 
 def _finer_levels(

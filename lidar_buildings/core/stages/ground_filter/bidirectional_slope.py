@@ -292,12 +292,9 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
 
 @kernel
 def _line_beside(along, z, ground, i, heading, begin, end, reach):  # type: ignore[no-untyped-def]
-    """
-    Fit a line to the nearest ground points within reach on one side of point i, −1 or 1, of its profile.
-
-    Return whether there is one, the height of point i above it [m], its slope, which is no steeper than
-    `MAX_SLOPE`, and the standard deviation of the points [m].
-    """
+    """Fit a line to the nearest ground points within reach on one side, −1 or 1, of point i of a profile."""
+    # Return whether there is one, the height of point i above it [m], its slope, which is no steeper than
+    # `MAX_SLOPE`, and the standard deviation of the points [m].
     n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
     j = i + heading
     while begin <= j < end and n < POINTS and abs(along[j] - along[i]) <= reach:
@@ -377,9 +374,7 @@ def _smoothed(sums: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
 
 
 def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """
-    Smooth with nearly Gaussian weights, three moving means one after another; nothing lies beyond the grid.
-    """
+    """Smooth with nearly Gaussian weights: three moving means in turn; nothing lies beyond the grid."""
     # Three means over w cells have a variance of (w² - 1) / 4.
     width = max(round(math.sqrt(4.0 * sigma * sigma + 1.0)), 1)
     width += 1 - width % 2

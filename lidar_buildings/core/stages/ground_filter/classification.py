@@ -137,11 +137,8 @@ def _ground_of_cells(
     config: GroundFilterConfig,
     scan: dict[str, NDArray[Any] | None],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Return the lowest free points of cells that are ground, all where none is; the extents of wide roofs.
-
-    The points of the cloud are given in the scan's order, too; `spacing` is that of the lowest, if known.
-    """
+    """Return the cells' lowest free points that are ground, all where none is; the extents of wide roofs."""
+    # The points of the cloud are given in the scan's order, too; `spacing` is that of the lowest, if known.
     extent = extent_of(cloud.points)[:, :2]
     rows = lowest_of_cells(cloud, free if free.any() else ~free)
     candidates, cut_off = cloud.points[rows], NO_EXTENTS

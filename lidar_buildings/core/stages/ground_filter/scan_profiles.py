@@ -154,9 +154,7 @@ def find_scan_lines(
 def _order_in_time(
     points: NDArray[np.float64], gps_time: NDArray[Any] | None, strip: NDArray[Any] | None
 ) -> NDArray[np.intp]:
-    """
-    Return the rows by strip and time, as far as these are known; the returns of a pulse from the top down.
-    """
+    """Return the rows by strip and time, as far as known; the returns of a pulse from the top down."""
     order = np.arange(len(points))
     if gps_time is not None and np.isfinite(gps_time).all() and gps_time.min() < gps_time.max():
         order = np.argsort(gps_time, kind="stable")
@@ -186,9 +184,7 @@ def _turns(
 
 
 def _along_lines(moves: NDArray[np.float64]) -> NDArray[np.float64]:
-    """
-    Return how far moves go along the main axis of their block; neighbouring blocks look in like directions.
-    """
+    """Return how far moves go along the main axis of their block; those beside it look in like directions."""
     x, y = moves.T
     products = np.add.reduceat(np.column_stack((x * x, x * y, x * y, y * y)), np.arange(0, len(x), BLOCK))
     axes = np.linalg.eigh(products.reshape(-1, 2, 2))[1][:, :, 1]

@@ -56,8 +56,11 @@ def find_roads(
     with np.errstate(invalid="ignore"):
         dark = (raster.brightness >= limits[0]) & (raster.brightness <= limits[1])
     wide = _wide(dark, raster.is_known & ~dark, MIN_WIDTH / raster.cell)
-    road = _large(_filled(wide, raster), ~raster.is_covered, config.min_road_area / raster.cell**2)
-    return road.ravel()[raster.row_of]
+    road = _filled(wide, raster)
+    part, _ = ndimage.label(road, structure=_AROUND)
+    size = np.bincount(part[~raster.is_covered], minlength=part.max() + 1)
+    is_large = size >= config.min_road_area / raster.cell**2
+    return (is_large[part] & road).ravel()[raster.row_of]
 
 
 def of_road_grey(intensity: NDArray[np.floating], config: RoofSelectionConfig) -> NDArray[np.bool_]:
@@ -85,12 +88,6 @@ def _filled(road: NDArray[np.bool_], raster: BrightnessRaster) -> NDArray[np.boo
     share = ndimage.uniform_filter(road.astype(float), FILL_CELLS, mode="constant")
     among = ndimage.uniform_filter(known.astype(float), FILL_CELLS, mode="constant")
     return road | (raster.is_ground & ~known & (share > among / 2) & (share > 0.5 / FILL_CELLS**2))
-
-
-def _large(road: NDArray[np.bool_], counts: NDArray[np.bool_], n_cells: float) -> NDArray[np.bool_]:
-    part, _ = ndimage.label(road, structure=_AROUND)
-    size = np.bincount(part[counts], minlength=part.max() + 1)
-    return (size >= n_cells)[part] & road
 
 
 def point_brightness(

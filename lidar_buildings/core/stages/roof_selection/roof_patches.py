@@ -81,7 +81,8 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     is_rough = (roughness > config.max_roughness) & (roughness <= 2.0 * config.max_roughness)
     rejection[rows[is_rough]] = Rejection.ROUGH
     rejection[is_other] = Rejection.STEEP
-    links = _link_lengths(features.n_neighbours, features.radius, radius)
+    is_sparse = features.n_neighbours * (radius / features.radius) ** 2 < MIN_PLANE_POINTS
+    links = np.where(is_sparse, features.radius, radius)  # longer where few points lie: wet or dark roofs
     known = _Known(rows, features.normals, links, roughness / config.max_roughness)
     del features, upward, noise, roughness, links  # here and below: half of the memory
     offset = PATCH_OFFSET * config.max_roughness
@@ -172,14 +173,6 @@ def _of_walls(patches: _Patches) -> NDArray[np.bool_]:
     found = np.zeros(len(label), dtype=bool)
     found[asked] = (across < zz * math.tan(math.radians(90.0 - MAX_SLOPE_DEG)) ** 2)[part]
     return found
-
-
-def _link_lengths(
-    n_neighbours: NDArray[np.int64], chosen: NDArray[np.float64], radius: float
-) -> NDArray[np.float64]:
-    """Return the longest link of each point: its own radius where few points lie, as on wet or dark roofs."""
-    is_sparse = n_neighbours * (radius / chosen) ** 2 < MIN_PLANE_POINTS
-    return np.where(is_sparse, chosen, radius)
 
 
 #: Neighbours that vote: two rings around a point on an even surface.
@@ -333,11 +326,8 @@ def is_deck(
 
 @kernel
 def _count_ends(points, owner, first, places, runs, reach, ends, met):  # type: ignore[no-untyped-def]
-    """
-    Count, by surface and sector, the cells beyond which it does not go on, and those of them with ground.
-
-    A surface is as high in a cell as its highest point there; ground fills all from lowest to highest.
-    """
+    """Count, by surface and sector, the cells beyond which it does not go on, and those of them on ground."""
+    # A surface is as high in a cell as its highest point there; ground fills all from lowest to highest.
     n = len(places)
     low, high = np.full(n, np.inf), np.full(n, -np.inf)
     start = np.zeros(n + 1, dtype=np.int64)

@@ -108,9 +108,7 @@ def _levels(
     *,
     is_bare: bool = False,
 ) -> tuple[NDArray[np.int64], int]:
-    """
-    Return the level of each roof point, −1 where it is too narrow, or the plan of whole roofs is; note why.
-    """
+    """Return each roof point's level, −1 where it is too narrow, or the plan of whole roofs is; note why."""
     rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
     if not is_bare:
         plan = sort_by_cell(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))

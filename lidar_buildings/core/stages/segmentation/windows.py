@@ -40,9 +40,10 @@ def chain_windows(xy: NDArray[np.float64], reach: tuple[float, float]) -> tuple[
     if reach[0] != reach[1]:
         xy = xy[:, :2] * np.array([1.0, reach[0] / reach[1]])
     cells = rows_by_cell(xy, reach[0])
-    if cells.size > reach[0]:
-        xy = _without_gaps(xy, reach[0])
-        cells = rows_by_cell(xy, reach[0])
+    if (cell := reach[0]) < cells.size:  # gaps are shortened, so that any extent can be numbered
+        moved = [one - np.floor(one / cell) * cell + without_gaps(one, cell)[0] * cell for one in xy[:, :2].T]
+        xy = np.column_stack(moved)
+        cells = rows_by_cell(xy, cell)
     return _chain(xy, cells.rows, cells.numbers, cells.first, cells.n_columns, reach[0])
 
 
@@ -51,13 +52,6 @@ def turned(xy: NDArray[np.float64], pattern: ScanPattern) -> NDArray[np.float64]
     cos, sin = np.cos(pattern.direction), np.sin(pattern.direction)
     along, across = xy[:, 0] * cos + xy[:, 1] * sin, xy[:, 1] * cos - xy[:, 0] * sin
     return np.column_stack((along / pattern.along, across / pattern.across))
-
-
-def _without_gaps(xy: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Return positions with gaps of several cells shortened, so that any extent can be numbered."""
-    return np.column_stack(
-        [one - np.floor(one / cell) * cell + without_gaps(one, cell)[0] * cell for one in xy[:, :2].T]
-    )
 
 
 @kernel

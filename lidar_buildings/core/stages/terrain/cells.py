@@ -148,11 +148,8 @@ class Cells:
 
 @kernel
 def _contents(points, kind, is_core, is_first, origin, size, column, row, width, n_cells):  # type: ignore[no-untyped-def]
-    """
-    Return 1 for cells with points of the core and with others, numbers and sums of ground points, and rows.
-
-    These are those of each cell's highest first and later return and of its lowest point, −1 for none.
-    """
+    """Return 1 for cells with core points and with others, numbers and sums of ground points, and rows."""
+    # These are those of each cell's highest first and later return and of its lowest point, −1 for none.
     holds = np.zeros((2, n_cells), dtype=np.uint8)
     n, sums = np.zeros(n_cells, dtype=np.int64), np.zeros((n_cells, 3))
     best = np.full((3, n_cells), np.int32(-1))

@@ -162,12 +162,9 @@ def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> 
 def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRasters:
     """Return the rasters without the outer rows and columns that hold no known cell."""
     rows, columns = (_span(known.any(axis=axis)) for axis in (1, 0))
-    return TerrainRasters(
-        rasters.window.part(columns, rows),
-        rasters.dtm[rows, columns].copy(),
-        rasters.dsm[rows, columns].copy(),
-        rasters.distance[rows, columns].copy(),
-    )
+    dtm, dsm = (each[rows, columns].copy() for each in (rasters.dtm, rasters.dsm))
+    distance = rasters.distance[rows, columns].copy()
+    return TerrainRasters(rasters.window.part(columns, rows), dtm, dsm, distance)
 
 
 def _span(marked: Any) -> slice:
@@ -177,11 +174,8 @@ def _span(marked: Any) -> slice:
 
 @kernel
 def _extents(points, kind, is_core, limits):  # type: ignore[no-untyped-def]
-    """
-    Leave out what lies beyond limits, and return the extents of the core's points and of all that are left.
-
-    Arrays of shape (2, 2): least and greatest x and y [m]; infinite where there is no point.
-    """
+    """Leave out what lies beyond limits; return the extents of the core's points and of all that are left."""
+    # Arrays of shape (2, 2): least and greatest x and y [m]; infinite where there is no point.
     own, every = np.empty((2, 2)), np.empty((2, 2))
     for extent in (own, every):
         extent[0], extent[1] = np.inf, -np.inf
@@ -252,7 +246,9 @@ def surface_elevations(
     hole that only high cells surround is a wet or dark roof, and is closed like a gap. On each side are at
     least as many empty cells as a gap is wide.
     """
-    highest = _with_later_returns(cells, contents.first, contents.later, gap)
+    first, later = contents.first, contents.later
+    lacking = ~closed(first.mask(cells.window.shape), gap)[later.rows, later.columns]
+    highest = first.joined(later.select(lacking))
     measured = highest.mask(cells.window.shape)
     on_ground = _holes_on_ground(contents.lowest, ground, known & ~closed(measured, gap))
     elevation = np.where(on_ground, ground, np.float32(np.nan))
@@ -275,9 +271,3 @@ def _holes_on_ground(
     is_on_ground = n_low > _LOW_SHARE * n_beside
     is_on_ground[0] = False
     return is_on_ground[number]
-
-
-def _with_later_returns(cells: Cells, first: CellPoints, later: CellPoints, gap: int) -> CellPoints:
-    """Add the later returns of cells that have no first return near."""
-    lacking = ~closed(first.mask(cells.window.shape), gap)[later.rows, later.columns]
-    return first.joined(later.select(lacking))

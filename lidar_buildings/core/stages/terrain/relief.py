@@ -35,7 +35,9 @@ def relief(
     known = ~np.isnan(elevation)
     inner = np.zeros_like(known)
     inner[1:-1, 1:-1] = known[1:-1, 1:-1]
-    chosen = _on_sides(elevation, tolerance) | (_rim(known) & inner)
+    chosen = _rim(known) & inner
+    for side in ((0, slice(None)), (-1, slice(None)), (slice(None), 0), (slice(None), -1)):
+        chosen[side] |= _simplified(elevation[side], tolerance)
     places = np.indices(known.shape).reshape(2, -1)
     nodes = np.column_stack([places[1], -places[0], np.where(known, elevation, 0.0).ravel()])
     first = np.flatnonzero(chosen)
@@ -79,14 +81,6 @@ class _Mesh:
         """Make nodes within the hull vertices, in this order."""
         mesh = self._nodes, self._triangles, self._neighbours
         self.n_triangles = insert_all(rows, *mesh, self.n_triangles)
-
-
-def _on_sides(elevation: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
-    """Return the nodes that stay of the lines along the raster's sides."""
-    chosen = np.zeros(elevation.shape, dtype=bool)
-    for side in ((0, slice(None)), (-1, slice(None)), (slice(None), 0), (slice(None), -1)):
-        chosen[side] |= _simplified(elevation[side], tolerance)
-    return chosen
 
 
 def _simplified(line: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:

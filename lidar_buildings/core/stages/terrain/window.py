@@ -38,23 +38,14 @@ class RasterWindow:
 
     def grown(self, n_cells: int) -> RasterWindow:
         """Return the window with so many more cells on each side."""
-        return RasterWindow(
-            self.resolution,
-            self.column - n_cells,
-            self.row - n_cells,
-            self.width + 2 * n_cells,
-            self.height + 2 * n_cells,
-        )
+        column, row = self.column - n_cells, self.row - n_cells
+        return RasterWindow(self.resolution, column, row, self.width + 2 * n_cells, self.height + 2 * n_cells)
 
     def part(self, columns: slice, rows: slice) -> RasterWindow:
         """Return a part of the window, given by slices of its columns and rows with both ends named."""
-        return RasterWindow(
-            self.resolution,
-            self.column + columns.start,
-            self.row + rows.start,
-            columns.stop - columns.start,
-            rows.stop - rows.start,
-        )
+        column, row = self.column + columns.start, self.row + rows.start
+        size = columns.stop - columns.start, rows.stop - rows.start
+        return RasterWindow(self.resolution, column, row, *size)
 
     def shared(self, other: RasterWindow) -> tuple[slice, slice]:
         """Return the rows and columns of this window that another one has as well; empty slices if none."""
