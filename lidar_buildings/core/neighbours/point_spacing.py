@@ -40,10 +40,8 @@ def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     The density at a point, one of `max_probes` at most, is that of the disc reaching to its k-th neighbour in
     plan, k/(π d²). The median, weighted by the area of the discs, is the density of the middle of the
     occupied area: holes, the surroundings of the cloud and overlaps of strips over less than half of it do
-    not count, and repeated positions count once. Order of points does not matter.
-
-    `FALLBACK_SPACING` if there are fewer than two distinct positions. ValueError if `points` has another
-    shape or is not finite.
+    not count, and repeated positions count once. Order of points does not matter. `FALLBACK_SPACING` if there
+    are fewer than two distinct positions. ValueError if `points` has another shape or is not finite.
     """
     plan = distinct_positions(checked_points(points))
     if len(plan) < 2:

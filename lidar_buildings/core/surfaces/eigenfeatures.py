@@ -88,13 +88,11 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     - `radii`, sequence of float: Rising [m], > 0; a single one fixes the radius.
     - `min_neighbours`: Radii with fewer points are passed over, but for the largest one; ≥ 1.
 
-    Returned: rows as in the input. A point alone has λ = 0 and a normal straight up.
-
-    ValueError if `points` has another shape or is not finite, or a parameter is none of what is allowed.
-
-    Coordinates are taken from the point itself, so the distance of the origin does not matter, and summed in
-    an order that depends on them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly
-    spaced ones stand for all. Time is proportional to the number of neighbours within the largest radius.
+    Returned: rows as in the input. A point alone has λ = 0 and a normal straight up. ValueError if `points`
+    has another shape or is not finite, or a parameter is none of what is allowed. Coordinates are taken from
+    the point itself, so the distance of the origin does not matter, and summed in an order that depends on
+    them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly spaced ones stand for
+    all. Time is proportional to the number of neighbours within the largest radius.
     """
     squares = _checked_radii(radii) ** 2
     if min_neighbours < 1:

@@ -15,10 +15,9 @@ def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
     Return the lowest value within a disc round each cell; what lies outside the raster does not count.
 
     Row by row (Urbach and Wilkinson 2008): the minimum over any length of a row is that over two overlapping
-    lengths of a power of two, and those are made once a row for all chords of the disc.
-
-    `surface` may hold +inf where nothing is known: such cells do not count. A cell belongs to the disc if its
-    middle is within `radius` cells of the disc's.
+    lengths of a power of two, and those are made once a row for all chords of the disc. `surface` may hold
+    +inf where nothing is known: such cells do not count. A cell belongs to the disc if its middle is within
+    `radius` cells of the disc's.
     """
     # The half lengths of the disc's chords, from the diameter outwards.
     half = np.array([math.isqrt(radius * radius - d * d) for d in range(radius + 1)])

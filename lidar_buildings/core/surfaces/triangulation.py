@@ -45,7 +45,6 @@ def triangulate(
 
     A random quarter of the vertices after another is inserted, each round sorted along rows of cells, so that
     every walk to the next place is short. The triangles do not depend on the order. About 0.7 M vertices/s.
-
     `vertices` are (n_vertices, 3) [m]; collinear ones are fine, ValueError if there is none. `extent` is the
     lower left and upper right corner of what the frame has to enclose as well, `clearance` is added to its
     distance [m]. The mesh's real vertices are in the order given. Beyond them elevations go on as at the

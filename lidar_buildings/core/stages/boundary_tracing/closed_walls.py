@@ -67,10 +67,9 @@ def close_walls(
 
     Cells are given by their middles, shape (n_cells, 2) [m]: those of `WALL_CELL` on connected `walls`, at
     least one, and the `bare` ones of them over which no roof was seen; those of `GROUND_CELL` on `roofs`, and
-    those in which `ground` was seen, around the building and farther away.
-
-    There is more than one outline where something narrow joins them; none where walls enclose nothing, those
-    of one side alone and winding ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
+    those in which `ground` was seen, around the building and farther away. There is more than one outline
+    where something narrow joins them; none where walls enclose nothing, those of one side alone and winding
+    ones, or something deeper than `MAX_DEPTH`, and where the roof was seen.
     """
     angle = _direction(walls)
     # What rows of x and y are multiplied by to see this direction as the x axis.

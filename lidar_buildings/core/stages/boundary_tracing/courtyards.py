@@ -65,9 +65,8 @@ class EmptyDiscs:
     Looks for discs without points inside a ring, one by one.
 
     Every disc holds the whole of the cell that its centre is in, if a cell's side is radius / √2: only
-    centres in empty cells are sought, and in most roofs there is no such cell.
-
-    `ring` are the rows of the outer ring's vertices, `radius` is the discs' [m].
+    centres in empty cells are sought, and in most roofs there is no such cell. `ring` are the rows of the
+    outer ring's vertices, `radius` is the discs' [m].
     """
 
     def __init__(self, grid: PointGrid, ring: NDArray[np.int64], radius: float) -> None:

@@ -59,12 +59,11 @@ def enclosed_ground(
     """
     Return the open ground of which a ring encloses as much as a courtyard has; None if there is none.
 
-    Where the building is connected across ground alone, a ring has to cross it: that is not open. Fences
-    are the minimum spanning trees of places that are near to each other with open ground between.
-
-    Ground, one a cell of `GROUND_CELL` at most and looked at up to `reach` from the building [m], and the
-    building's distinct positions have shape (n, 2) [m]. The ring was traced without regard to the ground;
-    `min_area` is that of a courtyard [m²].
+    Where the building is connected across ground alone, a ring has to cross it: that is not open. Fences are
+    the minimum spanning trees of places that are near to each other with open ground between. Ground, one a
+    cell of `GROUND_CELL` at most and looked at up to `reach` from the building [m], and the building's
+    distinct positions have shape (n, 2) [m]. The ring was traced without regard to the ground; `min_area` is
+    that of a courtyard [m²].
     """
     pitch = ground_spacing(spacing)
     if not _is_enough(inside(ground, ring), pitch, min_area):

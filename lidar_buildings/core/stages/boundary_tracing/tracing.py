@@ -111,12 +111,9 @@ def trace_boundary(
     - `ground`, shape (n_ground, 2 or more), optional: Ground about the building, a point each half metre at
       most [m].
 
-    Returned: all points lie inside or on the ring.
-
-    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
-
-    Heights have no influence; neither has the order of points. The ring turns with the points if the pattern
-    does.
+    Returned: all points lie inside or on the ring. ValueError if `points` has another shape or is not finite,
+    or `point_spacing` is not positive. Heights have no influence; neither has the order of points. The ring
+    turns with the points if the pattern does.
     """
     config = config or BoundaryTracingConfig()
     cloud = checked_points(points)

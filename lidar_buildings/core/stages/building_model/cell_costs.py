@@ -29,10 +29,9 @@ def plane_costs(
 
     That is the misfit to its points, and how far the plane lies above the returns around a corner of the
     cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those
-    to points count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no plane.
-
-    Points are (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1
-    for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
+    to points count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no plane. Points are
+    (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1 for none;
+    planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
     slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
     return _costs(

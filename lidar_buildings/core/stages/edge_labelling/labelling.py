@@ -78,13 +78,11 @@ def label_edges(
       is the method without what was added to it.
     - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
-    Returned: rows as in the input.
-
-    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
-
-    Neither the order of the points nor the number of threads changes a label. A roof that lies whole in two
-    tiles is labelled alike in both, given the same spacing. Steps between roofs are labelled with thinning
-    "surface"; ridges only with "none", and few: they bend the surface too little to be told apart.
+    Returned: rows as in the input. ValueError if `points` has another shape or is not finite, or
+    `point_spacing` is not positive. Neither the order of the points nor the number of threads changes a
+    label. A roof that lies whole in two tiles is labelled alike in both, given the same spacing. Steps
+    between roofs are labelled with thinning "surface"; ridges only with "none", and few: they bend the
+    surface too little to be told apart.
     """
     config = config or EdgeLabellingConfig()
     points = checked_points(points)

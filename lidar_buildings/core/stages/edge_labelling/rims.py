@@ -37,11 +37,10 @@ def on_rims(
     Tell which points near the band lie on a rim: an empty disc touches them in plan.
 
     That is Edelsbrunner's (1983) alpha-extreme point, found from the neighbours alone: each of them keeps the
-    disc's centre out of an arc round the point, and the arcs left open have room for a disc.
-
-    `cells` hold the points, in cells no smaller than twice the `radius` of the disc and than the `reach`, how
-    far from the `band` in plan rims are looked for [m]. Points of other roofs, if a `roof_id` is given, and
-    farther up or down than `max_step` [m] are ignored. Rows are those of the input.
+    disc's centre out of an arc round the point, and the arcs left open have room for a disc. `cells` hold the
+    points, in cells no smaller than twice the `radius` of the disc and than the `reach`, how far from the
+    `band` in plan rims are looked for [m]. Points of other roofs, if a `roof_id` is given, and farther up or
+    down than `max_step` [m] are ignored. Rows are those of the input.
     """
     rim = np.zeros(len(band), dtype=np.bool_)
     roof = np.zeros(len(band), dtype=np.int64) if roof_id is None else roof_id[cells.rows]

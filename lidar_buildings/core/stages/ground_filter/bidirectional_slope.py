@@ -36,10 +36,9 @@ def profile_ground(
     Where a profile rises by a step it leaves the ground, and is back on it where it has come down to the
     elevation it left (Shan & Sampath 2005). Profiles are the scan lines, where the cloud has any, and strips
     cut in `profile_directions` directions; passes in all directions vote. Ground is then grown along the
-    profiles by local regression, the slope of the terrain taken off, and all repeated.
-
-    Candidates, at least one and at most one a cell, have shape (n, 3) and a mean `spacing` [m]; gross errors
-    are removed. `scanned` are the scan lines, see `find_scan_lines`.
+    profiles by local regression, the slope of the terrain taken off, and all repeated. Candidates, at least
+    one and at most one a cell, have shape (n, 3) and a mean `spacing` [m]; gross errors are removed.
+    `scanned` are the scan lines, see `find_scan_lines`.
     """
     n = config.profile_directions
     profiles = [cut_profiles(candidates, WIDTH * spacing, 180.0 * k / n) for k in range(n)]
@@ -208,10 +207,9 @@ def grow_ground(
     Return the ground with all points that lines through ground points beside them lead to.
 
     On every profile a line is fitted to the nearest ground points on either side of a point and carried on to
-    it. A point joins where `SUPPORT` more lines lead to it than pass well below it, these counting
-    half: at the foot and the top of a slope, one side of it always does. Repeated until no point joins.
-
-    Profiles and elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
+    it. A point joins where `SUPPORT` more lines lead to it than pass well below it, these counting half: at
+    the foot and the top of a slope, one side of it always does. Repeated until no point joins. Profiles and
+    elevations are those of `net_votes`, `ground` is what is known so far, `spacing` in [m].
     """
     ground = ground.copy()
     reach = REACH * spacing
@@ -398,10 +396,9 @@ def slope_pair_ground(
 
     Along each scan line the filter looks for slopes between consecutive points steeper than
     `profile_max_slope`. Points from a rise on, up to a fall back to the elevation recorded before the rise,
-    are no ground. Each line is filtered forth and back; what either pass calls no ground is none.
-
-    Points, shape (n, 3), come in the scan's order [m]; `free` says which are no gross errors. `scan` has the
-    columns that tell scan lines apart, see `find_scan_lines`; without any, strips from west to east are used.
+    are no ground. Each line is filtered forth and back; what either pass calls no ground is none. Points,
+    shape (n, 3), come in the scan's order [m]; `free` says which are no gross errors. `scan` has the columns
+    that tell scan lines apart, see `find_scan_lines`; without any, strips from west to east are used.
     """
     rows = np.flatnonzero(free)
     spacing = quantised_spacing(points[rows])

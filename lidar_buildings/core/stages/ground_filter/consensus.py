@@ -25,16 +25,13 @@ def agreed_ground(
     """
     Return which candidates are landforms, or ground to two of three views, but for wide roofs; else all.
 
-    Beside them the extents of what may be a wide roof as well, see `Plates.cut_off`.
-
-    A TIN that grows (Axelsson 2000) fails where its seeds do, profiles (Shan and Sampath 2005) where they
-    meet no ground on their way, openings (Zhang et al. 2003) where the terrain is as narrow as an object.
-    What one of them gets wrong, the two others seldom do; weights that are fitted to them come out equal.
-    Parts that one view alone calls ground are landforms if they meet the ground agreed on as terrain does,
-    but for what the TIN climbs without wider limits, such as decks of bridges.
-    Roofs wider than the first terrain's cells and the windows of the others are found by their walls.
-
-    Candidates, extent and spacing are those of `grown_ground`.
+    Beside them the extents of what may be a wide roof as well, see `Plates.cut_off`. A TIN that grows
+    (Axelsson 2000) fails where its seeds do, profiles (Shan and Sampath 2005) where they meet no ground on
+    their way, openings (Zhang et al. 2003) where the terrain is as narrow as an object. What one of them gets
+    wrong, the two others seldom do; weights that are fitted to them come out equal. Parts that one view alone
+    calls ground are landforms if they meet the ground agreed on as terrain does, but for what the TIN climbs
+    without wider limits, such as decks of bridges. Roofs wider than the first terrain's cells and the windows
+    of the others are found by their walls. Candidates, extent and spacing are those of `grown_ground`.
     """
     votes = np.zeros((3, len(candidates)), dtype=np.int8)
     beyond = np.zeros(len(candidates), dtype=np.bool_)

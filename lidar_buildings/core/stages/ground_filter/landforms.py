@@ -44,10 +44,9 @@ def find_landforms(
     Neighbours that are gained and nearly level make up a part. Its links to the ground decide: banks, mounds
     and terraces meet it under slopes, walls in steps (Sithole & Vosselman 2005 judge segments in this way).
     How many steps are allowed depends on the density of objects: in open terrain, what rises from it is
-    likely to be terrain.
-
-    Candidates, at most one a place, have shape (n, 3) and a mean `spacing` [m]; `ground` is ground without
-    doubt, `gained` what may be as well, bool of shape (n,). Both results are masks of candidates.
+    likely to be terrain. Candidates, at most one a place, have shape (n, 3) and a mean `spacing` [m];
+    `ground` is ground without doubt, `gained` what may be as well, bool of shape (n,). Both results are masks
+    of candidates.
     """
     rows = np.flatnonzero(gained)
     links = nearest_candidates(candidates, rows, REACH * spacing)

@@ -30,7 +30,6 @@ def grown_ground(
 
     A candidate joins the TIN, see `tin_growth`, if its distance to its facet and the angles at which it is
     seen from the facet's corners stay within limits; the angle's limit grows with the facet's own slope.
-
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
     does is a landform and stays, one with steps around it is an object and is excluded.

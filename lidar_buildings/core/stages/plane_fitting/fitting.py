@@ -51,9 +51,8 @@ def fit_roof_planes(
     - `point_spacing`, optional: Spacing of the cloud that the points are of [m]; measured on the points if
       not given.
 
-    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive.
-
-    Order of points does not matter, nor do repetitions. Time grows with the number of points.
+    ValueError if `points` has another shape or is not finite, or `point_spacing` is not positive. Order of
+    points does not matter, nor do repetitions. Time grows with the number of points.
     """
     given = checked_points(points)
     reason = _why_degenerate(given)

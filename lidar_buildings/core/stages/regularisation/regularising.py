@@ -96,12 +96,9 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     - `traced`: Outline whose vertices are lidar points [m].
     - `config`, optional: Settings.
 
-    Returned: the traced outline with its reason where the walls give no valid ring.
-
-    ValueError if a ring is not an array of finite x and y.
-
-    Coordinates are metres: points are worth `finest_spacing` at best, so that much smaller things stay as
-    traced. Some 500 buildings a second; a ring of 100,000 points takes seconds.
+    Returned: the traced outline with its reason where the walls give no valid ring. ValueError if a ring is
+    not an array of finite x and y. Coordinates are metres: points are worth `finest_spacing` at best, so that
+    much smaller things stay as traced. Some 500 buildings a second; a ring of 100,000 points takes seconds.
     """
     config = config or RegularisationConfig()
     checked = _checked(traced)

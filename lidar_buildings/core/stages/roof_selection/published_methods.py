@@ -46,10 +46,8 @@ def planar_cells(candidates: Candidates, config: RoofSelectionConfig) -> NDArray
     `min_rugged_deviation` potential vegetation; the grid is laid at several places, roofs are found before
     vegetation, and completed along their edges. What the documentation leaves open is decided here: the
     deviation is orthogonal to the plane, one planar cell is enough, and edges are completed along the planes
-    by what does not lie in rugged cells alone.
-
-    Of `config` `planarity_cell`, `max_planar_deviation`, `min_rugged_deviation` and, for the edges,
-    `max_plane_distance` count.
+    by what does not lie in rugged cells alone. Of `config` `planarity_cell`, `max_planar_deviation`,
+    `min_rugged_deviation` and, for the edges, `max_plane_distance` count.
     """
     high = candidates.columns
     side = max(config.planarity_cell, MIN_CELL_SPACINGS * candidates.cell / 2.0)
@@ -118,9 +116,8 @@ def single_return_planes(candidates: Candidates, config: RoofSelectionConfig) ->
     Mancera-Taboada and others (2012) call building what has a single return, lies 0.65 m above ground, and
     covers 40 m²; roofs are smooth and regular, their planes are what is looked for. Height and area are
     `min_height` and `min_building_area`; `roof_returns` says which returns count. Others are never roof: the
-    edges of roofs, where pulses are split, are lost as they were in the paper.
-
-    Of `config` `roof_returns`, `max_roughness` and `max_plane_distance` count.
+    edges of roofs, where pulses are split, are lost as they were in the paper. Of `config` `roof_returns`,
+    `max_roughness` and `max_plane_distance` count.
     """
     counts = {
         "single": candidates.is_only,

@@ -119,12 +119,10 @@ def select_roofs(
       roads; if not given, it is found between the two modes of these points' ground.
     - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
-    Returned: classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept.
-
-    ValueError if an array has another shape, or a number is not finite.
-
-    Neither the order of the points nor the number of threads changes the result.
-    A roof's own points decide on it, so a tile's limits do not, but for buildings that they cut.
+    Returned: classes 1 (what is under roofs, the undecided), 2, 3, 4, 5, 6, 11 and those kept. ValueError if
+    an array has another shape, or a number is not finite. Neither the order of the points nor the number of
+    threads changes the result. A roof's own points decide on it, so a tile's limits do not, but for buildings
+    that they cut.
     """
     config = config or RoofSelectionConfig()
     if dark_limit is not None and not np.isfinite(dark_limit):

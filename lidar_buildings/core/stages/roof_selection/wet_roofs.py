@@ -53,10 +53,9 @@ def find_wet_roofs(
 
     No return of any class comes from an area of several spacings' width, and what lies next to it is raised
     and on one plane, along most of its perimeter. Around water it is ground, around gaps between crowns on no
-    plane, beside shadows on one side only.
-
-    Points, in any order, have shape (n, 3), heights are above ground [m]; `is_open` says which may become
-    roof, `is_roof` which are: these count as rim. What is farther away than `MAX_LENGTH` does not matter.
+    plane, beside shadows on one side only. Points, in any order, have shape (n, 3), heights are above ground
+    [m]; `is_open` says which may become roof, `is_roof` which are: these count as rim. What is farther away
+    than `MAX_LENGTH` does not matter.
     """
     found = np.zeros(len(points), dtype=bool)
     raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))

@@ -78,10 +78,9 @@ def roof_type(
 
     It is ``flat`` (at one level or several), ``shed``, ``gable``, ``hip``, ``half-hip`` (hips that end above
     the eaves), ``pyramid`` (all faces meet in one point), ``L`` or ``T`` (two ridges at right angles),
-    ``complex`` for anything else, or ``unknown`` where no points lie in planes.
-
-    Points are (n_points, 3) [m]; `plane_id` is the number of each one's plane, 0 = none; `coefficients` are
-    a, b, c of the planes z = a x + b y + c about the building's centre, (n_planes, 3); `spacing` is [m].
+    ``complex`` for anything else, or ``unknown`` where no points lie in planes. Points are (n_points, 3) [m];
+    `plane_id` is the number of each one's plane, 0 = none; `coefficients` are a, b, c of the planes z = a x +
+    b y + c about the building's centre, (n_planes, 3); `spacing` is [m].
     """
     counts = np.bincount(plane_id, minlength=len(coefficients) + 1)[1:]
     n_planar = int(counts.sum())

@@ -106,10 +106,8 @@ def segment_buildings(
     - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
 
     Returned: ids are made from each building's westernmost point (`lidar_buildings.core.model.ids`).
-
-    ValueError if an argument has the wrong shape or is not finite.
-
-    Linear in the number of points. Splitting at steps takes several times as long as all the rest.
+    ValueError if an argument has the wrong shape or is not finite. Linear in the number of points. Splitting
+    at steps takes several times as long as all the rest.
     """
     config = config or SegmentationConfig()
     cloud = checked_points(points)

@@ -196,10 +196,9 @@ def split_blocks(
     own side. Neighbours are linked if, that slope taken off, their heights differ by less than the least
     step, and what links connect is a part. Points that are on no plane, as those of walls, link nothing and
     belong where the nearest point on one does. Parts too small, too narrow or nearly enclosed by another go
-    back to the one with which they share the longest border, the smallest first.
-
-    Points are (n_points, 3) in any order [m]; `block` counts from 0, −1 is none; `spacing` is 1/√density [m].
-    Returned are the part of each point, −1 where there is no block, and the block of every part, int64.
+    back to the one with which they share the longest border, the smallest first. Points are (n_points, 3) in
+    any order [m]; `block` counts from 0, −1 is none; `spacing` is 1/√density [m]. Returned are the part of
+    each point, −1 where there is no block, and the block of every part, int64.
     """
     rows = np.flatnonzero(block >= 0)
     some, of_block = points[rows], block[rows]

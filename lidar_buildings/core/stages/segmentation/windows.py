@@ -153,10 +153,9 @@ def chain_along_scan(
 
     Points are first gathered in groups by a generous square window. A group's pattern is measured from its
     own points, so that it does not matter what else there is in the tile, and where it has lines its points
-    are chained by a rectangle along them; otherwise by a square.
-
-    `window` are its sides in spacings along and across the lines, `spacing` is 1/√density [m]; `cells` are
-    the pulses by `scan_pattern.scan_cells`; lines are where spacings differ by the factor `min_ratio`.
+    are chained by a rectangle along them; otherwise by a square. `window` are its sides in spacings along and
+    across the lines, `spacing` is 1/√density [m]; `cells` are the pulses by `scan_pattern.scan_cells`; lines
+    are where spacings differ by the factor `min_ratio`.
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))

@@ -84,14 +84,10 @@ def make_rasters(
     those round them closes what buildings and shadows leave open. The DSM is the highest first return of a
     cell; gaps are closed by the TIN of the highest points round them, wider holes by the ground. Noise counts
     for neither. A cell that an empty circle of radius `raster_reach` covers is unknown, so that nothing is
-    made up beyond the survey's edge or across wide waters.
-
-    Points that lie kilometres from all others are left out where they would make a window of gigabytes.
-
-    A tile answers for the cells whose nearest point is a core point of it: rasters of neighbouring tiles fit
-    together without gaps, and agree where their buffers hold what matters (twice the reach).
-
-    O(n log n) in points and cells.
+    made up beyond the survey's edge or across wide waters. Points that lie kilometres from all others are
+    left out where they would make a window of gigabytes. A tile answers for the cells whose nearest point is
+    a core point of it: rasters of neighbouring tiles fit together without gaps, and agree where their buffers
+    hold what matters (twice the reach). O(n log n) in points and cells.
 
     - `points`, shape (n_points, 3): Map frame, in any order [m].
     - `classification`, shape (n_points,): ASPRS classes: 2, 9, 10, 11 carry the terrain, 7 and 18 are left
@@ -105,9 +101,8 @@ def make_rasters(
     - `origin`: What to add to map coordinates: cells are aligned to multiples of the resolution in the sum
       [m].
 
-    Returned: without any cell if there is no core point but noise.
-
-    ValueError if shapes differ, a coordinate is not finite, or the resolution is 0 or gives too many cells.
+    Returned: without any cell if there is no core point but noise. ValueError if shapes differ, a coordinate
+    is not finite, or the resolution is 0 or gives too many cells.
 
     >>> import numpy as np
     >>> x, y = np.meshgrid(np.arange(0.5, 6.0), np.arange(0.5, 6.0))
