@@ -102,7 +102,6 @@ def trace_boundary(
     narrow.
 
     - `points`, shape (n_points, 3): The building's points, in any order [m].
-    - `config`, optional: Settings.
     - `pattern`, optional: Spacing along and across the scan lines: the neighbourhood is a rectangle with
       sides in these proportions, aligned with the lines. Without it, or where both are the same, it is a
       disc, since nothing tells how a square should be turned, unless `config.neighbourhood` wants one.

@@ -341,8 +341,9 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
 
     def smooth(begin: int, end: int) -> None:
         for k in range(begin, end):
-            sums = np.bincount(number, products[k], rows * columns).astype(np.float64)
-            moments[k] = _smoothed(sums.reshape(rows, columns), radius / cell)
+            sums = np.bincount(number, products[k], rows * columns).reshape(rows, columns).astype(np.float64)
+            near, far = _blur(sums, radius / cell), _blur(sums, FAR * (radius / cell))
+            moments[k] = near + FLOOR * sums.mean() + FAR_WEIGHT * far  # a little of what lies further away
 
     for_row_blocks(smooth, len(products), 1)
     middle_y, middle_x = (np.indices((rows, columns)) + 0.5) * cell
@@ -364,11 +365,6 @@ def _planes(
     determinant = xx * yy - xy * xy
     slope_x, slope_y = (yy * xz - xy * yz) / determinant, (xx * yz - xy * xz) / determinant
     return mz + slope_x * (x - mx) + slope_y * (y - my)
-
-
-def _smoothed(sums: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Smooth sums, with a little of what lies further away where there is nothing near."""
-    return _blur(sums, sigma) + FLOOR * sums.mean() + FAR_WEIGHT * _blur(sums, FAR * sigma)
 
 
 def _blur(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:

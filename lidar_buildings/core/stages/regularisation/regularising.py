@@ -94,7 +94,6 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     between points are bridged first.
 
     - `traced`: Outline whose vertices are lidar points [m].
-    - `config`, optional: Settings.
 
     Returned: the traced outline with its reason where the walls give no valid ring. ValueError if a ring is
     not an array of finite x and y. Coordinates are metres: points are worth `finest_spacing` at best, so that

@@ -100,7 +100,6 @@ def segment_buildings(
     none.
 
     - `points`, shape (n_points, 3): Roof points, in any order [m].
-    - `config`, optional: Settings.
     - `gps_time`, `point_source_id`, shape (n_points,), optional: Tell scan lines; see
       `lidar_buildings.core.neighbours.scan_pattern.measure_scan_patterns`.
     - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given.
