@@ -49,7 +49,8 @@ def run_over(
 
 def row_of(name: str, scores: Sequence[PlaneScore], seconds: float) -> list[str]:
     """Line of a method over all roofs."""
-    found, mine, theirs = (sum(getattr(s, n) for s in scores) for n in ("n_found", "n_result", "n_reference"))
+    names = ("found", "result", "reference")
+    found, mine, theirs = (sum(getattr(s, f"n_planes_{n}") for s in scores) for n in names)
     shares = found / max(mine, 1), found / theirs, 2 * found / (mine + theirs)
     means = (float(np.nanmean([getattr(s, n) for s in scores])) for n in ("f1", "weighted_coverage"))
     n_points = sum(score.n_points for score in scores)
