@@ -83,7 +83,7 @@ def test_clouds_without_extent_are_legal_and_come_out_as_they_were(
 SET = {
     "unknown stage": ("ground_filte.method=x", "no stage 'ground_filte' (did you mean ground_filter?)"),
     "unknown name": ("roof_selection.min_hight=2", "roof_selection.min_hight (did you mean min_height?)"),
-    "below its range": ("roof_selection.min_height=-1", "roof_selection.min_height = -1: must be within"),
+    "below its range": ("roof_selection.min_height=-1", "roof_selection.min_height = -1.0: must be within"),
     "no number": ("roof_selection.min_height=.nan", "roof_selection.min_height = nan: must be within"),
     "text for a number": ("roof_selection.min_height=high", "= 'high': must be of type float"),
     "no value": ("roof_selection.min_height=", "= None: must be of type float"),

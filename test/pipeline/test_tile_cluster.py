@@ -104,6 +104,7 @@ def test_work_survives_the_end_of_the_scheduler(tmp_path, monkeypatch):
 
 
 def test_a_scheduler_that_does_not_return_ends_the_work_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")]))
     monkeypatch.setattr(tile_cluster, "_MOST_TRIES", 1)
     services = Cluster(1)
     with services, TileCluster(scheduler=services.address) as cluster:

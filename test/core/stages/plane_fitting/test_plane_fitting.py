@@ -199,7 +199,8 @@ def test_the_planes_of_real_roofs_are_found(data_folder):
         reference = planes_of_colours(points, colour)
         scores.append(score_planes(fit_roof_planes(points).plane_id.astype(int), reference))
     n_found, n_result, n_reference = (
-        sum(getattr(score, name) for score in scores) for name in ("n_found", "n_result", "n_reference")
+        sum(getattr(score, f"n_planes_{name}") for score in scores)
+        for name in ("found", "result", "reference")
     )
     assert n_reference >= 60
     # All planes were found and none too many, coverage was 0.959; the targets were 0.95, 0.93, 0.93 and 0.93.
