@@ -17,10 +17,8 @@ from functools import partial
 from threading import Lock
 from typing import Any, TypeVar
 
-from distributed import CancelledError, Client, LocalCluster, WorkerPlugin
+from distributed import Client, LocalCluster, WorkerPlugin
 from distributed import Future as Sent
-from distributed.client import ClosedClientError
-from distributed.comm.core import CommClosedError
 
 from lidar_buildings import __version__
 from lidar_buildings.core.freed_memory import keep_freed_memory
@@ -35,8 +33,6 @@ _Result = TypeVar("_Result")
 _AT_START = 30.0
 #: How often a scheduler that was lost is looked for, for so long each time: ten minutes in all.
 _MOST_TRIES = 20
-#: What dask says of work that was with a scheduler which is gone.
-_LOST = (CancelledError, ClosedClientError, CommClosedError)
 _LOGGERS = ("distributed", *(f"distributed.{name}" for name in ("client", "scheduler", "nanny", "worker")))
 
 
@@ -102,23 +98,31 @@ class TileCluster:
         client = self._client
         try:
             sent = client.submit(work, pure=False)
-        except _LOST:
-            self._send_again(answer, work, client)
+        except Exception as error:
+            self._fail(error, answer, work, client)
         else:
             sent.add_done_callback(lambda done: self._take(done, answer, work, client))
 
     def _take(self, sent: Sent, answer: Future[_Result], work: Callable[[], _Result], client: Client) -> None:
         """Pass an answer on, or send the work again if it was with a scheduler that is gone."""
-        try:
-            if sent.status == "cancelled":  # its client may be closed already
-                raise CancelledError
-            result = sent.result()
-        except _LOST:
+        if sent.cancelled():  # its client may be closed already, and give no result
             self._send_again(answer, work, client)
+            return
+        try:
+            result = sent.result()
         except BaseException as error:
-            answer.set_exception(error)
+            self._fail(error, answer, work, client)
         else:
             answer.set_result(result)
+
+    def _fail(
+        self, error: BaseException, answer: Future[_Result], work: Callable[[], _Result], client: Client
+    ) -> None:
+        """Pass an error on, unless it comes from a client that has lost its scheduler."""
+        if client.status == "running":
+            answer.set_exception(error)
+        else:
+            self._send_again(answer, work, client)
 
     def _send_again(self, answer: Future[_Result], work: Callable[[], _Result], lost: Client) -> None:
         if self._is_closed:

@@ -75,29 +75,16 @@ def test_a_scheduler_that_cannot_be_reached_gives_one_line(monkeypatch):
 
 
 @pytest.mark.slow
-def test_work_survives_the_end_of_workers(tmp_path, monkeypatch):
-    """They are started anew by what keeps services running."""
+@pytest.mark.parametrize("share_of_scheduler", [0.0, 1.0], ids=["worker", "scheduler"])
+def test_work_survives_the_end_of_what_does_it(share_of_scheduler, tmp_path, monkeypatch):
+    """Both are started anew by what keeps services running."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")]))
     with Cluster(1) as services, TileCluster(scheduler=services.address) as cluster:
         began, awaited = tmp_path / "began", tmp_path / "awaited"
         answer = cluster.submit(wait_for, (began, awaited))
         others = [cluster.submit(process_of, job) for job in range(3)]
         wait_until(began.exists)
-        services.kill(random.Random(0), 0.0)
-        awaited.touch()
-        assert answer.result(60.0) == "done"
-        assert [other.result(60.0)[0] for other in others] == [0, 1, 2]
-
-
-@pytest.mark.slow
-def test_work_survives_the_end_of_the_scheduler(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")]))
-    with Cluster(1) as services, TileCluster(scheduler=services.address) as cluster:
-        began, awaited = tmp_path / "began", tmp_path / "awaited"
-        answer = cluster.submit(wait_for, (began, awaited))
-        others = [cluster.submit(process_of, job) for job in range(3)]
-        wait_until(began.exists)
-        services.kill(random.Random(0), 1.0)
+        services.kill(random.Random(0), share_of_scheduler)
         awaited.touch()
         assert answer.result(120.0) == "done"
         assert [other.result(60.0)[0] for other in others] == [0, 1, 2]
