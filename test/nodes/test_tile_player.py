@@ -247,8 +247,9 @@ def test_of_a_side_without_more_alone_it_is_said(play):
     _, end = play({"clips": {1: 1}, "sides": Sides(west=True)})
     wait_until(lambda: end.survey_done)
     stamp = end.received[0].stamp
-    (_, south, east, north), after = end.bounds[stamp]
-    assert after == [None, south, east, north]
+    west, *others = end.bounds[stamp][-1]
+    assert west is None
+    assert None not in others
     assert end.received[1].stamp != stamp + 1, "no larger one came"
     assert sorted(Counter(end.done).values()) == [1] * 5
 
