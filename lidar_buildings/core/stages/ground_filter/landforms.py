@@ -10,9 +10,11 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.neighbours.cell_grid import raster_cells
+from lidar_buildings.core.neighbours.cell_grid import in_rows_order, raster_cells, sort_by_cell
+from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point, covariance
 
 # These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
 #: How far neighbours may be, in spacings of the candidates, and how many count.
@@ -143,3 +145,72 @@ def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
     """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
+
+
+# These and the rules below were chosen with `bench.ground.isprs` and `bench.ground.scenes`.
+#: Directions of the half planes that are tried.
+SIDES = np.array([(math.cos(turn), math.sin(turn)) for turn in 0.25 * math.pi * np.arange(8)])
+#: How far the points of a plane may be, and how near the nearest of them has to be, in spacings.
+PLANE_REACH, PLANE_NEAREST = 3.5, 2.0
+#: Fewest points of a plane.
+MIN_PLANE_POINTS = 6
+#: Its steepest slope, rise over run, and its largest root mean square residual [m].
+MAX_SLOPE, MAX_RESIDUAL = 0.8, 0.25
+#: How far from it a point may be beyond that residual [m].
+MAX_DISTANCE = 0.3
+#: Least 4 λ₁ λ₂ / (λ₁ + λ₂)² of the points' moments in plan: 1 if they lie all round, 0 if on a line.
+MIN_SPREAD = 0.05
+
+
+def continues_terrain(
+    candidates: NDArray[np.float64], rows: NDArray[np.intp], ground: NDArray[np.bool_], spacing: float
+) -> NDArray[np.bool_]:
+    """
+    Return which of the rows lie on the plane through the ground in a half plane around them.
+
+    A robust form of mirroring (Axelsson 2000): instead of one corner's far side, all ground on one side of
+    the point has to make a plane that the point lies on. A roof has ground below it on every side.
+    Candidates, ground and spacing are those of `find_landforms`; the rows are no ground.
+    """
+    reach, nearest = PLANE_REACH * spacing, PLANE_NEAREST * spacing
+    cells = sort_by_cell(candidates, reach)
+    cell, runs = in_rows_order(cells, cells.cell), cells.first[cells.around(reach)]
+    around = cell, runs, cells.points, ground[cells.rows]
+    found = np.zeros(len(rows), dtype=np.bool_)
+    for_row_blocks(lambda a, b: _try_sides(candidates, rows, around, reach, nearest, found, a, b), len(rows))
+    return found
+
+
+@kernel
+def _try_sides(candidates, rows, around, reach, nearest, found, begin, end):  # type: ignore[no-untyped-def]
+    cell, runs, points, ground = around
+    sums = np.empty((len(SIDES), N_MOMENTS + 1))  # of each side, and how near its nearest point is
+    for r in range(begin, end):
+        x, y, z = candidates[rows[r]]
+        sums[:, :N_MOMENTS], sums[:, N_MOMENTS] = 0.0, np.inf
+        for begins, ends in runs[cell[rows[r]]]:
+            for i in range(begins, ends):
+                dx, dy, dz = points[i, 0] - x, points[i, 1] - y, points[i, 2] - z
+                away = math.hypot(dx, dy)
+                if not ground[i] or away > reach:
+                    continue
+                for side in range(len(SIDES)):
+                    if dx * SIDES[side, 0] + dy * SIDES[side, 1] > 1e-9:
+                        add_point(sums[side], dx, dy, dz)
+                        sums[side, N_MOMENTS] = min(sums[side, N_MOMENTS], away)
+        for side in range(len(SIDES)):
+            found[r] = found[r] or (sums[side, N_MOMENTS] <= nearest and _makes_plane(sums[side]))
+
+
+@kernel
+def _makes_plane(sums):  # type: ignore[no-untyped-def]
+    """Whether points make a plane that passes near the candidate, which lies at the origin."""
+    n = sums[0]
+    xx, xy, xz, yy, yz, zz = covariance(sums)
+    determinant = xx * yy - xy * xy
+    if n < MIN_PLANE_POINTS or determinant <= MIN_SPREAD * 0.25 * (xx + yy) ** 2:
+        return False
+    a, b = (xz * yy - yz * xy) / determinant, (yz * xx - xz * xy) / determinant
+    residual = math.sqrt(max(0.0, zz - a * xz - b * yz))
+    off = abs(sums[3] - a * sums[1] - b * sums[2]) / n
+    return math.hypot(a, b) <= MAX_SLOPE and residual <= MAX_RESIDUAL and off <= MAX_DISTANCE + residual

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.landforms import find_landforms
+from lidar_buildings.core.stages.ground_filter.landforms import continues_terrain, find_landforms
 from lidar_buildings.core.stages.ground_filter.tin_growth import GrowthLimits, start_growth
 from lidar_buildings.core.surfaces.tin import Tin
 from lidar_buildings.core.surfaces.triangulation import build_tin
@@ -32,7 +32,9 @@ def grown_ground(
     seen from the facet's corners stay within limits; the angle's limit grows with the facet's own slope.
     Limits that stop at every bush also stop at the foot of a bank. So a copy of the terrain grows on with
     wider ones, and what it gains is judged part by part: a part that meets the terrain around it as terrain
-    does is a landform and stays, one with steps around it is an object and is excluded.
+    does is a landform and stays, one with steps around it is an object and is excluded. Single candidates
+    stay where they continue a plane of ground on one side, as at the edge of a cliff, which mirroring reaches
+    from single corners.
 
     Candidates, at least one and at most one a place, have shape (n, 3) and a mean `spacing` [m]; gross errors
     are removed, and their order puts neighbours together. `extent`, shape (2, 2), is what the terrain has to
@@ -53,8 +55,10 @@ def grown_ground(
     trial.grow(GrowthLimits(math.radians(LANDFORM_ANGLE), LANDFORM_SLOPE_GAIN, config.landform_distance))
     gained = near_terrain(*trial.height_and_slope(), config) & ~ground
     landform, excluded = find_landforms(candidates, ground, gained, spacing, config)
+    undecided = np.flatnonzero(gained & ~landform)
+    landform[undecided] = continues_terrain(candidates, undecided, ground | landform, spacing)
     terrain.insert(landform)
-    terrain.grow(limits, excluded)
+    terrain.grow(limits, excluded & ~landform)
     return near_terrain(*terrain.height_and_slope(), config), ~ground
 
 
