@@ -45,11 +45,11 @@ def profile_ground(
     profiles += scanned
     z = candidates[:, 2]
     ground = grow_ground(profiles, z, net_votes(profiles, z, config) > AGREEMENT, spacing)
-    if not ground.any():
-        return ground
-    height = z - fit_trend(candidates, ground, TREND_RADIUS)
-    ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
-    return grow_ground(profiles, z, ground, spacing)
+    if ground.any():
+        height = z - fit_trend(candidates, ground, TREND_RADIUS)
+        ground = net_votes(profiles, height, config) > AGREEMENT - LESS_ON_TREND
+        ground = grow_ground(profiles, z, ground, spacing)
+    return reject_outliers(profiles, z, ground, spacing, config.profile_step)
 
 
 #: What a pass says of a point, in half votes; likely ground may yet turn out to be the roof that it began on.
@@ -277,7 +277,9 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
         vote = 0
         for heading in (-1, 1):
             begin, end = first[line[i]], first[line[i] + 1]
-            is_line, height, slope, sigma = _line_beside(along, z, ground, i, heading, begin, end, reach)
+            is_line, height, slope, sigma = _line_beside(
+                along, z, ground, i, heading, begin, end, POINTS, reach
+            )
             if not is_line:
                 continue
             margin = TOLERANCE + TOLERANCE_SLOPE * abs(slope) + min(ROUGHNESS * sigma, MAX_ROUGHNESS)
@@ -289,25 +291,80 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
 
 
 @kernel
-def _line_beside(along, z, ground, i, heading, begin, end, reach):  # type: ignore[no-untyped-def]
-    """Fit a line to the nearest ground points within reach on one side, −1 or 1, of point i of a profile."""
+def _line_beside(along, z, ground, i, heading, begin, end, n_points, reach):  # type: ignore[no-untyped-def]
+    """Fit a line to the nearest ground points on one side of a profile's point i, −1 or 1, or on both, 0."""
     # Return whether there is one, the height of point i above it [m], its slope, which is no steeper than
-    # `MAX_SLOPE`, and the standard deviation of the points [m].
-    n, st, sz, stt, stz, szz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    j = i + heading
-    while begin <= j < end and n < POINTS and abs(along[j] - along[i]) <= reach:
-        if ground[j]:
-            t, dz = along[j] - along[i], z[j] - z[i]
-            n += 1
-            st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
-        j += heading
-    spread = stt - st * st / max(n, 1)
-    if n < 2 or spread < MIN_SPREAD * n:
+    # `MAX_SLOPE` where it is carried on, and the standard deviation of the points [m].
+    n, n_sides, st, sz, stt, stz, szz = 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for side in (-1, 1):
+        before, j = n, i + side
+        while begin <= j < end and n < before + n_points and abs(along[j] - along[i]) <= reach:
+            if ground[j] and side * heading >= 0:
+                t, dz = along[j] - along[i], z[j] - z[i]
+                n += 1
+                st, sz, stt, stz, szz = st + t, sz + dz, stt + t * t, stz + t * dz, szz + dz * dz
+            j += side
+        n_sides += 1 if n > before else 0
+    wanted, spread = 2 - abs(heading), stt - st * st / max(n, 1)
+    if n_sides < wanted or n <= wanted or spread < MIN_SPREAD * n:
         return False, 0.0, 0.0, 0.0
     slope = (stz - st * sz / n) / spread
     rest = max(szz - sz * sz / n - slope * (stz - st * sz / n), 0.0)
-    slope = min(max(slope, -MAX_SLOPE), MAX_SLOPE)
+    if heading != 0:
+        slope = min(max(slope, -MAX_SLOPE), MAX_SLOPE)
     return True, -(sz - slope * st) / n, slope, math.sqrt(rest / (n - 2)) if n > 2 else 0.0
+
+
+# Chosen with `bench.ground.isprs`.
+#: Ground is rejected that stands so many standard deviations above a line through its neighbours.
+REJECTION = 2.0
+#: Ground points on either side that a line is fitted to, and how far they may lie [multiples of the spacing].
+REJECTION_POINTS, REJECTION_REACH = 6, 10.0
+#: Sets of profiles that have to agree before a point is rejected, where there are as many.
+MIN_AXES = 3
+
+
+def reject_outliers(
+    profiles: Sequence[Profiles],
+    elevation: NDArray[np.float64],
+    ground: NDArray[np.bool_],
+    spacing: float,
+    step: float,
+) -> NDArray[np.bool_]:
+    """
+    Return the ground without the points that stand above it on every profile.
+
+    The local linear regression of Shan & Sampath (2005): a line is fitted to the ground points on both sides,
+    and a point is rejected if it lies further above it than the `step` [m] and than `REJECTION` times their
+    standard deviation. Several profiles have to agree, so that ridges and the edges of terraces, which stand
+    out on most, stay. The rest is that of `grow_ground`.
+    """
+    votes = np.zeros((len(profiles), len(ground)), dtype=np.int8)
+
+    def judge(begin: int, end: int) -> None:
+        for k in range(begin, end):
+            one = profiles[k]
+            rows, reach = one.rows, REJECTION_REACH * spacing
+            _stand_out(one.along, elevation[rows], one.first, ground[rows], reach, step, rows, votes[k])
+
+    for_row_blocks(judge, len(profiles), 1)
+    n_judged = (votes != 0).sum(axis=0)
+    return ground & ((n_judged < min(MIN_AXES, len(profiles))) | ((votes > 0).sum(axis=0) < n_judged))
+
+
+@kernel
+def _stand_out(along, z, first, ground, reach, step, rows, votes):  # type: ignore[no-untyped-def]
+    """Vote on each point of the ground: 1 if it stands out, −1 if not, 0 without ground on both sides."""
+    for k in range(len(first) - 1):
+        begin, end = first[k], first[k + 1]
+        for i in range(begin, end):
+            if not ground[i]:
+                continue
+            is_line, height, _, sigma = _line_beside(
+                along, z, ground, i, 0, begin, end, REJECTION_POINTS, reach
+            )
+            if is_line:
+                votes[rows[i]] = 1 if height > max(step, REJECTION * sigma) else -1
 
 
 # Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.

@@ -7,7 +7,12 @@ from support.lattice import lattice
 
 from bench.scenes.terrain import TERRAIN_SCENES
 from lidar_buildings.core.stages.ground_filter import bidirectional_slope
-from lidar_buildings.core.stages.ground_filter.bidirectional_slope import fit_trend, grow_ground, net_votes
+from lidar_buildings.core.stages.ground_filter.bidirectional_slope import (
+    fit_trend,
+    grow_ground,
+    net_votes,
+    reject_outliers,
+)
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.scan_profiles import cut_profiles
@@ -139,6 +144,16 @@ def test_the_trend_of_a_plane_is_the_plane_whatever_stands_on_it():
     trend = fit_trend(points, ~roof, 10.0)
     truth = 0.3 * points[:, 0] - 0.1 * points[:, 1] + 50
     np.testing.assert_allclose(trend, truth, atol=0.3)
+
+
+def test_ground_that_stands_out_on_every_profile_is_rejected_and_a_ridge_stays():
+    points = lattice(40.0, 40.0, 1.0, jitter=0.3)
+    points[:, 2] += 0.7 * np.minimum(points[:, 0], 40.0 - points[:, 0])
+    plant = np.hypot(*(points[:, :2] - (10.0, 20.0)).T).argmin()
+    points[plant, 2] += 1.5
+    profiles = [cut_profiles(points, 1.7, 45.0 * k) for k in range(4)]
+    kept = reject_outliers(profiles, points[:, 2], np.ones(len(points), dtype=bool), 1.0, CONFIG.profile_step)
+    np.testing.assert_array_equal(np.flatnonzero(~kept), [plant])
 
 
 @pytest.mark.real_data
