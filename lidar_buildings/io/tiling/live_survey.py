@@ -69,10 +69,9 @@ class LiveSurvey:
     Takes placed scans, and gives out tiles.
 
     A tile is ready when no point has fallen into it or its buffer for a while. It comes again as a later
-    revision, with all its points and a buffer as wide as it needed, when more have come. Every point goes to
-    disk at once; memory holds a batch. Nothing of what comes out depends on which tile was left first, but
-    for buffers: one that was needed once stays wide until the feed is taken up anew. Of tiles with many
-    points those near others are left out, and all of full ones.
+    revision, with all its points and the first buffer, when more have come. Every point goes to disk at once;
+    memory holds a batch. What comes out depends on the points and their order alone, not on when tiles were
+    left or sent. Of tiles with many points those near others are left out, and all of full ones.
 
     A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
     expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
@@ -83,6 +82,7 @@ class LiveSurvey:
         self, config: LiveTilingConfig, frame: MapFrame, folder: Path, spacing: float | None = None
     ) -> None:
         self.config, self.frame, self._spacing = config, frame, spacing
+        self._buffer = Buffer.of(config.buffer)
         self.left_out: Counter[str] = Counter()
         self._grid = TileGrid.fitting(config.tile_size, config.buffer / _CELLS_PER_BUFFER)
         self._log, self._cells = PointLog(folder), folder / "cells"
@@ -91,6 +91,9 @@ class LiveSurvey:
         self._begin()
         for records in self._log.blocks():
             self._keep(records, -math.inf)
+        self._n_chosen.update(
+            {place: self._store.count_in(tile.block.cells) for place, tile in self._tiles.items()}
+        )
         self._resume({tuple(event["tile"]): event for event in self._log.events()})
 
     def _begin(self) -> None:
@@ -100,7 +103,7 @@ class LiveSurvey:
         self._by_stamp: dict[int, LiveTile] = {}
         #: When a point fell into each cell last, and the widest buffer that a tile has had [m].
         self._touched = CellTable(-math.inf)
-        self._widest = max(Buffer.of(self.config.buffer))
+        self._widest = max(self._buffer)
         #: Tiles that have seen points since they were looked at; that wait to be sent or to be done; and that
         #: wait to be sent.
         self._changed: set[Cell] = set()
@@ -111,6 +114,7 @@ class LiveSurvey:
         self._batch: list[PlacedScan] = []
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
+        self._n_chosen: Counter[Cell] = Counter()  # points of each tile, those included
         self._arrived = -math.inf
         self._seen_voxels = np.zeros(_N_SEEN, dtype=np.uint64)
 
@@ -184,6 +188,9 @@ class LiveSurvey:
                 tile = self._tiles[min(self._ready, key=self._turn)]
                 made = self._spooled(tile, tile.revision + 1).read()
                 is_new = len(made) != tile.n_points
+                if is_new and tile.buffer != self._buffer:  # else what it grew for earlier would tell
+                    tile.buffer = self._buffer
+                    made = self._spooled(tile, tile.revision + 1).read()
                 self._note(tile, tile.revision + is_new, -1)
                 self._ready.remove(tile.place)
                 tile.revision += is_new
@@ -308,7 +315,7 @@ class LiveSurvey:
     def _keep_batch(self) -> None:
         """Write what has come; what is left out of it is chosen once, however often writing is tried."""
         if self._batch:
-            self._unwritten.append(self._chosen(np.concatenate([records_of(scan) for scan in self._batch])))
+            self._unwritten.append(np.concatenate([self._chosen(records_of(scan)) for scan in self._batch]))
             self._batch.clear()
         while self._unwritten:
             kept = self._unwritten[0]
@@ -323,16 +330,18 @@ class LiveSurvey:
             self._unwritten.pop(0)
 
     def _chosen(self, records: NDArray[Any]) -> NDArray[Any]:
-        """Leave out points of tiles that have many: of crowded ones those near others, of full ones all."""
-        places = self._cells_of(records) // self._grid.cells_per_side
-        _, first, tile = np.unique(places @ [2**32, 1], return_index=True, return_inverse=True)
-        blocks = [self._grid.block_of((column, row)) for column, row in places[first].tolist()]
-        counts = np.array([self._store.count_in(block.cells) for block in blocks], dtype=np.int64)[tile]
+        """Leave out a scan's points: in crowded tiles those near others, in full ones all."""
+        columns_rows = self._cells_of(records) // self._grid.cells_per_side
+        _, first, tile = np.unique(columns_rows @ [2**32, 1], return_index=True, return_inverse=True)
+        places = [(column, row) for column, row in columns_rows[first].tolist()]
+        counts = np.array([self._n_chosen[place] for place in places], dtype=np.int64)[tile]
         is_kept = counts < self.config.max_tile_points
         n_full = len(records) - np.count_nonzero(is_kept)
         crowd = np.flatnonzero(is_kept & (counts >= _CROWDED * self.config.max_tile_points))
         is_kept[crowd] = self._are_new(records[crowd])
         n_crowded = len(records) - n_full - np.count_nonzero(is_kept)
+        n_of_tile = np.bincount(tile[is_kept], minlength=len(places))
+        self._n_chosen.update(dict(zip(places, n_of_tile.tolist(), strict=True)))
         self.left_out.update({why: int(n) for why, n in ((TOO_MANY, n_full), (CROWDED, n_crowded)) if n})
         return records.compress(is_kept)
 
@@ -355,8 +364,8 @@ class LiveSurvey:
             row = np.flatnonzero((cells // k == place).all(axis=1))[0]
             gps_time, number = float(records["gps_time"][row]), len(self._tiles) + 1
             stamp = self._free(stamp_of_time(gps_time, is_standard=True) or stamp_of_number(number))
-            block, buffer = self._grid.block_of(place), Buffer.of(self.config.buffer)
-            tile = LiveTile(place, stamp, block, buffer, self._block_near(block, buffer))
+            block = self._grid.block_of(place)
+            tile = LiveTile(place, stamp, block, self._buffer, self._block_near(block, self._buffer))
             self._tiles[place] = self._by_stamp[stamp] = tile
         for cell in touched:
             self._touched[cell] = now

@@ -179,7 +179,7 @@ def test_a_larger_buffer_brings_more_points_until_there_are_none(survey):
     assert 2 in {one.stamp - tile.stamp for one in tiles_of(survey)}
 
 
-def test_a_tile_that_has_grown_comes_again_as_wide_when_points_fall_into_the_wider_buffer(survey):
+def test_a_tile_that_has_grown_begins_anew_when_points_fall_into_the_wider_buffer(survey):
     survey.add(scan_at(20, 20), 0.0)
     survey.add(scan_at(51, 20, spread=0.8), 0.0)
     survey.tick(5.0)
@@ -192,7 +192,10 @@ def test_a_tile_that_has_grown_comes_again_as_wide_when_points_fall_into_the_wid
     survey.tick(6.0)
     again = {one.stamp: one for one in tiles_of(survey)}
     assert again.keys() == {tile.stamp + 2, other.stamp + 1}
-    assert len(again[tile.stamp + 2]) == len(grown) + 300, "as wide as it needed: it is not done twice again"
+    first = again[tile.stamp + 2]
+    assert first.bounds == tile.bounds, "as in a feed in which all points had come before"
+    assert len(first) == len(tile)
+    assert len(survey.grown(first)) == len(grown) + 300
 
 
 def test_an_interrupted_feed_goes_on_with_what_was_not_done(survey, tmp_path):
@@ -284,6 +287,21 @@ def test_of_a_crowded_tile_points_near_others_are_left_out(tmp_path, monkeypatch
     assert set(survey.left_out) == {CROWDED}
     voxels = np.unique(np.floor(tile.points / VOXEL), axis=0)
     assert len(voxels) >= 0.9 * (2 / VOXEL) * (5 / VOXEL), "the wall is covered"
+
+
+def test_what_a_crowded_tile_keeps_does_not_depend_on_when_points_are_written(tmp_path):
+    config = LiveTilingConfig(tile_size=SIDE, buffer=6.0, max_tile_points=100_000)
+    kept = []
+    for period in (1, 7):
+        survey = LiveSurvey(config, FRAME, tmp_path / str(period))
+        for seed in range(40):
+            survey.add(scan_at(20, 20, 3000, seed, spread=1.0), 0.0)
+            if seed % period == 0:
+                survey.tick(0.0)
+        survey.flush()
+        kept.append(np.concatenate(list(survey.records(0))))
+    assert len(kept[0]) < 120_000
+    np.testing.assert_array_equal(*kept)
 
 
 def test_reset_forgets_all(survey, tmp_path):
