@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -41,7 +42,8 @@ class ScanAssembler(TileSender):
         config = self.parameters[ScanAssemblerConfig]
         with self.starting():
             self.tiles: LiveFeed = LiveFeed(config, config, config.given_frame())
-        self._n_flushed = self._n_lost = 0
+        self._n_flushed = self._last_flush = self._n_lost = 0
+        self.told_at = 0.0  # time of the last `survey_done` [s]
         self._told: set[str] = set()
         self._has_looked = self._has_frame = False
         self.summary.gauges.append(lambda: {**self.tiles.counts(), "scans_lost": self._n_lost})
@@ -70,8 +72,13 @@ class ScanAssembler(TileSender):
         super().on_tick()
         n_flushed = self.tiles.n_flushed
         if self._n_flushed < n_flushed and self.is_empty:
-            self._n_flushed = n_flushed
+            self.told_at, self._n_flushed = time.monotonic(), n_flushed
             self.tell_survey_done()
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether `survey_done` has followed what `finish` wanted."""
+        return 0 < self._last_flush <= self._n_flushed
 
     def note_done(self, stamp: int) -> None:
         """Note that a revision of a tile is done: it may come again."""
@@ -107,7 +114,7 @@ class ScanAssembler(TileSender):
     def finish(self) -> None:
         """Send all tiles that have new points, also if sending was paused."""
         self._is_paused, self._steps = False, 0
-        self.tiles.flush()
+        self._last_flush = self.tiles.flush()
 
     def on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Forget all points and tiles."""

@@ -48,8 +48,8 @@ class LiveFeed:
 
     An interrupted feed knows where the map lies; else `frame` may tell. `error` is what ended it, `obstacle`
     why nothing can be written now, empty if it can, and `problems` what was wrong with messages, and how
-    often. `recorded` is how points are placed, as soon as that is settled; `n_flushed` counts the flushes
-    that are done.
+    often. `recorded` is how points are placed, as soon as that is settled; `n_flushed` is the number of the
+    last flush that is done.
     """
 
     def __init__(self, tiling: LiveTilingConfig, scans: ScanConfig, frame: MapFrame | None = None) -> None:
@@ -69,8 +69,8 @@ class LiveFeed:
         self._early: list[PlacedScan] = []
         #: Since when none is placed of the points that come, and how many had been left out till then.
         self._waits_since, self._n_unplaced = time.monotonic(), 0
-        #: Whether a flush is under way, and how many files of points it has still to write.
-        self._is_flushing, self._n_clouds_left = False, 0
+        #: Numbers of the flushes that were asked for and begun last; files of points that are still to write.
+        self._n_asked = self._n_begun = self._n_clouds_left = 0
         #: The tile that was asked for, once it is made.
         self._made: PointTile | None = None
         self._is_wanted = False
@@ -157,9 +157,11 @@ class LiveFeed:
         """Note that a tile is done, or was given up."""
         self._put(lambda: self._survey and self._survey.finish(stamp, is_done=is_done))
 
-    def flush(self) -> None:
-        """Have all tiles made that have new points; `n_flushed` tells when they are done."""
-        self._put(self._flush)
+    def flush(self) -> int:
+        """Have all tiles made that have new points; they are done when `n_flushed` is the number returned."""
+        number = self._n_asked = self._n_asked + 1
+        self._put(lambda: self._flush(number))
+        return number
 
     def reset(self) -> None:
         """Forget all points and tiles."""
@@ -225,7 +227,7 @@ class LiveFeed:
         if self._survey is not None and self.recorded is not None:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
-            if is_ready or (self._is_flushing and self._survey.is_flushed):
+            if is_ready or (self._n_begun > self.n_flushed and self._survey.is_flushed):
                 self._has_work.set()
 
     def _keep_placed(self, *, is_end: bool = False) -> None:
@@ -271,14 +273,14 @@ class LiveFeed:
         self.recorded, tiling = recorded, replace(self._tiling, tile_size=recorded.scale.side)
         self._survey = LiveSurvey(tiling, recorded.frame, self.folder, recorded.scale.spacing)
 
-    def _flush(self) -> None:
+    def _flush(self, number: int) -> None:
         self._keep_placed(is_end=True)
         self._settle_frame(math.inf)
         if self._survey is not None:
             self._survey.flush()
-            self._is_flushing = True
+            self._n_begun = number
         else:
-            self.n_flushed += 1
+            self.n_flushed = number
 
     def _reset(self) -> None:
         self._placer, self._early, self._n_unplaced = ScanPlacer(self._scans), [], 0
@@ -304,11 +306,11 @@ class LiveFeed:
             with self._made_lock:
                 self._made, self._is_wanted = tile, False
             self._wake()
-        if self._is_flushing and self._survey is not None and self._survey.is_flushed:
+        number = self._n_begun  # another flush may begin while files are written
+        if self._survey is not None and number > self.n_flushed and self._survey.is_flushed:
             for n_left in write_placed_points(self._survey, self.folder):
                 self._n_clouds_left = n_left
                 if self._stopping.is_set():
                     return
-            self._is_flushing = False
-            self.n_flushed += 1
+            self.n_flushed = number
             self._wake()

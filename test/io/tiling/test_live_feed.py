@@ -188,6 +188,31 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path
         assert run.feed.obstacle == ""
 
 
+def test_a_flush_that_begins_while_files_are_written_is_done_after_another(tmp_path, monkeypatch):
+    write, is_first = live_feed.write_placed_points, iter([True])
+    with Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))) as run:
+
+        def write_and_flush(survey, folder):
+            yield from write(survey, folder)
+            if next(is_first, False):
+                run.feed.add_scan(scan(T0 + SECOND, points(seed=1), frame="map"))
+                run.feed.flush()
+                while survey.is_flushed:  # not begun yet
+                    time.sleep(0.01)
+
+        monkeypatch.setattr(live_feed, "write_placed_points", write_and_flush)
+        run.feed.add_scan(scan(T0, points(), frame="map"))
+        run.flush()
+        assert run.feed.n_flushed == 1
+        end = time.monotonic() + 60.0
+        while run.feed.n_flushed < 2:
+            assert time.monotonic() < end
+            if (tile := run.feed.take()) is not None:
+                run.feed.finish(tile.stamp)
+            time.sleep(0.01)
+    assert len(laspy.read(tmp_path / "clouds" / "points_00000.laz")) == 1000
+
+
 def test_scans_beyond_what_memory_is_meant_for_are_counted(monkeypatch):
     monkeypatch.setattr(live_feed, "_MOST_POINTS", 1200)
     run = Running()  # not started: nothing is taken out
