@@ -209,6 +209,7 @@ def _watch(
 def _child(n_times: int, output: str, words: list[str]) -> int:
     """Run `lidar-buildings live`, and say on stderr when each tile was sent and done."""
     from lidar_buildings.cli import main as command
+    from lidar_buildings.core.model.ids import tile_of
     from lidar_buildings.io.tiling.live_feed import LiveFeed
     from lidar_buildings.io.tiling.live_survey import LiveSurvey
 
@@ -221,10 +222,9 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
     def noted_take(self: LiveSurvey) -> Any:
         tile = take(self)
         if tile is not None:
-            own = self._tiles.of_stamp(tile.stamp)
-            last = self._tiles.last_touched(own)
-            gaps = any(self._tiles.has_gaps(own))
-            under_way[own.stamp] = [own.stamp, own.revision, len(tile), gaps, last, time.monotonic()]
+            own = self._by_stamp[tile_of(tile.stamp)]
+            *gaps, last = self._turn(own.place)
+            under_way[own.stamp] = [own.stamp, own.revision, len(tile), any(gaps), last, time.monotonic()]
         return tile
 
     def noted_told(self: LiveFeed, stamp: int, *, is_done: bool = True) -> None:
@@ -232,7 +232,7 @@ def _child(n_times: int, output: str, words: list[str]) -> int:
         told(self, stamp, is_done=is_done)
 
     def noted_finish(self: LiveSurvey, stamp: int, *, is_done: bool = True) -> None:
-        own = self._tiles.of_stamp(stamp)
+        own = self._by_stamp.get(tile_of(stamp))
         finish(self, stamp, is_done=is_done)
         if own is not None and own.place not in self._under_way and own.stamp in under_way:
             sendings.append([*under_way.pop(own.stamp), told_at.get(stamp, time.monotonic())])

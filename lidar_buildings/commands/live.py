@@ -120,8 +120,8 @@ def live_command(options: argparse.Namespace) -> int:
     """
     Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
-    Return 0; 2 if a bag could be played in part only; 130 if a second signal came before all was finished:
-    the same command goes on.
+    Return 0; 2 if a bag could be played in part only; 3 if a tile failed and the rest was done; 130 if a
+    second signal came before all was finished: the same command goes on.
     """
     request = request_of(options)
     given = [f"--{name}" for name in ("rate", "start", "duration") if getattr(options, name) is not None]
@@ -163,24 +163,24 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
                 _watch(composition, source, writer, lambda: n_interruptions() > 0 or replay.is_over)
             _tell(f"played {replay}")
         _tell("finishing: press Ctrl-C again to leave the rest for the next run")
-        n_finished = writer.n_finished
         source.call_soon(source.finish)
 
         def is_empty() -> bool:
             return writer.is_over and not source.tiles.tile_count
 
         def is_finished() -> bool:
-            return n_interruptions() > 1 or writer.n_finished > n_finished or is_empty()
+            # files of an earlier flush may still be under way
+            return source.is_finished and writer.finished_from >= source.told_at
 
-        _watch(composition, source, writer, is_finished)
+        _watch(composition, source, writer, lambda: n_interruptions() > 1 or is_finished() or is_empty())
         if is_empty():
             _tell(f"{_come(source)}; nothing to write: no point was placed")
             return ExitStatus.WRONG_USE
-        if writer.n_finished == n_finished:
+        if not is_finished():
             _tell("stopped: run the same command to resume")
             return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")
-    return ExitStatus.DONE
+    return ExitStatus.TILE_FAILED if writer.failed_tiles else ExitStatus.DONE
 
 
 def _watch(

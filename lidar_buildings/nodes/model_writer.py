@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
@@ -48,13 +49,14 @@ class ModelWriter(StageNode):
     Puts tiles on disk as they are complete, and makes the files when the survey is done.
 
     `is_over` once the source has said that it is. `n_saved` and `last_words` say how often files were made
-    and what was made last, `n_finished` how often after `survey_done`, `n_clouds_left` how many classified
-    clouds have still to be written.
+    and what was made last, `finished_from` when the last ones after `survey_done` were begun [s],
+    `n_clouds_left` how many classified clouds have still to be written.
     """
 
     def __init__(self, *, read: Sequence[InputFile] = (), **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
-        self.n_saved = self.n_finished = self.n_clouds_left = 0
+        self.n_saved = self.n_clouds_left = 0
+        self.finished_from = 0.0
         self.last_words = ""
         config = self.parameters[ModelWriterConfig]
         with self.starting():
@@ -264,15 +266,16 @@ class ModelWriter(StageNode):
         self._waited += _TICK
         if self._waited >= _PATIENCE or self._record.has_all(self._stages, self._written):
             self._end_timer.cancel()
-            self.when_done(self.submit_here(self._make_files), self._finish)
+            began = time.monotonic()
+            self.when_done(self.submit_here(self._make_files), lambda work: self._finish(work, began))
 
-    def _finish(self, work: Future[RunSummary]) -> None:
+    def _finish(self, work: Future[RunSummary], began: float) -> None:
         """End, unless more tiles may come."""
         if work.cancelled():
             return
         error = work.exception()
         if error is None:
-            self.n_finished += 1
+            self.finished_from = began
             self.get_logger().info(self.last_words)
             if not self._survey.is_live:
                 self.exit_status = ExitStatus.TILE_FAILED if self.failed_tiles else ExitStatus.DONE
@@ -286,7 +289,8 @@ class ModelWriter(StageNode):
         """Make the files; in the node's thread."""
         self._has_news = False
         try:
-            record = self._record.as_dict(self.failed_tiles)
+            failed = self.failed_tiles
+            record = self._record.as_dict(failed)
             summary = self._survey.make_files(record, self._each_cloud)
         except Exception:
             self._has_news = True
@@ -296,6 +300,8 @@ class ModelWriter(StageNode):
         self.n_saved += 1
         n_buildings = sum(summary.buildings.values())
         why = f"; {summary.why_no_building}" if summary.why_no_building else ""
+        if failed:
+            why = f"; {len(failed)} tiles failed, see failed_tiles in run.json: {[*failed.values()][-1]}"
         path = self.parameters[ModelWriterConfig].output
         self.last_words = f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {path}{why}"
         return summary

@@ -43,6 +43,15 @@ def test_files_are_made_as_often_as_asked_while_tiles_stay(live, tmp_path):
     assert not list((tmp_path / "out").glob(".partial/features*"))
 
 
+def test_what_is_said_of_the_files_counts_tiles_that_failed(live, tmp_path):
+    _, other = live
+    node_bench.send_tile(other, node_bench.HOUSE)
+    node_bench.wait_until(lambda: node_bench.done(other))
+    other.send("tile_failed", header_of(node_bench.STAMP + 1_000_000_000))
+    node_bench.wait_until(lambda: "; 1 tiles failed, see" in node_bench.call(other, "save").message)
+    assert len(node_bench.told(tmp_path)["failed_tiles"]) == 1
+
+
 def test_at_the_end_of_the_survey_files_are_made_and_the_writer_goes_on(live, tmp_path):
     writer, other = live
     for n, ids in enumerate([(node_bench.HOUSE,), (node_bench.HOUSE, node_bench.SHED)], start=1):
