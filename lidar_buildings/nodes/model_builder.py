@@ -83,7 +83,9 @@ class ModelBuilder(StageNode):
         rings = {number: of_building for number, of_building in faces.items() if of_building}
         publish_all(self._roof_faces, ring_messages(stamp, rings))
         solids = {one.building_id: one.model.solids.values() for one in models}
-        self._markers.publish(model_markers(stamp, solids, self._numbers.of(stamp, solids)))
+        shown = model_markers(stamp, solids, self._numbers.of(stamp, solids))
+        if shown.markers:  # late viewers get the last messages
+            self._markers.publish(shown)
         self.summary.passed_on(0)
         self.summary.count_buildings(one.attributes["status"] for one in models)
         if self._tile_done is not None:

@@ -7,6 +7,8 @@ MOST_TILES = 8
 FEW_POINTS = 300_000
 #: Clouds of a topic; wide margin: each tile in flight is sent at most a few times.
 CLOUD_DEPTH = 32
+#: Tiles with buildings that late viewers see; at most 0.5 MB of markers each.
+MAP_DEPTH = 128
 #: Rings that late viewers see; wide margin over those of a tile, of which none may be lost: 300 bytes each.
 RING_DEPTH = 20_000
 #: Headers and diagnostics, small; wide margin: a few per tile and node.

@@ -3,7 +3,14 @@
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH, SENSOR_DEPTH
+from lidar_buildings.ros.depths import (
+    CLOUD_DEPTH,
+    EVENT_DEPTH,
+    HISTORY_DEPTH,
+    MAP_DEPTH,
+    RING_DEPTH,
+    SENSOR_DEPTH,
+)
 
 
 def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
@@ -19,7 +26,7 @@ def _profile(depth: int, *, latched: bool = False) -> QoSProfile:
 #: One message per tile. The credits of the player bound what is under way, so nothing is overwritten.
 CLOUD = _profile(CLOUD_DEPTH)
 #: One message per tile that a viewer shows, also one that comes late (REP-2003).
-MAP = _profile(CLOUD_DEPTH, latched=True)
+MAP = _profile(MAP_DEPTH, latched=True)
 #: The same of rings, of which a tile has many.
 MAP_RINGS = _profile(RING_DEPTH, latched=True)
 #: Many messages per tile, one per ring or building.

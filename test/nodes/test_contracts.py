@@ -21,6 +21,7 @@ from lidar_buildings.nodes.graph import node_class
 from lidar_buildings.nodes.topics import OF_EVERY_NODE
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.ros import qos
+from lidar_buildings.ros.depths import MAP_DEPTH
 from lidar_buildings.ros.parameters import ros_value
 
 CARDS = {card.name: card for card in table.NODE_TABLE}
@@ -250,6 +251,8 @@ def test_rviz_shows_topics_that_nodes_publish_in_messages_that_it_can_draw():
     types = {topic.name: topic.type.split("/")[1] for card in table.NODE_TABLE for topic in card.publishes}
     assert shown
     assert shown == {name: types.get(name) for name in shown}
+    (markers,) = [one["Topic"] for one in displays["Displays"] if one["Name"] == "building_markers"]
+    assert (markers["Durability Policy"], markers["Depth"]) == ("Transient Local", MAP_DEPTH)
 
 
 #: Where the layout's plots find a number that a node tells.

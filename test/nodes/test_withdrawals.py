@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 from support.node_bench import HOUSE, SHED, STAMP, made, outlines, roof, wait_until, warnings
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
@@ -15,6 +15,7 @@ from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.outline_regulariser import OutlineRegulariser
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
+from lidar_buildings.ros.qos import MAP
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.text_messages import quality_message
 from lidar_buildings.ros.tile_info import info_message
@@ -64,21 +65,25 @@ def test_the_regulariser_withdraws_the_outlines_that_a_later_revision_lacks(cont
 def test_the_builder_withdraws_models_and_markers_that_a_later_revision_lacks(context, bench):
     other = bench(make_builder(context), f"{SENDS} map_origin", HEARS)
     other.send("map_origin", origin_message(MapFrame()))
-    for n, ids in enumerate([(HOUSE, SHED), (SHED,), ()], start=1):
+    for n, ids in enumerate([(HOUSE, SHED), (SHED,), (), ()], start=1):
         send_tile(other, STAMP + n, *ids)
         wait_until(lambda n=n: len(other.heard["tile_done"]) == n)
     wait_until(lambda: len(other.heard["building_markers"]) == 3)
-    wait_until(lambda: (f"tile-{STAMP + 3}", False) in features(other))
+    wait_until(lambda: (f"tile-{STAMP + 4}", False) in features(other))
     names = [name for name, is_there in features(other)[:2]]
     house, shed = names
     assert features(other) == [
         *((house, True), (shed, True), (f"tile-{STAMP + 1}", False)),
         *((shed, True), (house, False), (f"tile-{STAMP + 2}", False)),
         *((shed, False), (f"tile-{STAMP + 3}", False)),
+        (f"tile-{STAMP + 4}", False),
     ]
     actions = [[(one.id, one.action) for one in m.markers] for m in other.heard["building_markers"]]
     add, delete = Marker.ADD, Marker.DELETE
     assert actions == [[(HOUSE, add), (SHED, add)], [(HOUSE, delete), (SHED, add)], [(SHED, delete)]]
+    late = []
+    other.create_subscription(MarkerArray, "building_markers", late.append, MAP)
+    wait_until(lambda: len(late) == 3)
 
 
 class Taker(StageNode):
