@@ -14,11 +14,11 @@ from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from lidar_buildings.commands.placement import nodes_of, replica_name, replicas_of, share_parameters
 from lidar_buildings.commands.settings import PRESETS, preset_file
 from lidar_buildings.core.model.parameters import parameter_names, spellings
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.placement import nodes_of, replica_name, replicas_of, share_parameters
-from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.graph import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 from lidar_buildings.ros.depths import MOST_TILES
 

@@ -19,8 +19,7 @@ import yaml
 from bench.pages.node_texts import MEANINGS, SERVICES, SUMMARIES
 from lidar_buildings.core.model.parameters import StageConfig, parameter_names, prefix_of, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.table import NODE_TABLE, NodeCard
-from lidar_buildings.nodes.topics import OF_EVERY_NODE, Topic
+from lidar_buildings.nodes.table import NODE_TABLE, OF_EVERY_NODE, NodeCard, Topic
 from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH
 
 _COMMAND = "python -m bench.pages.node_reference"

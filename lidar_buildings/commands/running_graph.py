@@ -79,10 +79,9 @@ def run_graph(request: RunRequest) -> RunOutcome:
             is_over = False
             while not is_over:
                 is_over = composition.wait(writer, timeout=_TICK)
-                done = TilesDone(
-                    *(writer.summary.total(of) for of in ("tiles_out", "points_out", "buildings"))
-                )
-                show(player.n_done, done, [name for name in nodes if nodes[name].summary.is_at_work])
+                counts = writer.summary.counts
+                done = TilesDone(counts["tiles_out"], counts["points_out"], counts["buildings"])
+                show(player.n_done, done, [name for name in nodes if nodes[name].is_at_work])
         recording = nodes["recorder"].recording if "recorder" in nodes else None
         outcome = RunOutcome(writer.outcome.result(), writer.failed_tiles, recording)
         while recording is not None and not nodes["recorder"].is_silent:

@@ -1,1 +1,1 @@
-"""One thin ROS 2 node per file: message to arrays, one call into the core, result to messages."""
+"""Thin ROS 2 nodes: message to arrays, one call into the core, result to messages."""

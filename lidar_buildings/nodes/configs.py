@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.errors import MessageError, ParameterError
-from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, advanced, fixed, parameter
 from lidar_buildings.core.model.replicas import ReplicaConfig
-from lidar_buildings.core.model.stage_table import STAGE_TABLE, STAGES
+from lidar_buildings.core.model.stage_table import STAGE_TABLE
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.footprints.config import FootprintConfig
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.io.bags.bag_inputs import BagConfig
-from lidar_buildings.io.results.output_config import OutputConfig
-from lidar_buildings.io.tiling.tiling_config import InputConfig, LiveTilingConfig, TilingConfig
-from lidar_buildings.nodes.topics import RECORDED
+from lidar_buildings.io.clouds.find_inputs import InputConfig
+from lidar_buildings.io.results.output_config import SurveyConfig
+from lidar_buildings.io.tiling.tiling_config import FeedConfig, TilingConfig
+from lidar_buildings.nodes.table import RECORDED
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
 
@@ -81,42 +80,11 @@ class TilePlayerConfig(SendingConfig, BagConfig, TilingConfig, InputConfig):
 
 
 @dataclass(frozen=True)
-class ScanAssemblerConfig(SendingConfig, LiveTilingConfig, ScanConfig):
-    """How scans become tiles."""
+class ScanAssemblerConfig(SendingConfig, FeedConfig):
+    """How scans become tiles, and how these are sent."""
 
-    stage: ClassVar[str] = ScanConfig.stage
+    stage: ClassVar[str] = FeedConfig.stage
     is_of_node: ClassVar[bool] = False
-
-    map_crs: str = fixed(
-        "", "Reference system of the map, such as EPSG:28992, if map_position is given.", advanced=True
-    )
-    map_position: str = fixed(
-        "",
-        "Where the map's origin lies in it: x, y, z [m], with commas between them. Empty: as `map_origin` or "
-        "`fix` tells, else nowhere.",
-        advanced=True,
-    )
-
-    def __post_init__(self) -> None:
-        """Check every value."""
-        super().__post_init__()
-        self.given_frame()
-
-    def given_frame(self) -> MapFrame | None:
-        """Return where the map lies, None if that is not given."""
-        if not self.map_position.strip():
-            if self.map_crs:
-                raise ParameterError(f"{self.stage}.map_crs = {self.map_crs!r}: give map_position, too")
-            return None
-        x, y, z = self._numbers("map_position", "x, y, z [m]")
-        frame = MapFrame(self.map_crs, (x, y, z))
-        from lidar_buildings.io.files.reference_systems import check_place  # loads slowly
-
-        try:
-            check_place(frame)
-        except MessageError as error:
-            raise ParameterError(f"{self.stage}.map_crs, map_position: {error}") from None
-        return frame
 
 
 @dataclass(frozen=True)
@@ -180,41 +148,10 @@ class MapFrameConfig(StageConfig):
 
 
 @dataclass(frozen=True)
-class ModelWriterConfig(MapFrameConfig, OutputConfig, InputConfig):
+class ModelWriterConfig(MapFrameConfig, SurveyConfig):
     """What to write, and where."""
 
-    stage: ClassVar[str] = OutputConfig.stage
-
-    input: tuple[str, ...] = fixed(
-        (),
-        "The same files, folders and globs as of `tile_player`. Empty: the survey is live, the map frame is "
-        "that of `map_origin`, and tiles stay on disk when files are made of them.",
-        advanced=True,
-    )
-    placed: str = fixed(
-        "",
-        "Folder with the clouds that a live source writes of its points (`points_*.laz`), or `tile_player` "
-        "of bags, from which the classified ones are made; empty: none are made in a live survey.",
-        advanced=True,
-    )
-    output: str = fixed("", "Folder for the results.")
-    overwrite: bool = fixed(False, "Whether to begin anew in a folder with earlier results.", advanced=True)
-    until: str = fixed(STAGES[-1], "The last stage that the graph runs.", choices=STAGES, advanced=True)
-    settings: str = fixed(
-        "",
-        "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
-        advanced=True,
-    )
-    footprints: str = fixed(
-        "", "File of the footprints that `building_tracer` was given, empty if none.", advanced=True
-    )
-    footprints_layer: str = fixed("", "Layer of it; empty: its only one.", advanced=True)
-    footprint_id: str = fixed(
-        "",
-        "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
-        "the features' numbers.",
-        advanced=True,
-    )
+    stage: ClassVar[str] = SurveyConfig.stage
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,18 @@
-"""All nodes of a run in one process."""
+"""All nodes of a run in one process, and what source and writer are told of it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from lidar_buildings.io.bags.bag_inputs import bags_among
+from lidar_buildings.io.results.run_folder import PARTIAL, PLACED
+from lidar_buildings.io.tiling.live_files import CLOUDS
 from lidar_buildings.nodes.configs import NODE_CONFIGS
-from lidar_buildings.nodes.run_settings import run_settings
-from lidar_buildings.nodes.table import SOURCES, nodes_until
+from lidar_buildings.nodes.table import NODE_STAGES, SOURCES, nodes_until, topics_until
 from lidar_buildings.ros.depths import MOST_TILES
 from lidar_buildings.ros.parameters import parameter_overrides
 from lidar_buildings.ros.stage_node import StageNode
@@ -17,8 +20,9 @@ from lidar_buildings.ros.stage_node import StageNode
 
 def node_class(name: str) -> type[StageNode]:
     """Return the class of a node, `GroundFilter` for `ground_filter`."""
-    module = import_module(f"lidar_buildings.nodes.{name}")
-    found: type[StageNode] = getattr(module, name.title().replace("_", ""))
+    module = "stage_nodes" if name in NODE_STAGES else name
+    kind = name.title().replace("_", "")
+    found: type[StageNode] = getattr(import_module(f"lidar_buildings.nodes.{module}"), kind)
     return found
 
 
@@ -78,3 +82,33 @@ def survey_nodes(
             node.destroy_node()
         raise
     return {name: nodes[name] for name in (*names, *recorder)}
+
+
+def feed_folder(output: str | Path) -> Path:
+    """Return the folder, within that of the results, in which the points of a feed, or of bags, wait."""
+    return Path(output) / PARTIAL / PLACED
+
+
+def run_settings(
+    source: str,
+    inputs: Sequence[str],
+    output: str,
+    until: str = "building_model",
+    *,
+    is_recorded: bool = False,
+) -> dict[str, dict[str, Any]]:
+    """
+    Return what source and writer are told of a run, ``{stage: {name: value}}``.
+
+    Where the recorder listens to `points`, too, it is named twice, so that both are waited for.
+    """
+    waits = {"wait_for": topics_until(until, has_writer=bool(output)) + ("points",) * is_recorded}
+    writer = {"output": output, "until": until}
+    folder = feed_folder(output)
+    if source == SOURCES[0]:
+        given: dict[str, Any] = {"input": tuple(inputs)}
+        if output and bags_among(inputs):
+            given["placed"] = str(folder)
+        return {source: given | waits, "model_writer": given | writer}
+    spool = {"spool": str(folder)} if output else {}
+    return {source: {**spool, **waits}, "model_writer": {"placed": str(folder / CLOUDS), **writer}}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from geometry_msgs.msg import Point, PointStamped, Vector3, Vector3Stamped
 from rclpy.timer import Timer
@@ -46,17 +48,16 @@ class FrameListener:
         n_own: int = 0,
     ) -> None:
         self._node, self._on_frame, self._patience, self._n_own = node, on_frame, patience, n_own
-        self._origin: PointStamped | None = None
-        self._units: Vector3Stamped | None = None
+        self._said: dict[str, Any] = {}  # topic → what was published last
         self._timer: Timer | None = None
         self._warned: list[str] = []
-        node.create_subscription(Vector3Stamped, "map_units", self._on_units, LATCHED)
-        node.create_subscription(PointStamped, "map_origin", self._on_origin, LATCHED)
+        for kind, topic in ((Vector3Stamped, "map_units"), (PointStamped, "map_origin")):
+            node.create_subscription(kind, topic, partial(self._hear, topic), LATCHED)
 
     @property
     def frame(self) -> MapFrame | None:
         """The frame, None as long as it is not known; in metres where nothing publishes units."""
-        return None if self._origin is None or self._silent() else _frame(self._origin, self._units)
+        return None if "map_origin" not in self._said or self._silent() else _frame(**self._said)
 
     def expect(self) -> bool:
         """Return whether the frame is known; if not, a tile waits for it from now on."""
@@ -66,8 +67,7 @@ class FrameListener:
 
     def _silent(self) -> list[str]:
         """Return which topics others publish, of which nothing has come."""
-        said = {"map_origin": self._origin, "map_units": self._units}
-        unknown = [topic for topic, message in said.items() if message is None]
+        unknown = [topic for topic in ("map_origin", "map_units") if topic not in self._said]
         return [topic for topic in unknown if self._node.count_publishers(topic) > self._n_own]
 
     def _lose_patience(self) -> None:
@@ -79,22 +79,17 @@ class FrameListener:
                 self._node.warn(f"{' and '.join(silent)} is advertised but silent: tiles wait for it")
             self._warned = silent
             return
-        if self._origin is None:
+        if "map_origin" not in self._said:
             self._node.warn(
                 f"no map_origin was published for {self._patience:g} s: assuming a map frame "
                 "with origin 0 and no reference system"
             )
-            self._origin = origin_message(MapFrame())
+            self._said["map_origin"] = origin_message(MapFrame())
         self._notify()
 
-    def _on_units(self, message: Vector3Stamped) -> None:
-        check_place(_frame(PointStamped(), message))
-        self._units = message
-        self._notify()
-
-    def _on_origin(self, message: PointStamped) -> None:
-        check_place(_frame(message, None))
-        self._origin = message
+    def _hear(self, topic: str, message: Any) -> None:
+        check_place(_frame(**{topic: message}))
+        self._said[topic] = message
         self._notify()
 
     def _notify(self) -> None:
@@ -105,7 +100,8 @@ class FrameListener:
             self._on_frame(frame)
 
 
-def _frame(origin: PointStamped, units: Vector3Stamped | None) -> MapFrame:
-    """Return what messages say, in metres if none tells units."""
-    point, (horizontal, vertical) = origin.point, (units.vector.x, units.vector.z) if units else (1.0, 1.0)
-    return MapFrame(origin.header.frame_id, (point.x, point.y, point.z), horizontal, vertical)
+def _frame(map_origin: PointStamped | None = None, map_units: Vector3Stamped | None = None) -> MapFrame:
+    """Return what messages say; in metres if none tells units."""
+    header, point = (map_origin.header, map_origin.point) if map_origin else (Header(), Point())
+    units = map_units.vector if map_units else Vector3(x=1.0, y=1.0, z=1.0)
+    return MapFrame(header.frame_id, (point.x, point.y, point.z), units.x, units.z)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
@@ -10,31 +12,31 @@ from functools import partial
 from importlib import import_module
 from typing import Any
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
 from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, OutputError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.models.cityjson import load_feature
+from lidar_buildings.io.results.run_record import RunRecord
 from lidar_buildings.io.results.run_summary import RunSummary
+from lidar_buildings.io.results.survey_folder import SurveyFolder
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
 from lidar_buildings.nodes.map_frames import FrameListener
-from lidar_buildings.nodes.run_record import RunRecord
-from lidar_buildings.nodes.survey_folder import SurveyFolder
 from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
 from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode, reason_of
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.text_messages import closed_tile, is_withdrawal
-from lidar_buildings.ros.tile_intake import Parts, agree_on_buildings
+from lidar_buildings.ros.text_messages import closed_tile, is_feature, is_withdrawal
+from lidar_buildings.ros.tile_table import Parts, agree_on_buildings
 
 #: So long diagnostics of the last tiles are waited for, which are sent right after the results; and how often
 #: it is looked whether all have come [s].
@@ -48,15 +50,14 @@ class ModelWriter(StageNode):
     """
     Puts tiles on disk as they are complete, and makes the files when the survey is done.
 
-    `is_over` once the source has said that it is. `n_saved` and `last_words` say how often files were made
-    and what was made last, `finished_from` when the last ones after `survey_done` were begun [s],
-    `n_clouds_left` how many classified clouds have still to be written.
+    `is_over` once the source has said that it is. `last_words` say what was made last, `finished_from` when the
+    last files after `survey_done` were begun [s], `n_clouds_left` how many classified clouds have still to be
+    written.
     """
 
     def __init__(self, *, read: Sequence[InputFile] = (), **kwargs: Any) -> None:
         super().__init__("model_writer", NODE_CONFIGS["model_writer"], **kwargs)
-        self.n_saved = self.n_clouds_left = 0
-        self.finished_from = 0.0
+        self.n_clouds_left, self.finished_from = 0, 0.0
         self.last_words = ""
         config = self.parameters[ModelWriterConfig]
         with self.starting():
@@ -75,13 +76,15 @@ class ModelWriter(StageNode):
         self._map: FrameListener | None = None
         if self._survey.frame is None:
             self._map = FrameListener(self, self.on_frame, config.frame_patience)
-        self.create_subscription(DiagnosticArray, "diagnostics", self._record.add, EVENT)
+        self.create_subscription(
+            DiagnosticArray, "diagnostics", partial(note_diagnostics, self._record), EVENT
+        )
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self.take_tiles(self._topics, self.work, self.publish, self._fits)
         for topic in self._topics:
             if topic == _MODELS:
-                self.subscribe_texts(topic, BUILDING, self._read_feature)
+                self.create_subscription(String, topic, self.on_feature, BUILDING)
             elif topic in (_TRACED, _OUTLINES):
                 self.subscribe_rings(topic, outlines_of)
             else:
@@ -135,39 +138,30 @@ class ModelWriter(StageNode):
         """Write the fragment of a tile; in the node's thread."""
         clouds = [one for one in parts.values() if isinstance(one, PointTile)]
         rasterise = partial(rasterise_tile, clouds[0], self.parameters[ModelWriterConfig], self._survey.frame)
-        rasters = rasterise() if self.pool is None else self.pool.submit(rasterise).result()
-        if self._survey.is_live and any(one.source is None or one.index is None for one in clouds):
-            # points of somebody else, of which there are no files
-            clouds = [one.select(np.zeros(0, dtype=np.intp)) for one in clouds]
-        products = TileProducts.from_tiles(
-            *clouds,
-            traced=parts.get(_TRACED, ()),
-            outlines=parts.get(_OUTLINES, ()),
-            features=features,
-            rasters=rasters,
-        )
+        results = {
+            "traced": parts.get(_TRACED, ()),
+            "outlines": parts.get(_OUTLINES, ()),
+            "features": features,
+            "rasters": rasterise() if self.pool is None else self.pool.submit(rasterise).result(),
+        }
         try:
-            self._survey.folder.write_tile(products)
+            return self._survey.write_tile(clouds, **results)
         except OutputError as error:
             failure = error
             self.call_soon(lambda: self.fail(failure))
             raise
-        return products
 
-    def _read_feature(self, message: String) -> tuple[int, bool] | None:
+    def on_feature(self, message: String) -> None:
         """Take a building's model; InputError if a feature is not one of a building."""
         line = message.data
-        if not line.startswith('{"type":"CityJSONFeature"'):
-            return None
         if (stamp := closed_tile(line)) is not None:
-            return stamp, True
-        if not is_withdrawal(line):  # the tile's later revision lacks the building in any case
+            self.add_part(stamp, _MODELS, True)
+        elif is_feature(line) and not is_withdrawal(line):  # a later revision lacks the building in any case
             number = load_feature(line)[1]
             self._features[number] = line
             self._features.move_to_end(number)
             while len(self._features) > _MAX_FEATURES:
                 self._features.popitem(last=False)
-        return None
 
     def _fits(self, parts: Parts) -> bool:
         return agree_on_buildings(parts) and self._modelled(parts) <= self._features.keys()
@@ -249,11 +243,11 @@ class ModelWriter(StageNode):
 
     def _report_done(self, stamp: int) -> None:
         """Say which revision of a tile is on disk."""
-        self.state.n_done = len(self._survey.on_disk)
+        self.n_reported = len(self._survey.on_disk)
         self._tile_done.publish(header_of(self._survey.revision_of(stamp)))
 
     def _report_tiles_on_disk(self) -> None:
-        self.state.n_done = 0
+        self.n_reported = 0
         for stamp in sorted(self._survey.on_disk):
             self._report_done(stamp)
 
@@ -287,17 +281,18 @@ class ModelWriter(StageNode):
 
     def _make_files(self) -> RunSummary:
         """Make the files; in the node's thread."""
+        from lidar_buildings.report.page_file import write_report  # what it needs is needed last
+
         self._has_news = False
         try:
             failed = self.failed_tiles
             record = self._record.as_dict(failed)
-            summary = self._survey.make_files(record, self._each_cloud)
+            summary = self._survey.make_files(record, self._each_cloud, write_report)
         except Exception:
             self._has_news = True
             raise
         finally:
             self.n_clouds_left = 0
-        self.n_saved += 1
         n_buildings = sum(summary.buildings.values())
         why = f"; {summary.why_no_building}" if summary.why_no_building else ""
         if failed:
@@ -314,3 +309,26 @@ class ModelWriter(StageNode):
                 raise OutputError(f"{self.n_clouds_left} classified clouds are left for the next time")
             self.n_clouds_left -= 1
             yield one
+
+
+def note_diagnostics(record: RunRecord, message: DiagnosticArray) -> None:
+    """
+    Note what nodes report of tiles; their summaries say nothing here.
+
+    ValueError if a number is none, or the parameters are not JSON of a node's.
+    """
+    for status in message.status:
+        values = {pair.key: pair.value for pair in status.values}
+        node = re.sub(r"_\d+$", "", status.name)  # of a replica, its kind
+        if node not in NODE_CONFIGS or "tile" not in values:
+            continue
+        tile = tile_of(int(values["tile"]))
+        if status.level == DiagnosticStatus.ERROR:
+            record.add_error(tile, f"{status.name}: {status.message}")
+            continue
+        told = json.loads(values.get("parameters", "{}"))
+        if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
+            raise ValueError(f"parameters of {node} are {values['parameters'][:100]}")
+        record.add_parameters({name: of for name, of in told.items() if name != ReplicaConfig.stage})
+        if node in NODE_STAGES and "seconds" in values:
+            record.add_seconds(NODE_STAGES[node], tile, float(values["seconds"]))

@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.bags.bag_writer import Recording, bag_folder, offered
 from lidar_buildings.nodes.configs import NODE_CONFIGS, RecorderConfig
-from lidar_buildings.nodes.topics import topics_called
+from lidar_buildings.nodes.table import topics_called
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.diagnostics import TOPIC as DIAGNOSTICS
 from lidar_buildings.ros.stage_node import StageNode

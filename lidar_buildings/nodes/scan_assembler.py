@@ -80,15 +80,9 @@ class ScanAssembler(TileSender):
         """Whether `survey_done` has followed what `finish` wanted."""
         return 0 < self._last_flush <= self._n_flushed
 
-    def note_done(self, stamp: int) -> None:
-        """Note that a revision of a tile is done: it may come again."""
-        super().note_done(stamp)
-        self.tiles.finish(stamp)
-
-    def note_failed(self, stamp: int) -> None:
-        """Note that a tile was given up: it may come again, with more points."""
-        super().note_failed(stamp)
-        self.tiles.finish(stamp, is_done=False)
+    def on_end(self, stamp: int, *, is_done: bool = True) -> None:
+        """Let a tile come again, with more points."""
+        self.tiles.finish(stamp, is_done=is_done)
 
     def on_scan(self, message: PointCloud2) -> None:
         """Take a scan."""

@@ -30,7 +30,7 @@ class TilePlayer(TileSender):
         self._temporary: Path | None = None
         with self.starting():
             inputs = self._with_placed_bags(config)
-            self._source = TileSource(inputs, config, skip=self._done, keep=keep, crs=config.crs)
+            self._source = TileSource(inputs, config, skip=self._ledger.finished, keep=keep, crs=config.crs)
         for problem in self._source.problems:
             self.get_logger().error(problem)
         self.tiles = FileQueue(self._source, self._read)
@@ -66,7 +66,7 @@ class TilePlayer(TileSender):
         super().on_tick()
         if self.is_empty:
             self._is_finished = True
-            n_failed = f", {len(self._failed)} given up" if self._failed else ""
+            n_failed = f", {len(self._ledger.failed)} given up" if self._ledger.failed else ""
             self.get_logger().info(f"all tiles are done{n_failed}")
             self.tell_survey_done()
 

@@ -13,7 +13,6 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger
 
-from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -23,10 +22,10 @@ from lidar_buildings.nodes.configs import NODE_CONFIGS, SendingConfig
 from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.diagnostics import TileReport
-from lidar_buildings.ros.node_state import LISTENER_QOS, state_of
 from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
+from lidar_buildings.ros.node_state import state_of
 from lidar_buildings.ros.point_cloud import to_message
-from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_HISTORY, SILENT_SUBSCRIPTION
+from lidar_buildings.ros.qos import CLOUD, LATCHED, LATCHED_EVENT, LATCHED_HISTORY, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, to_stamp
 from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
@@ -54,9 +53,6 @@ class TileSender(StageNode):
         )
         self.summary.gauges.append(self._ledger.gauges)
         self._life = uuid4().hex if self._ledger.limit else ""
-        #: Tile → the last revision of it that is done; tiles that were given up.
-        self._done: dict[int, int] = {}
-        self._failed: set[int] = set()
         #: Tiles whose larger revision is being read; those sent last, where none is waited for.
         self._growing: set[int] = set()
         self._uncounted: list[PointTile] = []
@@ -78,7 +74,7 @@ class TileSender(StageNode):
         for name, callback in (("pause", self.on_pause), ("resume", self.on_resume), ("step", self.on_step)):
             self.create_service(Trigger, f"~/{name}", callback)
         self.create_subscription(
-            String, NODE_STATE, self.on_state, LISTENER_QOS, event_callbacks=SILENT_SUBSCRIPTION
+            String, NODE_STATE, self.on_state, LATCHED_EVENT, event_callbacks=SILENT_SUBSCRIPTION
         )
         self.create_subscription(Header, "tile_done", self.on_done, LATCHED_HISTORY)
         self.create_timer(_TICK, self.on_timer)
@@ -92,7 +88,7 @@ class TileSender(StageNode):
     @property
     def n_done(self) -> int:
         """Number of tiles that are done."""
-        return len(self._done)
+        return len(self._ledger.finished)
 
     @property
     def is_empty(self) -> bool:
@@ -127,34 +123,24 @@ class TileSender(StageNode):
 
     def on_done(self, message: Header) -> None:
         """Take back a tile's credit; an earlier revision than the one under way is none."""
-        stamp = to_stamp(message.stamp)
-        sent = self._ledger.tile(stamp)
-        if sent is not None and stamp < sent.stamp:
-            return
-        self.note_done(stamp)
+        stamp, n_before = to_stamp(message.stamp), len(self._ledger)
         if self._ledger.done(stamp):
+            self.on_end(stamp)
+        if len(self._ledger) < n_before:
             self._tell()
             self.on_tick()
 
-    def note_done(self, stamp: int) -> None:
-        """Note that a revision of a tile is done."""
-        self._done[tile_of(stamp)] = max(stamp, self._done.get(tile_of(stamp), 0))
-        self._failed.discard(tile_of(stamp))
-
-    def note_failed(self, stamp: int) -> None:
-        """Note that a tile was given up."""
-        self._failed.add(tile_of(stamp))
+    def on_end(self, stamp: int, *, is_done: bool = True) -> None:
+        """Do what follows the end of a tile, which is done or was given up."""
 
     def tell_survey_done(self) -> None:
         """Say that every tile is done or given up."""
-        self._survey_done.publish(header_of(max({*self._done, *self._failed}, default=0)))
+        self._survey_done.publish(header_of(max({*self._ledger.finished, *self._ledger.failed}, default=0)))
 
     def forget_tiles(self) -> None:
         """Forget all tiles, and have the copies of those dropped that are under way."""
         self._ledger.forget()
         self._tell()
-        self._done.clear()
-        self._failed.clear()
         self._next = None
 
     def on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -191,7 +177,7 @@ class TileSender(StageNode):
 
     def _peek(self) -> PointTile | None:
         """Return the next tile that is not done yet, None if none is ready."""
-        while self._next is None or self._next.stamp <= self._done.get(tile_of(self._next.stamp), -1):
+        while self._next is None or self._ledger.is_done(self._next.stamp):
             self._next = self.tiles.take()
             if self._next is None:
                 return None
@@ -226,7 +212,7 @@ class TileSender(StageNode):
         if what:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
             return False
-        return self._ledger.is_settled(self._seen, self.count_subscribers, len(self._done))
+        return self._ledger.is_settled(self._seen, self.count_subscribers)
 
     def _send(self, tile: PointTile) -> None:
         """Send a tile for the first time; what nodes have from this one's life before is listed alone."""
@@ -237,13 +223,13 @@ class TileSender(StageNode):
             self._tell()
             return
         self._publish(tile)
-        if not self._ledger.limit:
-            self.note_done(tile.stamp)
+        if not self._ledger.limit and self._ledger.done(tile.stamp):
+            self.on_end(tile.stamp)
 
     def _publish(self, tile: PointTile) -> None:
         """List a tile, and publish its points."""
         report = TileReport(tile.stamp, len(tile))
-        self.summary.taken(tile.stamp)
+        self.summary.taken()
         self.before(tile)
         self._ledger.sent(tile)
         if not self._ledger.limit:
@@ -291,7 +277,7 @@ class TileSender(StageNode):
             text = f"tile {stamp} is given up: {reason}"
             self.get_logger().error(text)
             self.summary.failed(text)
-            self.note_failed(stamp)
+            self.on_end(stamp, is_done=False)
             self._tile_failed.publish(header_of(stamp))
         if given_up:
             self._tell()

@@ -31,7 +31,7 @@ class Composition:
     def start(self) -> None:
         """Let all nodes spin."""
         for node, thread in zip(self._nodes, self._threads, strict=True):
-            node.announce()
+            node.publish_state()
             thread.start()
 
     def wait(self, node: StageNode, timeout: float | None = None) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
-from lidar_buildings.core.scans.cloud_layout import XYZ, columns_of, members_of_fields, taken_points
+from lidar_buildings.core.scans.cloud_layout import XYZ, cast_to, columns_of, members_of_fields, taken_points
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.ros.stamps import header_of, to_stamp
 
@@ -69,7 +69,7 @@ def from_message(message: PointCloud2) -> CloudReading:
     if n_dropped:
         points, columns = points[rows], {name: values[rows] for name, values in columns.items()}
     stamp = to_stamp(message.header.stamp)
-    known = {name: _cast(values, COLUMNS[name]) for name, values in columns.items()}
+    known = {name: cast_to(COLUMNS[name], values) for name, values in columns.items()}
     return CloudReading(PointTile(points, stamp=stamp, **known), n_dropped)
 
 
@@ -79,17 +79,6 @@ def fill(message: PointCloud2, rows: NDArray[Any]) -> None:
     if rows.size:
         content.frombytes(np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data)
     message.data = content
-
-
-def _cast(values: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Turn a field's values into our type; what it cannot hold becomes its nearest value, NaN becomes 0."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        if dtype.kind == "f" or np.can_cast(values.dtype, dtype):
-            return values.astype(dtype)
-        whole = values.astype(np.float64)  # float32 rounds the largest uint32 up, beyond it
-    limits = np.iinfo(dtype)
-    whole = np.nan_to_num(whole, nan=0.0, posinf=limits.max, neginf=limits.min)
-    return np.clip(whole, limits.min, limits.max).astype(dtype)
 
 
 def grid_message(stamp: int, window: RasterWindow, elevation: NDArray[np.float32]) -> PointCloud2:

@@ -1,17 +1,13 @@
-"""One node as a process of its own: its parameter files, its run, SIGINT and SIGTERM."""
+"""One node as a process of its own, until it is done, or interrupted by SIGINT or SIGTERM."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
-from collections.abc import Sequence
-from itertools import pairwise
-from pathlib import Path
 from types import FrameType
 
 import rclpy
-import yaml
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
@@ -20,7 +16,7 @@ from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.stage_node import StageNode
 
-_ENDING, _OPTION = (signal.SIGINT, signal.SIGTERM), "--params-file"
+_ENDING = (signal.SIGINT, signal.SIGTERM)
 
 
 def run_node(node_class: type[StageNode]) -> int:
@@ -34,7 +30,6 @@ def run_node(node_class: type[StageNode]) -> int:
         signal.signal(number, _interrupt)
     try:
         prepare_middleware(carries_scans=node_class.carries_scans)
-        check_parameter_files(sys.argv)
         if (compiling := start_compiling()) is not None:
             compiling.wait()
         # rclpy's own handlers would end the context in the middle of what the node does
@@ -67,7 +62,7 @@ def _spin(node: StageNode) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        node.announce()
+        node.publish_state()
         try:
             executor.spin_until_future_complete(node.outcome)  # timers wake it, and signals are seen
         except KeyboardInterrupt:
@@ -83,18 +78,3 @@ def _spin(node: StageNode) -> int:
         sys.stderr.flush()
         os._exit(node.exit_status)
     return node.exit_status
-
-
-def check_parameter_files(arguments: Sequence[str]) -> None:
-    """Read every file that ``--params-file`` names; InputError if one is not of the form that ROS takes."""
-    for path in (Path(value) for option, value in pairwise(arguments) if option == _OPTION):
-        try:
-            # parsed, not constructed: launch files tag lists as Python's tuples, which ROS takes as lists
-            content = yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}: give {_OPTION} a readable YAML file") from error
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            place = " ".join(str(error).split())
-            raise InputError(f"{path}: not valid YAML ({place}): compare pipeline.param.yaml") from error
-        if content is not None and not isinstance(content, yaml.MappingNode):
-            raise InputError(f"{path}: no node names at its top: compare pipeline.param.yaml")

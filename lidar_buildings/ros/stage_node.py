@@ -9,6 +9,7 @@ from concurrent.futures import Future as Work
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, ClassVar
+from uuid import uuid4
 
 from geometry_msgs.msg import PolygonInstanceStamped
 from rclpy.clock import Clock, ClockType
@@ -27,17 +28,17 @@ from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.diagnostics import Diagnostics, TileReport
-from lidar_buildings.ros.node_state import StatePublisher
+from lidar_buildings.ros.diagnostics import Diagnostics, NodeSummary, TileReport
+from lidar_buildings.ros.node_state import FAILED, IN_HAND, PASSED_ON, PERIOD, WAITING, NodeState, TileState
+from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
 from lidar_buildings.ros.parameters import NodeParameters
 from lidar_buildings.ros.point_cloud import from_message
 from lidar_buildings.ros.polygons import RingCollector, Rings
-from lidar_buildings.ros.qos import BUILDING, CLOUD, SILENT_PUBLISHER, SILENT_SUBSCRIPTION
+from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, SILENT_PUBLISHER, SILENT_SUBSCRIPTION
 from lidar_buildings.ros.stamps import to_stamp
 from lidar_buildings.ros.tile_info import TOPIC as TILE_INFO
 from lidar_buildings.ros.tile_info import TileInfos
-from lidar_buildings.ros.tile_intake import Parts, TileJoin
-from lidar_buildings.ros.tile_ledger import FAILED, IN_HAND, PASSED_ON, WAITING
+from lidar_buildings.ros.tile_table import Parts, TileEntry, TileTable
 
 #: Free memory goes back to the system so often [s]: `ros.middleware` has malloc keep it.
 _MEMORY_PERIOD = 10.0
@@ -56,6 +57,8 @@ class StageNode(Node):
 
     #: Whether scans come to the node, of which none comes again.
     carries_scans: ClassVar[bool] = False
+    #: Whether tiles go through the node, and how many it has reported as done.
+    is_stage, n_reported = False, 0
 
     def __init__(
         self, name: str, configs: Mapping[str, type[StageConfig]], pool: Any = None, **kwargs: Any
@@ -70,16 +73,14 @@ class StageNode(Node):
         self._woken = self.create_guard_condition(self._do_later)
         with self.starting():
             self.parameters = NodeParameters(self, configs)
-        self._diagnostics = Diagnostics(self, self.parameters.as_dict)
-        self.summary = self._diagnostics.summary
+        self.table = TileTable()
+        self.summary = NodeSummary(lambda: self.table.in_hand)
+        self._diagnostics = Diagnostics(self, self.summary, self.parameters.as_dict)
+        self._kind, self.life, self._sequence = name, uuid4().hex, 0
         self._share = self.parameters[ReplicaConfig] if ReplicaConfig.stage in configs else ReplicaConfig()
         self._outputs: list[Publisher] = []
-        self.state = StatePublisher(self, name, self._share, self._outputs)
-        self._infos: TileInfos  # of nodes that take tiles
-        self._join = TileJoin(())
-        self._in_hand: dict[int, TileReport] = {}
-        self._held_back: dict[int, Any] = {}  # results of tiles in hand that may come larger
-        self._warnings: dict[int, list[str]] = {}
+        self._state = self.create_publisher(String, NODE_STATE, LATCHED)
+        self.create_timer(PERIOD, self.publish_state)
         self.create_timer(_MEMORY_PERIOD, lambda: give_memory_back(_MEMORY_PERIOD))
 
     @contextmanager
@@ -156,7 +157,7 @@ class StageNode(Node):
     @property
     def is_at_work(self) -> bool:
         """Whether some work has begun that cannot be interrupted."""
-        return self._in_hand.keys() > self._held_back.keys()
+        return bool(self.table.in_hand)
 
     # tiles
 
@@ -175,9 +176,9 @@ class StageNode(Node):
         counts for `diagnostics`. A result that reaches beyond the sides that `clipped` returns is held back
         until the source has sent a larger revision, or says that there is no more.
         """
-        self._join = TileJoin(topics, fits)
-        self._work_on, self._publish_result, self._clipped = work, publish, clipped
-        self.state.is_stage = True
+        self._topics, self._fits, self._clipped = tuple(topics), fits, clipped
+        self._work_on, self._publish_result = work, publish
+        self.is_stage = True
         self._infos = TileInfos(self, self.look_again)
         self.create_timer(1.0, self.look_again)
 
@@ -186,9 +187,8 @@ class StageNode(Node):
 
         def read(message: PointCloud2) -> PointTile:
             tile, n_dropped = from_message(message)
-            if n_dropped:
-                text = f"{n_dropped} points of {topic} were left out: x, y or z is not finite"
-                self._warnings.setdefault(tile.stamp, []).append(text)
+            if n_dropped and (entry := self.table.entry(tile.stamp)) is not None:
+                entry.warnings.append(f"{n_dropped} points of {topic} were left out: x, y or z is not finite")
             return tile
 
         self.subscribe_parts(PointCloud2, topic, CLOUD, read)
@@ -222,21 +222,9 @@ class StageNode(Node):
 
         self.create_subscription(kind, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
 
-    def subscribe_texts(
-        self, topic: str, qos: QoSProfile, read: Callable[[String], tuple[int, Any] | None]
-    ) -> None:
-        """Take what `read` makes of texts, which have no header, with the stamp of its tile."""
-
-        def on_message(message: String) -> None:
-            found = read(message)
-            if found is not None and not self.drops(found[0], topic):
-                self.add_part(found[0], topic, found[1])
-
-        self.create_subscription(String, topic, on_message, qos, event_callbacks=SILENT_SUBSCRIPTION)
-
     def drops(self, stamp: int, topic: str) -> bool:
         """Whether a part of a tile is dropped: the tile is a replica's, in hand, or over for the source."""
-        return not self._share.takes(stamp) or self.state.has_in_hand(stamp) or self._infos.is_over(stamp)
+        return not self._share.takes(stamp) or stamp in self.table.in_hand or self._infos.is_over(stamp)
 
     def is_ready(self) -> str:
         """Return what the node waits for beside a tile's parts, empty if nothing."""
@@ -244,104 +232,127 @@ class StageNode(Node):
 
     def add_part(self, stamp: int, topic: str, part: Any) -> None:
         """Take a part of a tile, and begin to work on the tile if it is complete."""
-        self._join.add(stamp, topic, part)
-        if stamp in self._join.stamps():
-            self._look_at(stamp)
+        if not self.drops(stamp, topic) and (entry := self.table.entry(stamp)) is not None:
+            entry.parts[topic] = part
+            self._look_at(entry)
 
     def look_again(self) -> None:
         """Begin with the tiles that have become complete, pass on those held back, and drop what is over."""
-        is_over = self._infos.is_over
-        self.state.forget(is_over)
-        for stamp in self._join.stamps():
-            if is_over(stamp):
-                self._join.take(stamp)
-            else:
-                self._look_at(stamp)
-        for stamp, result in list(self._held_back.items()):
-            if is_over(stamp):
-                self._end_tile(stamp)
-            elif not self._infos.can_grow(stamp, self._clipped(result)):
-                self._publish_tile(stamp, result)
+        over = [one for one in self.table if self._infos.is_over(one.stamp) and self.table.drop(one)]
+        if over:
+            self.publish_state()
+        for entry in self.table:
+            self._look_at(entry)
 
-    def _look_at(self, stamp: int) -> None:
-        """Work on a tile if it is complete, else say what is missing."""
-        missing = set(self._join.missing(stamp))
-        if not missing:
-            clouds = [one for one in self._join.parts(stamp).values() if isinstance(one, PointTile)]
-            is_promised = any(one.index is not None for one in clouds)
-            if clouds and not self._infos.is_known(stamp, is_promised=is_promised):
-                missing.add(TILE_INFO)
-            missing |= {self.is_ready()} - {""}
-        if missing:
-            self.state.set(stamp, WAITING, missing)
-        else:
-            self._begin_tile(stamp, self._join.take(stamp))
+    def _look_at(self, entry: TileEntry) -> None:
+        """Begin with a tile that is complete, pass on one that comes no larger, or say what is missing."""
+        missing = self._missing(entry) if entry.parts else set()
+        if entry.parts and not missing:
+            self._begin_tile(entry)
+        elif entry.held is not None and not self._infos.can_grow(entry.stamp, self._clipped(entry.held)):
+            self._publish_tile(entry, entry.held)
+        elif missing:
+            self._set_state(entry, WAITING, missing)
 
-    def _begin_tile(self, stamp: int, parts: Parts) -> None:
-        if stamp in self._held_back:  # and was sent again
-            self._end_tile(stamp)
-        report = self._in_hand[stamp] = TileReport(stamp, warnings=self._warnings.pop(stamp, []))
-        self.state.set(stamp, IN_HAND)
-        self.summary.taken(stamp)
+    def _missing(self, entry: TileEntry) -> set[str]:
+        """Return what a tile waits for: parts, all of them if they do not fit, or what is said of it."""
+        if missing := {*self._topics} - entry.parts.keys():
+            return missing
+        if not self._fits(entry.parts):
+            return {*self._topics}
+        clouds = [one for one in entry.parts.values() if isinstance(one, PointTile)]
+        is_promised = any(one.index is not None for one in clouds)
+        if clouds and not self._infos.is_known(entry.stamp, is_promised=is_promised):
+            missing.add(TILE_INFO)
+        return missing | ({self.is_ready()} - {""})
+
+    def _begin_tile(self, entry: TileEntry) -> None:
+        report = TileReport(entry.stamp, warnings=entry.warnings)
+        parts, entry.parts, entry.warnings, entry.held = entry.parts, {}, [], None
+        self._set_state(entry, IN_HAND)
+        self.summary.taken()
         try:
             for topic, part in parts.items():
                 if isinstance(part, PointTile):
                     parts[topic] = self._infos.complete(part)
                     report.n_points = report.n_points or len(part)
-            work = self._work_on(*(parts[topic] for topic in self._join.topics))
+            work = self._work_on(*(parts[topic] for topic in self._topics))
         except Exception as error:
             work = Work()
             work.set_exception(error)
-        self.when_done(work, lambda done: self._finish_tile(report, done))
+        self.when_done(work, lambda done: self._finish_tile(entry, report, done))
 
-    def _finish_tile(self, report: TileReport, work: Work[Any]) -> None:
+    def _finish_tile(self, entry: TileEntry, report: TileReport, work: Work[Any]) -> None:
         """Publish a tile's results, or hold them back."""
-        stamp = report.stamp
-        if self._in_hand.get(stamp) is not report or work.cancelled():
+        if work.cancelled():
             return
         if (error := work.exception()) is not None:
             self._fail_tile(report, error)
             return
         sides = self._clipped(work.result())
-        if sides and self._infos.can_grow(stamp, sides):
-            self._held_back[stamp] = work.result()
-            self.state.set(stamp, WAITING, [name for name, is_it in sides._asdict().items() if is_it])
+        if sides and self._infos.can_grow(entry.stamp, sides):
+            entry.held = work.result()
+            self._end_tile(report)
+            self._set_state(entry, WAITING, (name for name, is_it in sides._asdict().items() if is_it))
         else:
-            self._publish_tile(stamp, work.result())
+            self._publish_tile(entry, work.result(), report)
 
-    def _publish_tile(self, stamp: int, result: Any) -> None:
-        report = self._in_hand[stamp]
+    def _publish_tile(self, entry: TileEntry, result: Any, report: TileReport | None = None) -> None:
+        """Publish a tile's results; there is no report of one that was held back, and has ended."""
+        entry.held = None
         try:
-            report.counts.update(self._publish_result(stamp, result) or {})
+            counts = self._publish_result(entry.stamp, result) or {}
         except Exception as error:
-            self._fail_tile(report, error)
+            self._fail_tile(report or TileReport(entry.stamp), error)
             return
-        self._end_tile(stamp)
-        self.state.set(stamp, PASSED_ON)
+        if report is not None:
+            report.counts.update(counts)
+            self._end_tile(report)
+        self._set_state(entry, PASSED_ON)
 
-    def _end_tile(self, stamp: int) -> None:
-        report = self._in_hand.pop(stamp)
-        self._held_back.pop(stamp, None)
+    def _end_tile(self, report: TileReport) -> None:
         if report.warnings:
-            self.get_logger().warning(f"tile {stamp}: {'; '.join(report.warnings)}")
+            self.get_logger().warning(f"tile {report.stamp}: {'; '.join(report.warnings)}")
         self._diagnostics.end_tile(report)
 
     def _fail_tile(self, report: TileReport, error: BaseException) -> None:
         """Say that the node cannot handle a tile."""
-        self._in_hand.pop(report.stamp, None)
-        self._held_back.pop(report.stamp, None)
         if not self.context.ok():
             return
         failure = reason_of(error)
         self.get_logger().error(f"tile {report.stamp}: {failure}: the tile is not passed on")
         self._diagnostics.end_tile(report, failure)
-        self.state.set(report.stamp, FAILED, reason=failure)
+        if (entry := self.table.entry(report.stamp)) is not None:
+            entry.parts, entry.held = {}, None
+            self._set_state(entry, FAILED, reason=failure)
+
+    # state
+
+    def _set_state(
+        self, entry: TileEntry, status: str, missing: Iterable[str] = (), reason: str = ""
+    ) -> None:
+        """Say what the node has of a tile, which parts or sides of it are missing, or why it failed."""
+        if self.table.set(entry, TileState(status, tuple(sorted(missing)), reason)):
+            self.publish_state()
+
+    def publish_state(self) -> None:
+        """Say that the node is there, and what it has of each tile."""
+        self._sequence += 1
+        state = NodeState(
+            self.get_name(),
+            self.life,
+            self._sequence,
+            {one.stamp: one.state for one in self.table},
+            self.is_stage,
+            self._kind,
+            self._share.replica,
+            self._share.replicas,
+            self.n_reported,
+            {one.topic_name: one.get_subscription_count() for one in self._outputs},
+        )
+        self._state.publish(state.message())
 
     # life
-
-    def announce(self) -> None:
-        """Say that the node is there; called when it begins to spin."""
-        self.state.publish()
 
     def interrupted(self, spin_once: Callable[[float], None]) -> None:
         """Do what a node has still to do when its process is interrupted; most have nothing."""

@@ -23,7 +23,8 @@ MAX_LENGTH = 20_000_000
 #: Building id → quality of its outline, for all outlines of a tile.
 Qualities = dict[int, OutlineQuality]
 _LENGTHS = ("sigma", "max_offset")
-_BEGIN, _END = '{"type":"CityJSONFeature","id":', ',"CityObjects":{},"vertices":[]}'
+_FEATURE = '{"type":"CityJSONFeature"'
+_BEGIN, _END = f'{_FEATURE},"id":', ',"CityObjects":{},"vertices":[]}'
 _CLOSING = f'{_BEGIN}"tile-'
 _Said = TypeVar("_Said")
 
@@ -66,6 +67,11 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
 def withdrawal_message(readable_id: str) -> String:
     """Return the message that there is no building of this name any more."""
     return String(data=f"{_BEGIN}{json.dumps(readable_id)}{_END}")
+
+
+def is_feature(line: str) -> bool:
+    """Whether a line is a feature, and no header."""
+    return line.startswith(_FEATURE)
 
 
 def is_withdrawal(line: str) -> bool:

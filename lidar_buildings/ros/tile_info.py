@@ -14,7 +14,7 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from lidar_buildings.core.model.errors import MessageError
-from lidar_buildings.core.model.sides import NONE, Bounds, Sides
+from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import CLOUD_DEPTH
 from lidar_buildings.ros.qos import LATCHED, SILENT_SUBSCRIPTION
@@ -23,6 +23,7 @@ from lidar_buildings.ros.text_messages import read_json
 
 TOPIC = "tile_info"
 _MEMBERS = ("bounds", "point_spacing", "dark_limit")
+_OUTMOST = (-math.inf, -math.inf, math.inf, math.inf)
 #: How many tiles are remembered; wide margin: at most 8 are in flight.
 _MAX_TILES = 4 * CLOUD_DEPTH
 #: After so long without a publisher nobody will tell of a tile; wide margin over discovery and restarts [s].
@@ -47,11 +48,21 @@ def info_message(*tiles: PointTile, adopted: Iterable[int] = (), life: str = "")
 
 def infos_of(message: String) -> tuple[str, dict[int, dict[str, Any]]]:
     """Return the source's life, and what it says of each tile by stamp; MessageError if it is not clear."""
-    return read_json(
-        TOPIC,
-        message,
-        lambda said: (str(said["life"]), {int(one["stamp"]): dict(one) for one in said["tiles"]}),
-    )
+
+    def read(said: Any) -> tuple[str, dict[int, dict[str, Any]]]:
+        tiles = {
+            int(one["stamp"]): {name: one[name] for name in _MEMBERS if name in one} for one in said["tiles"]
+        }
+        for info in tiles.values():
+            if info.get("bounds") is not None:
+                west, south, east, north = (
+                    none if limit is None else float(limit)
+                    for none, limit in zip(_OUTMOST, info["bounds"], strict=True)
+                )
+                info["bounds"] = NONE.opened((west, south, east, north))
+        return str(said["life"]), tiles
+
+    return read_json(TOPIC, message, read)
 
 
 class TileInfos:
@@ -65,26 +76,26 @@ class TileInfos:
 
     def __init__(self, node: Node, on_change: Callable[[], None]) -> None:
         self._node, self._on_change = node, on_change
-        #: Stamp → life of the source that listed it last, and what it said.
-        self._known: OrderedDict[int, tuple[str, dict[str, Any]]] = OrderedDict()
-        self._life, self._listed = "", set[int]()  # the source's life, and what it has in flight
+        self._known: OrderedDict[int, dict[str, Any]] = OrderedDict()  # stamp → what was said of the tile
+        #: The source's life, what it has in flight, and what it has had.
+        self._life, self._listed, self._had = "", set[int](), set[int]()
         self._seen = time.monotonic()  # when a publisher of the topic was there last
         node.create_subscription(String, TOPIC, self.on_info, LATCHED, event_callbacks=SILENT_SUBSCRIPTION)
 
     def on_info(self, message: String) -> None:
         """Take what the source says; MessageError if it is not understood."""
-        self._life, said = infos_of(message)
+        life, said = infos_of(message)
+        if life != self._life:
+            self._life, self._had = life, set()
         self._listed = {*said}
+        self._had |= self._listed
         for stamp, info in said.items():
-            before = self._info(stamp)
-            self._known[stamp] = (self._life, info if info.keys() > {"stamp"} else before)
-            self._known.move_to_end(stamp)
+            if info:
+                self._known[stamp] = info
+                self._known.move_to_end(stamp)
         while len(self._known) > _MAX_TILES:
             self._known.popitem(last=False)
         self._on_change()
-
-    def _info(self, stamp: int) -> dict[str, Any]:
-        return self._known.get(stamp, ("", {}))[1]
 
     def is_known(self, stamp: int, *, is_promised: bool) -> bool:
         """
@@ -92,7 +103,7 @@ class TileInfos:
 
         It is waited for if it is promised: the tile comes from a source that sends such messages.
         """
-        if self._info(stamp):
+        if stamp in self._known:
             return True
         if self._node.count_publishers(TOPIC) > 0:
             self._seen = time.monotonic()
@@ -109,38 +120,16 @@ class TileInfos:
         """Whether a revision of a tile is no longer in flight: it is done, or there is a later one."""
         if any(one > stamp and tile_of(one) == tile_of(stamp) for one in self._listed):
             return True
-        life, _ = self._known.get(stamp, ("", {}))
-        return life != "" and life == self._life and stamp not in self._listed
+        return self._life != "" and stamp in self._had - self._listed
 
     def can_grow(self, stamp: int, sides: Sides) -> bool:
         """Whether the source may have points beyond some sides of a tile."""
-        if stamp not in self._listed:
-            return False
-        try:
-            bounds = _bounds_of(self._info(stamp).get("bounds"))
-        except ValueError:
-            return True
-        return sides.opened(bounds) != bounds
+        bounds = self._known.get(stamp, {}).get("bounds")
+        return stamp in self._listed and sides.opened(bounds) != bounds
 
     def complete(self, tile: PointTile) -> PointTile:
         """Return a tile with what is known of it; MessageError if a value is none that a tile can have."""
-        info = self._info(tile.stamp)
         try:
-            said = {name: info[name] for name in _MEMBERS if name in info}
-            if "bounds" in said:
-                said["bounds"] = _bounds_of(said["bounds"])
-            return replace(tile, **said)
+            return replace(tile, **self._known.get(tile.stamp, {}))
         except (TypeError, ValueError) as error:
             raise MessageError(f"{TOPIC} of tile {tile.stamp}: {error}") from None
-
-
-def _bounds_of(said: Any) -> Bounds | None:
-    """Return a tile's limits as they are said, null where there is none; ValueError if they are not four."""
-    if said is None:
-        return None
-    try:
-        pairs = zip((-math.inf, -math.inf, math.inf, math.inf), said, strict=True)
-        west, south, east, north = (none if limit is None else float(limit) for none, limit in pairs)
-    except (TypeError, ValueError):
-        raise ValueError(f"bounds = {said!r}: must be four numbers, null for no limit") from None
-    return NONE.opened((west, south, east, north))

@@ -4,26 +4,22 @@ Which tiles are in the graph, and which are lost: one rule, by the states that n
 A tile is lost when no node that is there has it in hand, every node has sent two later states, nothing has
 changed in them, and the tile has had the time that its size takes. It is sent once more, and the same
 counts from then on. A state holds until its node sends another, begins a new life or leaves the graph:
-silence proves nothing. It needs no ROS.
+silence proves nothing.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any, NamedTuple
 
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.replicas import MAX_REPLICAS
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.ros.depths import FEW_POINTS, MOST_TILES
+from lidar_buildings.ros.node_state import FAILED, IN_HAND, WAITING, NodeState, TileState
 
-#: What a node says of a tile; beside these it names the parts that are missing.
-WAITING, IN_HAND, PASSED_ON, FAILED = "waiting", "in_hand", "passed_on", "failed"
 #: Parts that are points beyond the tile's sides, which the source sends in a larger revision.
 SIDES = Sides._fields
 #: Bytes of a point on its way, and how many pass a slow link in a second.
@@ -32,56 +28,6 @@ _POINT, _RATE = 32, 50e6
 _STATES, _MOST_DOUBLED = 2, 6
 #: Nodes that have just come are given so long to know of each other [s].
 _MEETING = 5.0
-
-
-class TileState(NamedTuple):
-    """What a node has of a tile."""
-
-    status: str
-    missing: tuple[str, ...] = ()  #: parts that are waited for; sides, if the tile is too small
-    reason: str = ""  #: why the node could not handle it
-
-
-class NodeState(NamedTuple):
-    """What a node says of itself on `node_state`."""
-
-    node: str
-    life: str  #: another one each time the node is started
-    sequence: int
-    tiles: Mapping[int, TileState] = MappingProxyType({})  #: by stamp [ns]
-    #: Whether tiles go through it. The others are never waited for.
-    is_stage: bool = True
-    #: Nodes of one kind share the tiles; the node is number `replica` of so many.
-    kind: str = ""
-    replica: int = 0
-    replicas: int = 1
-    n_done: int = 0  #: tiles that it has reported as done
-    #: Topic → how many subscriptions of it the node has found.
-    matched: Mapping[str, int] = MappingProxyType({})
-
-    def text(self) -> str:
-        """Return it as a line of JSON."""
-        tiles = {stamp: list(one) for stamp, one in self.tiles.items()}
-        return json.dumps({**self._asdict(), "tiles": tiles, "matched": dict(self.matched)})
-
-    @classmethod
-    def of(cls, said: Any) -> NodeState:
-        """Return what JSON says; ValueError, TypeError or LookupError if it is no state."""
-        found = {name: kind(said[name]) for name, kind in _KINDS.items() if name in said}
-        found["tiles"] = {
-            int(stamp): TileState(str(status), tuple(map(str, missing)), str(reason))
-            for stamp, (status, missing, reason) in said.get("tiles", {}).items()
-        }
-        found["matched"] = {str(topic): int(n) for topic, n in said.get("matched", {}).items()}
-        return cls(**found)
-
-
-#: Members of a state that are text or numbers.
-_KINDS: dict[str, Callable[[Any], Any]] = {
-    **dict.fromkeys(("node", "life", "kind"), str),
-    **dict.fromkeys(("sequence", "replica", "replicas", "n_done"), int),
-    "is_stage": bool,
-}
 
 
 @dataclass
@@ -123,8 +69,9 @@ class TileLedger:
     patience: float
     max_attempts: int
     now: Callable[[], float] = time.monotonic
-    n_done: int = 0
-    n_given_up: int = 0
+    #: Tile → the last revision of it that is done; and tiles that were given up.
+    finished: dict[int, int] = field(default_factory=dict)
+    failed: set[int] = field(default_factory=set)
     _latency: float = 0.0
     _flights: dict[int, Flight] = field(default_factory=dict)
     _nodes: dict[str, _Heard] = field(default_factory=dict)
@@ -139,8 +86,8 @@ class TileLedger:
         changed = [one.since for one in self._flights.values()]
         return {
             "tiles_in_flight": len(self._flights),
-            "tiles_done": self.n_done,
-            "tiles_given_up": self.n_given_up,
+            "tiles_done": len(self.finished),
+            "tiles_given_up": len(self.failed),
             "latency": self._latency,
             "silence": self.now() - max(changed, default=self.now()),
         }
@@ -197,19 +144,19 @@ class TileLedger:
 
     # who is there
 
-    def is_settled(self, seen: Collection[str], listeners: Callable[[str], int], n_done: int) -> bool:
+    def is_settled(self, seen: Collection[str], listeners: Callable[[str], int]) -> bool:
         """
         Whether all nodes that are seen have said something, and know of each other's subscriptions.
 
-        `listeners` returns how many subscriptions of a topic the source sees, `n_done` is the number of tiles
-        of which it knows that they are done. Nodes that do not find each other are waited for a few seconds.
+        `listeners` returns how many subscriptions of a topic the source sees. Nodes that do not find each
+        other, or of which not all done tiles have been heard, are waited for a few seconds.
         """
         there = self._there()
         if not {*seen} <= {one.state.node for one in there}:
             return False
         if all(self.now() - one.since >= _MEETING for one in there):
             return True
-        return max((one.state.n_done for one in there), default=0) <= n_done and all(
+        return max((one.state.n_done for one in there), default=0) <= len(self.finished) and all(
             n >= listeners(topic) for one in there for topic, n in one.state.matched.items()
         )
 
@@ -244,18 +191,26 @@ class TileLedger:
         flight.tile, flight.since, flight.heard, flight.is_adopted = tile, self.now(), None, is_adopted
 
     def done(self, stamp: int) -> bool:
-        """Note that a tile is done; False if it was not in flight, or only an earlier revision is done."""
-        flight = self._flights.get(tile_of(stamp))
-        if flight is None or stamp < flight.tile.stamp:
-            return False
-        self._latency = self.now() - flight.began
-        self.n_done += 1
-        del self._flights[tile_of(stamp)]
+        """Note that a revision of a tile is done; False if a later one is in flight."""
+        number = tile_of(stamp)
+        flight = self._flights.get(number)
+        if flight is not None:
+            if stamp < flight.tile.stamp:
+                return False
+            self._latency = self.now() - flight.began
+            del self._flights[number]
+        self.finished[number] = max(stamp, self.finished.get(number, stamp))
+        self.failed.discard(number)
         return True
+
+    def is_done(self, stamp: int) -> bool:
+        """Whether this revision of a tile, or a later one, is done."""
+        return stamp <= self.finished.get(tile_of(stamp), -1)
 
     def forget(self) -> None:
         """Remove all tiles."""
-        self._flights.clear()
+        for of_tiles in (self._flights, self.finished, self.failed):
+            of_tiles.clear()
 
     # what is to be done
 
@@ -285,7 +240,7 @@ class TileLedger:
                 found[flight.tile.stamp] = f"{flight.n_deaths} nodes ended while they worked on it"
         for stamp in found:
             del self._flights[tile_of(stamp)]
-        self.n_given_up += len(found)
+        self.failed.update(map(tile_of, found))
         return found
 
     def _states(self, flight: Flight) -> list[TileState]:

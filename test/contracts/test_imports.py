@@ -48,7 +48,7 @@ WITHOUT_ROS = {
     "lidar_buildings.commands.run_local",
     "lidar_buildings.commands.settings",
     "lidar_buildings.nodes.configs",
-    "lidar_buildings.nodes.topics",
+    "lidar_buildings.nodes.table",
     "lidar_buildings.ros.depths",
 }
 WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.running_graph"}

@@ -16,7 +16,7 @@ from support.results import MODELS, assert_rest_is_complete, contents
 
 from lidar_buildings.cli import main
 from lidar_buildings.core.model.stage_table import STAGES
-from lidar_buildings.nodes import ground_filter, outline_regulariser
+from lidar_buildings.nodes import stage_nodes
 
 pytestmark = pytest.mark.graph
 
@@ -157,12 +157,12 @@ def test_a_full_disk_in_the_temporary_folder_gives_one_line(command, house, tmp_
 
 
 @pytest.mark.parametrize(
-    ("module", "function"), [(ground_filter, "filter_ground"), (outline_regulariser, "regularise_outlines")]
+    ("node", "function"), [("ground_filter", "filter_ground"), ("outline_regulariser", "regularise_outlines")]
 )
 def test_a_tile_that_fails_each_time_gives_status_3_and_the_rest_is_complete(
-    command, house, result, tmp_path, monkeypatch, module, function
+    command, house, result, tmp_path, monkeypatch, node, function
 ):
-    original, chosen = getattr(module, function), []
+    original, chosen = getattr(stage_nodes, function), []
 
     def fail_on_one_tile(*arguments, **named):
         # outlines carry no stamp, but only one tile has any
@@ -176,12 +176,12 @@ def test_a_tile_that_fails_each_time_gives_status_3_and_the_rest_is_complete(
     with monkeypatch.context() as patched:
         # nodes do their work in this process where there is one core
         patched.setattr("lidar_buildings.pipeline.building_pool.n_cores", lambda: 1)
-        patched.setattr(module, function, fail_on_one_tile)
+        patched.setattr(stage_nodes, function, fail_on_one_tile)
         spoken = command("run", house, "--output", out)
     assert spoken.status == 3
     told = json.loads((out / "run.json").read_text())
     (failed,) = told["failed_tiles"]
-    reason = f"{module.__name__.rsplit('.', 1)[-1]}: ZeroDivisionError: made to fail"
+    reason = f"{node}: ZeroDivisionError: made to fail"
     assert failed["reason"] == reason
     assert spoken.err[0] == f"lidar-buildings: tile {failed['tile']} failed ({reason}): the rest is complete"
     assert " points kept their previous class: " in spoken.err[1]

@@ -16,8 +16,7 @@ from support.node_processes import LAST, NodeProcesses
 from support.results import assert_buildings_once, contents
 
 from lidar_buildings.io.tiling.spool import RECORD
-from lidar_buildings.nodes.graph import survey_nodes
-from lidar_buildings.nodes.run_settings import feed_folder
+from lidar_buildings.nodes.graph import feed_folder, survey_nodes
 from lidar_buildings.nodes.table import nodes_until
 from lidar_buildings.ros.middleware import prepare_middleware
 from lidar_buildings.ros.point_cloud import cloud_message
@@ -117,7 +116,7 @@ def undisturbed(scans, tmp_path_factory):
         for one in scans:
             nodes[SOURCE].tiles.add_scan(one)
         nodes[SOURCE].tiles.flush()
-        wait_for(lambda: composition.wait(nodes["model_writer"], 0.0) or nodes["model_writer"].n_saved)
+        wait_for(lambda: composition.wait(nodes["model_writer"], 0.0) or nodes["model_writer"].last_words)
     return output
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.cloud_files import fill_the_disk
 
 from lidar_buildings.io.bags.bag_summary import summarise_bag
-from lidar_buildings.nodes.topics import RECORDED
+from lidar_buildings.nodes.table import RECORDED
 
 pytestmark = pytest.mark.graph
 

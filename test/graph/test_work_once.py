@@ -3,7 +3,6 @@
 import os
 import threading
 from collections import Counter
-from importlib import import_module
 
 import pytest
 from support.node_bench import running
@@ -11,10 +10,11 @@ from support.results import assert_complete
 
 from lidar_buildings.io.clouds import cloud
 from lidar_buildings.io.clouds.cloud import open_reader
+from lidar_buildings.nodes import model_writer, stage_nodes
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.tile_player import TilePlayer
+from lidar_buildings.ros.node_state import IN_HAND
 from lidar_buildings.ros.stamps import tile_of
-from lidar_buildings.ros.tile_ledger import IN_HAND
 
 pytestmark = pytest.mark.graph
 
@@ -40,7 +40,7 @@ class SlowedGraph:
         self.calls = Counter()
         self._ticks = threading.Condition()
         for node, name in WORK.items():
-            module = import_module(f"lidar_buildings.nodes.{node}")
+            module = model_writer if node == "model_writer" else stage_nodes
             monkeypatch.setattr(module, name, self._slowed(node, getattr(module, name)))
         monkeypatch.setattr(TilePlayer, "on_timer", self._ticking(TilePlayer.on_timer))
         settings = {"tile_player": {"tile_size": 25.0, "buffer": 5.0}}

@@ -18,7 +18,7 @@ from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.nodes import table
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.graph import node_class
-from lidar_buildings.nodes.topics import OF_EVERY_NODE
+from lidar_buildings.nodes.table import OF_EVERY_NODE
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.depths import MAP_DEPTH

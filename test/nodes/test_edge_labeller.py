@@ -6,7 +6,7 @@ from support.node_bench import wait_until
 
 from bench.scenes import buildings as scenes
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.nodes.edge_labeller import EdgeLabeller
+from lidar_buildings.nodes.stage_nodes import EdgeLabeller
 from lidar_buildings.ros.point_cloud import from_message, to_message
 
 pytestmark = pytest.mark.graph

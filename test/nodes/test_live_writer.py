@@ -77,7 +77,7 @@ def test_files_that_cannot_be_made_do_not_end_the_writer(live, tmp_path, monkeyp
         raise OutputError("out: cannot be written (disk full): free some space")
 
     with monkeypatch.context() as full:
-        full.setattr("lidar_buildings.nodes.survey_folder.OutputFolder.finalise", fail)
+        full.setattr("lidar_buildings.io.results.survey_folder.OutputFolder.finalise", fail)
         answer = node_bench.call(other, "save")
         other.send("survey_done", header_of(node_bench.STAMP))
         node_bench.wait_until(lambda: node_bench.warnings(other))

@@ -1,6 +1,5 @@
 """What a user sees of a node that cannot start: one line, exit status 2, no traceback."""
 
-import json
 import os
 import signal
 import subprocess
@@ -16,8 +15,8 @@ from support.cloud_files import random_cloud
 from support.node_bench import wait_until
 from support.ros_domain import use_own_domain
 
-from lidar_buildings.ros.node_state import LISTENER_QOS, TOPIC
-from lidar_buildings.ros.tile_ledger import NodeState
+from lidar_buildings.ros.node_state import TOPIC, state_of
+from lidar_buildings.ros.qos import LATCHED_EVENT
 
 pytestmark = pytest.mark.graph
 
@@ -85,7 +84,7 @@ def wait_until_it_spins(name, context):
     executor.add_node(listener)
     heard = set()
     listener.create_subscription(
-        String, TOPIC, lambda message: heard.add(NodeState.of(json.loads(message.data)).node), LISTENER_QOS
+        String, TOPIC, lambda message: heard.add(state_of(message).node), LATCHED_EVENT
     )
     wait_until(lambda: executor.spin_once(timeout_sec=0.1) or name in heard)
     executor.shutdown()

@@ -32,13 +32,11 @@ from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.nodes import building_tracer, ground_filter
-from lidar_buildings.nodes.building_tracer import BuildingTracer
+from lidar_buildings.nodes import stage_nodes
 from lidar_buildings.nodes.graph import survey_nodes
-from lidar_buildings.nodes.ground_filter import GroundFilter
 from lidar_buildings.nodes.map_frames import origin_message, units_message
-from lidar_buildings.nodes.model_builder import ModelBuilder
 from lidar_buildings.nodes.model_writer import ModelWriter
+from lidar_buildings.nodes.stage_nodes import BuildingTracer, GroundFilter, ModelBuilder
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.node_state import state_of
@@ -97,7 +95,7 @@ def test_the_ground_filter_publishes_the_terrain_on_request(context, bench):
 @pytest.fixture
 def filtering(monkeypatch):
     """A ground filter that asks for more of every tile, east of it."""
-    monkeypatch.setattr(ground_filter, "filter_ground", lambda tile, _: FilteredTile(tile, EAST))
+    monkeypatch.setattr(stage_nodes, "filter_ground", lambda tile, _: FilteredTile(tile, EAST))
 
 
 def test_a_tile_that_cuts_a_wide_roof_off_waits_for_the_word_that_this_is_all(context, bench, filtering):
@@ -135,7 +133,7 @@ def tracing(monkeypatch):
         seen.append(tile.bounds)
         return TracedTile(tile, outlines(HOUSE), NONE if tile.bounds is None else EAST)
 
-    monkeypatch.setattr(building_tracer, "trace_or_close", trace)
+    monkeypatch.setattr(stage_nodes, "trace_or_close", trace)
     return seen
 
 

@@ -23,6 +23,7 @@ from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
 from lidar_buildings.ros.tile_info import infos_of
+from lidar_buildings.ros.tile_table import TileTable
 
 pytestmark = pytest.mark.graph
 
@@ -161,10 +162,10 @@ def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play, context)
     player, end = play({"holds": True}, max_tiles_in_flight=1)
     wait_until(lambda: end.is_at_work)
     bystander = StageNode("bystander", {}, context=context)
-    bystander.state.is_stage = True
+    bystander.is_stage = True
     with running(bystander):
         let_a_day_pass(player)
-        bystander.state._life = "started anew"
+        bystander.life = "started anew"
         let_a_day_pass(player)
         end.let_go.set()
         wait_until(lambda: player.n_done == 5)
@@ -176,9 +177,7 @@ def test_what_a_node_had_in_hand_is_sent_again_when_it_is_started_anew(play):
     wait_until(lambda: end.is_at_work)
 
     def start_anew():  # as if the process were another one; what the first one holds is its own affair
-        end.state._life = "started anew"
-        end.state._tiles.clear()
-        end._in_hand.clear()
+        end.life, end.table = "started anew", TileTable()
 
     end.call_soon(start_anew)
     wait_until(lambda: len(end.received) == 2)
@@ -192,7 +191,7 @@ def test_a_player_that_is_started_anew_only_lists_what_a_node_has_in_hand(contex
     with running(end):
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(first)
-        first.announce()
+        first.publish_state()
         while not end.is_at_work:
             executor.spin_once(timeout_sec=0.1)
         executor.remove_node(first)
@@ -248,8 +247,8 @@ def test_of_a_side_without_more_alone_it_is_said(play):
     wait_until(lambda: end.survey_done)
     stamp = end.received[0].stamp
     west, *others = end.bounds[stamp][-1]
-    assert west is None
-    assert None not in others
+    assert west == -np.inf
+    assert np.isfinite(others).all()
     assert end.received[1].stamp != stamp + 1, "no larger one came"
     assert sorted(Counter(end.done).values()) == [1] * 5
 

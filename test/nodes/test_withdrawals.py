@@ -11,8 +11,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.nodes.map_frames import origin_message
-from lidar_buildings.nodes.model_builder import ModelBuilder
-from lidar_buildings.nodes.outline_regulariser import OutlineRegulariser
+from lidar_buildings.nodes.stage_nodes import ModelBuilder, OutlineRegulariser
 from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.qos import MAP

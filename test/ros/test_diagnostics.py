@@ -6,6 +6,7 @@ from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.ros.diagnostics import ERROR, OK, WARN, NodeSummary, TileReport
+from lidar_buildings.ros.node_state import IN_HAND, TileState
 from lidar_buildings.ros.qos import EVENT
 from lidar_buildings.ros.stage_node import StageNode
 
@@ -14,12 +15,12 @@ TILE = 1_000_000_000
 
 @pytest.fixture
 def summary(clock):
-    return NodeSummary(clock)
+    return NodeSummary(now=clock)
 
 
-def work(summary, stamp=TILE, n_points=10, seconds=0.5):
-    summary.taken(stamp)
-    summary.ended(stamp, n_points, seconds)
+def work(summary, n_points=10, seconds=0.5):
+    summary.taken()
+    summary.ended(n_points, seconds)
 
 
 def test_tiles_points_and_seconds_are_counted(summary, clock):
@@ -31,14 +32,13 @@ def test_tiles_points_and_seconds_are_counted(summary, clock):
     counted = [values[name] for name in ("tiles_in", "points_in", "tiles_out", "points_out")]
     assert counted == [1, 10, 1, 4]
     assert values["input_age"] == 3.0
-    work(summary, 2 * TILE, seconds=0.25)
+    work(summary, seconds=0.25)
     values = summary.state()[2]
     assert (values["seconds_last_tile"], values["seconds"]) == (0.25, 0.75)
 
 
-def test_what_is_worked_on_is_said(summary):
-    summary.taken(TILE)
-    _, message, values = summary.state()
+def test_what_is_worked_on_is_said():
+    _, message, values = NodeSummary(lambda: [TILE]).state()
     assert (message, values["tiles_in_hand"]) == (f"working on tile {TILE}", 1)
 
 
@@ -68,7 +68,7 @@ def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_ca
     heard = []
     listener.create_subscription(DiagnosticArray, "diagnostics", lambda m: heard.extend(m.status), EVENT)
     with running(listener):
-        worker.summary.taken(TILE)
+        worker.table.set(worker.table.entry(TILE), TileState(IN_HAND))
         worker._diagnostics.publish_summary()
         worker._diagnostics.end_tile(TileReport(TILE, n_points=7))
         worker.summary.count_buildings(["ok", "no_solid", "ok"])

@@ -13,11 +13,10 @@ from support.node_bench import running, wait_until
 
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
-from lidar_buildings.ros.node_state import LISTENER_QOS, TOPIC, state_of
+from lidar_buildings.ros.node_state import FAILED, IN_HAND, PASSED_ON, TOPIC, TileState, state_of
 from lidar_buildings.ros.point_cloud import from_message, to_message
-from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED
+from lidar_buildings.ros.qos import CLOUD, EVENT, LATCHED, LATCHED_EVENT
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.tile_ledger import FAILED, IN_HAND, PASSED_ON, TileState
 
 pytestmark = pytest.mark.graph
 
@@ -160,7 +159,6 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
         for n, second in ((2, 1), (3, 2), (4, 3)):
             publisher.publish(to_message(tile(n, second)))
         wait_until(lambda: patient.awaited.keys() == {2, 3, 4})
-        assert patient.summary.is_at_work
         assert patient.is_at_work
         assert not listener.tiles
         patient.awaited[4].set_result(tile(4, 3))
@@ -175,7 +173,7 @@ def test_a_tile_begins_while_another_one_waits_and_may_end_before_it(context):
         "ZeroDivisionError: three is too much",
         "done",
     ]
-    assert not patient.summary.is_at_work
+    assert not patient.is_at_work
 
 
 def test_a_copy_of_a_tile_in_hand_is_dropped_and_one_that_comes_later_is_not(context):
@@ -195,7 +193,7 @@ def test_the_state_says_what_a_node_has_of_each_tile(context):
     patient, listener = Patient(context=context), Listener(context=context)
     states = []
     listener.create_subscription(
-        String, TOPIC, lambda message: states.append(state_of(message)), LISTENER_QOS
+        String, TOPIC, lambda message: states.append(state_of(message)), LATCHED_EVENT
     )
 
     def last():

@@ -133,13 +133,16 @@ def test_a_message_that_is_not_understood_is_refused(text):
     ("said", "why"),
     [
         ('"point_spacing": -1.0', r"point_spacing = -1\.0"),
-        ('"bounds": [1.0, 2.0, 3.0]', "must be four"),
-        ('"bounds": 7', "must be four"),
-        ('"bounds": [1, 2, "x", 4]', "must be four"),
+        ('"bounds": [1.0, 2.0, 3.0]', "tile_info is not understood"),
+        ('"bounds": 7', "tile_info is not understood"),
+        ('"bounds": [1, 2, "x", 4]', "tile_info is not understood"),
     ],
 )
 def test_a_value_that_no_tile_can_have_is_named(said, why):
-    infos = infos_of(1)
-    infos.on_info(String(data=f'{{"life": "", "tiles": [{{"stamp": {STAMP}, {said}}}]}}'))
-    with pytest.raises(MessageError, match=why):
+    def complete():
+        infos = infos_of(1)
+        infos.on_info(String(data=f'{{"life": "", "tiles": [{{"stamp": {STAMP}, {said}}}]}}'))
         infos.complete(tile())
+
+    with pytest.raises(MessageError, match=why):
+        complete()

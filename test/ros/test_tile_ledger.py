@@ -1,6 +1,5 @@
 """The rule of lost tiles, also in random graphs that lose messages and whose nodes die, stop and return."""
 
-import json
 import random
 
 import numpy as np
@@ -8,15 +7,8 @@ import pytest
 
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.ros.tile_ledger import (
-    FAILED,
-    IN_HAND,
-    PASSED_ON,
-    WAITING,
-    NodeState,
-    TileLedger,
-    TileState,
-)
+from lidar_buildings.ros.node_state import FAILED, IN_HAND, PASSED_ON, WAITING, NodeState, TileState, state_of
+from lidar_buildings.ros.tile_ledger import TileLedger
 
 STAMP, OTHER = 1_000_000, 2_000_000
 
@@ -189,14 +181,15 @@ def test_the_source_waits_until_nodes_have_spoken_and_know_of_each_other():
     graph = Graph("filter")
     listeners = {"/points": 1, "/ground": 2}.__getitem__
     graph.say("filter", matched={"/ground": 1})
-    assert not graph.ledger.is_settled({"filter"}, listeners, 0)
-    graph.say("filter", matched={"/ground": 2}, n_done=3)
-    assert not graph.ledger.is_settled({"filter"}, listeners, 0), "done tiles have not been heard of"
-    assert graph.ledger.is_settled({"filter"}, listeners, 3)
-    assert not graph.ledger.is_settled({"filter", "builder"}, listeners, 3)
+    assert not graph.ledger.is_settled({"filter"}, listeners)
+    graph.say("filter", matched={"/ground": 2}, n_done=1)
+    assert not graph.ledger.is_settled({"filter"}, listeners), "done tiles have not been heard of"
+    assert graph.ledger.done(STAMP)
+    assert graph.ledger.is_settled({"filter"}, listeners)
+    assert not graph.ledger.is_settled({"filter", "builder"}, listeners)
     graph.say("filter", matched={"/ground": 1})
     graph.time += 5.0
-    assert graph.ledger.is_settled({"filter"}, listeners, 3), "they do not find each other"
+    assert graph.ledger.is_settled({"filter"}, listeners), "they do not find each other"
 
 
 def test_replicas_that_are_not_there_are_named():
@@ -209,7 +202,7 @@ def test_a_state_is_the_same_after_its_way_as_json():
     state = NodeState(
         "a", "life", 7, {5: TileState(WAITING, ("outlines",), "")}, True, "a", 1, 2, 3, {"/t": 4}
     )
-    assert NodeState.of(json.loads(state.text())) == state
+    assert state_of(state.message()) == state
 
 
 # random graphs
@@ -334,7 +327,7 @@ class World:
 
     def send(self):
         self.ledger.see(self.seen())
-        is_settled = self.ledger.is_settled(self.seen(), lambda topic: 0, 0)
+        is_settled = self.ledger.is_settled(self.seen(), lambda topic: 0)
         for flight in self.ledger.lost() if is_settled else ():
             stamp = flight.tile.stamp
             assert not self.is_under_way(stamp), f"tile {stamp} is not lost at {self.time}"
@@ -357,6 +350,6 @@ def test_whatever_happens_every_tile_is_done_and_none_is_sent_that_was_not_lost(
     world = World(seed, loss=seed % 3 * 0.1, trouble=seed % 5 * 0.004)
     world.run(20_000.0)
     assert len(world.done) == 6
-    assert world.ledger.n_given_up == 0
+    assert not world.ledger.failed
     if not (seed % 3 or seed % 5):
         assert world.n_resent == 0

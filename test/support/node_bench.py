@@ -15,7 +15,7 @@ from lidar_buildings.commands.live_publisher import message_class
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.nodes.topics import topics_called
+from lidar_buildings.nodes.table import topics_called
 from lidar_buildings.ros import qos
 from lidar_buildings.ros.composition import Composition
 from lidar_buildings.ros.point_cloud import to_message

@@ -13,13 +13,14 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from lidar_buildings.nodes.run_settings import run_settings
+from lidar_buildings.nodes.graph import run_settings
 from lidar_buildings.nodes.table import SOURCES, nodes_until
 
 LAST = "building_model"
 #: Nodes are forked from a process that has imported them all: importing takes longer than most tests.
 _FORKING = multiprocessing.get_context("forkserver")
-_FORKING.set_forkserver_preload([f"lidar_buildings.nodes.{name}" for name in {*SOURCES, *nodes_until(LAST)}])
+_MODULES = (*SOURCES, "stage_nodes", "model_writer")
+_FORKING.set_forkserver_preload([f"lidar_buildings.nodes.{name}" for name in _MODULES])
 
 
 class _Forked(subprocess.Popen):
@@ -140,10 +141,12 @@ def _run_node(
     written = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
     os.dup2(written, 1)
     os.dup2(written, 2)
-    names = (f"nodes.{module}", "nodes.graph", "ros.runner")
-    node, graph, runner = (importlib.import_module(f"lidar_buildings.{one}") for one in names)
+    names = ("nodes.graph", "ros.runner")
+    graph, runner = (importlib.import_module(f"lidar_buildings.{one}") for one in names)
+    kind = graph.node_class(module)
     if slow is not None:
         name, seconds = slow
+        node = sys.modules[kind.__module__]
         original = getattr(node, name)
 
         def slowed(*given, **named):
@@ -152,4 +155,4 @@ def _run_node(
 
         setattr(node, name, slowed)
     sys.argv[1:] = arguments
-    raise SystemExit(runner.run_node(graph.node_class(module)))
+    raise SystemExit(runner.run_node(kind))

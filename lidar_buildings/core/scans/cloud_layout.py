@@ -74,6 +74,17 @@ def taken_points(columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
         return np.column_stack([columns.pop(name).astype(np.float64) for name in XYZ])
 
 
+def cast_to(dtype: np.dtype[Any], values: NDArray[Any]) -> NDArray[Any]:
+    """Turn values into a type; what it cannot hold becomes its nearest value, NaN becomes 0."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        if dtype.kind == "f" or np.can_cast(values.dtype, dtype):
+            return values.astype(dtype)
+        whole = values.astype(np.float64)  # float32 rounds the largest uint32 up, beyond it
+    limits = np.iinfo(dtype)
+    whole = np.nan_to_num(whole, nan=0.0, posinf=limits.max, neginf=limits.min)
+    return np.clip(whole, limits.min, limits.max).astype(dtype)
+
+
 def _layout_of(cloud: Cloud, wanted: Collection[str]) -> np.dtype[Any]:
     offsets: dict[str, int] = {}
     formats: dict[str, np.dtype[Any]] = {}

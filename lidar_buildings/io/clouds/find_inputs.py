@@ -5,12 +5,26 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import located, state_of
+
+
+@dataclass(frozen=True)
+class InputConfig(StageConfig):
+    """What inputs may leave unsaid."""
+
+    crs: str = fixed(
+        "",
+        "Reference system of inputs that name none, such as EPSG:28992, the same for `tile_player` and "
+        "`model_writer`; inputs that name another one are refused.",
+        advanced=True,
+    )
 
 
 class InputFile(NamedTuple):

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from lidar_buildings.core.model.parameters import fixed
+from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.io.clouds.find_inputs import InputConfig
 
 
 class OutputFormat(NamedTuple):
@@ -79,5 +81,41 @@ class OutputConfig(RasterConfig):
         "where no grid of PROJ turns them into ellipsoidal heights.",
         unit="m",
         within=(-200.0, 200.0),
+        advanced=True,
+    )
+
+
+@dataclass(frozen=True)
+class SurveyConfig(OutputConfig, InputConfig):
+    """Which survey is written, and where."""
+
+    input: tuple[str, ...] = fixed(
+        (),
+        "The same files, folders and globs as of `tile_player`. Empty: the survey is live, the map frame is "
+        "that of `map_origin`, and tiles stay on disk when files are made of them.",
+        advanced=True,
+    )
+    placed: str = fixed(
+        "",
+        "Folder with the clouds that a live source writes of its points (`points_*.laz`), or `tile_player` "
+        "of bags, from which the classified ones are made; empty: none are made in a live survey.",
+        advanced=True,
+    )
+    output: str = fixed("", "Folder for the results.")
+    overwrite: bool = fixed(False, "Whether to begin anew in a folder with earlier results.", advanced=True)
+    until: str = fixed(STAGES[-1], "The last stage that the graph runs.", choices=STAGES, advanced=True)
+    settings: str = fixed(
+        "",
+        "All settings that results depend on, as JSON; an unfinished run goes on only with the same.",
+        advanced=True,
+    )
+    footprints: str = fixed(
+        "", "File of the footprints that `building_tracer` was given, empty if none.", advanced=True
+    )
+    footprints_layer: str = fixed("", "Layer of it; empty: its only one.", advanced=True)
+    footprint_id: str = fixed(
+        "",
+        "Column of the footprints' file that names them in the results; empty: one that looks like it, or "
+        "the features' numbers.",
         advanced=True,
     )

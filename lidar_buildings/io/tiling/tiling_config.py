@@ -5,24 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from lidar_buildings.core.model.errors import ParameterError
+from lidar_buildings.core.model.errors import MessageError, ParameterError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.config import ScanConfig
 
 #: The smallest side of a tile that may be asked for [m].
 _SMALLEST = 10.0
-
-
-@dataclass(frozen=True)
-class InputConfig(StageConfig):
-    """What inputs may leave unsaid."""
-
-    crs: str = fixed(
-        "",
-        "Reference system of inputs that name none, such as EPSG:28992, the same for `tile_player` and "
-        "`model_writer`; inputs that name another one are refused.",
-        advanced=True,
-    )
 
 
 @dataclass(frozen=True)
@@ -112,3 +101,41 @@ class LiveTilingConfig(TilingConfig):
         "Folder in which points wait for their turn; with one a feed goes on where it was cut off. Empty: a "
         "temporary one.",
     )
+
+
+@dataclass(frozen=True)
+class FeedConfig(LiveTilingConfig, ScanConfig):
+    """How the scans of a feed become tiles, and where they lie."""
+
+    stage: ClassVar[str] = ScanConfig.stage
+
+    map_crs: str = fixed(
+        "", "Reference system of the map, such as EPSG:28992, if map_position is given.", advanced=True
+    )
+    map_position: str = fixed(
+        "",
+        "Where the map's origin lies in it: x, y, z [m], with commas between them. Empty: as `map_origin` or "
+        "`fix` tells, else nowhere.",
+        advanced=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check every value."""
+        super().__post_init__()
+        self.given_frame()
+
+    def given_frame(self) -> MapFrame | None:
+        """Return where the map lies, None if that is not given."""
+        if not self.map_position.strip():
+            if self.map_crs:
+                raise ParameterError(f"{self.stage}.map_crs = {self.map_crs!r}: give map_position, too")
+            return None
+        x, y, z = self._numbers("map_position", "x, y, z [m]")
+        frame = MapFrame(self.map_crs, (x, y, z))
+        from lidar_buildings.io.files.reference_systems import check_place  # loads slowly
+
+        try:
+            check_place(frame)
+        except MessageError as error:
+            raise ParameterError(f"{self.stage}.map_crs, map_position: {error}") from None
+        return frame

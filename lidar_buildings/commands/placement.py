@@ -1,4 +1,4 @@
-"""Which machine runs which nodes, by a launch of its own, and which nodes share tiles. It needs no ROS."""
+"""Arguments of a launch: which machine runs which nodes, and which nodes share tiles. It needs no ROS."""
 
 from __future__ import annotations
 

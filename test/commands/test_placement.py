@@ -2,8 +2,8 @@
 
 import pytest
 
+from lidar_buildings.commands.placement import nodes_of, replicas_of, share_parameters
 from lidar_buildings.core.model.errors import InputError, ParameterError
-from lidar_buildings.nodes.placement import nodes_of, replicas_of, share_parameters
 
 NODES = ("tile_player", "roof_selector_0", "roof_selector_1")
 

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Iterable
 from typing import Generic, TypeVar
 
-from lidar_buildings.ros.stamps import tile_of
+from lidar_buildings.core.model.ids import tile_of
 
 Key = TypeVar("Key", int, str)
 

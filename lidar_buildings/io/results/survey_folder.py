@@ -1,26 +1,29 @@
-"""The output folder of a writer, whose survey comes from files or live. It needs no ROS."""
+"""The output folder of a survey, whose tiles come from files or live."""
 
 from __future__ import annotations
 
 import json
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs
-from lidar_buildings.io.results.output_config import OutputConfig
+from lidar_buildings.io.results.output_config import OutputConfig, SurveyConfig
 from lidar_buildings.io.results.output_folder import OutputFolder
 from lidar_buildings.io.results.run_folder import Share, check_folder, sole_use
 from lidar_buildings.io.results.run_summary import RunSummary
-from lidar_buildings.nodes.configs import ModelWriterConfig
+from lidar_buildings.io.results.tile_products import TileProducts
 
 if TYPE_CHECKING:  # what reads them takes time to import
     from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -39,7 +42,7 @@ class SurveyFolder:
     cannot be read, or the folder cannot be used.
     """
 
-    def __init__(self, config: ModelWriterConfig, read: Sequence[InputFile] = ()) -> None:
+    def __init__(self, config: SurveyConfig, read: Sequence[InputFile] = ()) -> None:
         if not config.output:
             raise ParameterError("model_writer.output is empty: name a folder for the results")
         self._config = config
@@ -90,11 +93,25 @@ class SurveyFolder:
             self._claim(placed, frame)
         return True
 
-    def make_files(self, run_info: Mapping[str, Any], share: Share = map) -> RunSummary:
+    def write_tile(self, clouds: Sequence[PointTile], **results: Any) -> TileProducts:
+        """Put a tile on disk, of what `TileProducts.from_tiles` takes; OutputError if that fails."""
+        if self.is_live and any(one.source is None or one.index is None for one in clouds):
+            # points of somebody else, of which there are no files
+            clouds = [one.select(np.zeros(0, dtype=np.intp)) for one in clouds]
+        products = TileProducts.from_tiles(*clouds, **results)
+        self.folder.write_tile(products)
+        return products
+
+    def make_files(
+        self,
+        run_info: Mapping[str, Any],
+        share: Share = map,
+        write_report: Callable[[Path, dict[str, Any]], Any] | None = None,
+    ) -> RunSummary:
         """
         Make the files of the tiles on disk, those of a live survey with the clouds that are there now.
 
-        `share` does clouds side by side, as in `OutputFolder.finalise`. LidarBuildingsError if no frame is
+        `share` and `write_report` are those of `OutputFolder.finalise`. LidarBuildingsError if no frame is
         known, or a file cannot be written.
         """
         if self.folder is None:
@@ -106,8 +123,6 @@ class SurveyFolder:
             if not self.folder.inputs:
                 where = f"{placed}/{PLACED_CLOUDS}" if placed else "no folder named"
                 problems.append(f"no classified clouds: the source's clouds are not on this host ({where})")
-        from lidar_buildings.report.page_file import write_report  # what it needs is needed last
-
         return self.folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
 
     def _claim(self, inputs: Sequence[str], frame: MapFrame | None = None) -> None:
@@ -128,7 +143,7 @@ class SurveyFolder:
         )
 
 
-def _footprints(config: ModelWriterConfig, frame: MapFrame) -> FootprintFile | None:
+def _footprints(config: SurveyConfig, frame: MapFrame) -> FootprintFile | None:
     if not config.footprints:
         return None
     from lidar_buildings.io.vectors.footprints import FootprintSource, read_footprints

@@ -2,8 +2,8 @@
 
 import pytest
 
+from lidar_buildings.commands.node import check_parameter_files
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.ros.runner import check_parameter_files
 
 #: As launch_ros writes a list of texts (yaml.dump of a tuple).
 LAUNCHED = """/**/tile_player:

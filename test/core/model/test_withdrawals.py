@@ -1,7 +1,7 @@
 """What a tile's later revision has no more."""
 
-from lidar_buildings.ros import withdrawals
-from lidar_buildings.ros.withdrawals import Withdrawals
+from lidar_buildings.core.model import withdrawals
+from lidar_buildings.core.model.withdrawals import Withdrawals
 
 TILE, OTHER = 5_000_000, 6_000_000
 
