@@ -91,7 +91,7 @@ _STAGES = {stage.node: stage for stage in STAGE_TABLE}
 class NodeCard:
     """One node; that of a stage has its topics beside those named here, every node `OF_EVERY_NODE`."""
 
-    name: str  #: of the node, its module and its executable
+    name: str  #: of the node and its executable
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
 
