@@ -191,7 +191,7 @@ class OutlineRegulariser(StageNode):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("outline_regulariser", NODE_CONFIGS["outline_regulariser"], **kwargs)
-        self._withdrawals: Withdrawals[int] = Withdrawals()
+        self._withdrawals = Withdrawals()
         self._outlines = self.create_output(PolygonInstanceStamped, "outlines", MAP_RINGS)
         self._quality = self.create_output(String, "outline_quality", CLOUD)
         self.take_tiles(("traced_outlines",), self.work, self.publish)
@@ -245,8 +245,7 @@ class ModelBuilder(StageNode):
         if self.parameters[FlowControlConfig].publish_tile_done:
             self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
         self._frame = MapFrame()
-        self._names: Withdrawals[str] = Withdrawals()
-        self._numbers: Withdrawals[int] = Withdrawals()
+        self._names, self._numbers = Withdrawals(), Withdrawals()
         self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
         topics = ("plane_points", "outlines", "outline_quality")
         self.take_tiles(topics, self.work, self.publish, agree_on_buildings)

@@ -34,8 +34,9 @@ class TileTable:
     """
     A node's tiles, those first of which nothing has changed for longest.
 
-    Beside the revisions that are in hand there is one of each tile, the latest. A part that comes again
-    replaces the earlier one, so a tile that was sent again completes what a restart has left incomplete.
+    The first part of a later revision takes the place of what was there, unless that is in hand. A part that
+    comes again replaces the earlier one, so a tile that was sent again completes what a restart has left
+    incomplete.
     """
 
     def __init__(self) -> None:
@@ -50,14 +51,15 @@ class TileTable:
         return [one.stamp for one in self if one.state.status == IN_HAND]
 
     def entry(self, stamp: int) -> TileEntry | None:
-        """Return a tile's entry, a new one if there is none; None if a later revision is there."""
+        """Return a tile's entry, a new one if there is none; None if parts of a later revision are there."""
         if stamp in self._tiles:
             return self._tiles[stamp]
         same = [one for one in self if tile_of(one.stamp) == tile_of(stamp)]
-        if any(one.stamp > stamp for one in same):
+        if any(one.stamp > stamp and one.parts for one in same):
             return None
         for one in same:
-            self.drop(one)
+            if one.stamp < stamp:
+                self.drop(one)
         idle = (one for one in self if one.state.status != IN_HAND)
         first = sorted(idle, key=lambda one: one.state.status == WAITING)  # what was passed on
         for one in first[: max(0, len(self._tiles) - MAX_TILES + 1)]:

@@ -27,9 +27,12 @@ def stamps(table):
 
 def test_the_latest_revision_of_a_tile_takes_the_place_of_those_before(table):
     table.entry(1000).parts["a"] = "first"
-    table.entry(1001)
+    later = table.entry(1001)
+    assert (stamps(table), later.parts) == ([1001], {})
+    later.parts["b"] = "first"
     assert table.entry(1000) is None
-    assert (stamps(table), table.entry(1001).parts) == ([1001], {})
+    later.parts = {}  # what was passed on may begin anew, as after a reset
+    assert table.entry(1000) is not None
 
 
 def test_a_revision_that_is_in_hand_stays_until_it_is_passed_on(table):

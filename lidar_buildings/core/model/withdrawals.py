@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable
-from typing import Generic, TypeVar
+from typing import Any
 
 from lidar_buildings.core.model.ids import tile_of
-
-Key = TypeVar("Key", int, str)
 
 #: How many buildings are remembered, in some 50 MB; wide margin: those of 100 km² of a town. What belongs to
 #: the tiles that were published longest ago is forgotten, and stays where it was shown.
 _MAX_BUILDINGS = 200_000
 
 
-class Withdrawals(Generic[Key]):
-    """Remembers which buildings each tile's last revision had."""
+class Withdrawals:
+    """Remembers which buildings, by number or by name, each tile's last revision had."""
 
     def __init__(self) -> None:
         self._last: dict[int, int] = {}  #: tile → its last revision
         #: Building → the tile that had it last: one that goes over to another tile is not withdrawn.
-        self._owner: OrderedDict[Key, int] = OrderedDict()
+        self._owner: OrderedDict[Any, int] = OrderedDict()
 
-    def of(self, stamp: int, buildings: Iterable[Key]) -> list[Key]:
+    def of(self, stamp: int, buildings: Iterable[Any]) -> list[Any]:
         """
         Return what a tile had in its revision before and has no more, in rising order.
 
