@@ -20,7 +20,7 @@ from bench.pages.node_texts import MEANINGS, SERVICES, SUMMARIES
 from lidar_buildings.core.model.parameters import StageConfig, parameter_names, prefix_of, spec_of
 from lidar_buildings.nodes.configs import NODE_CONFIGS
 from lidar_buildings.nodes.table import NODE_TABLE, OF_EVERY_NODE, NodeCard, Topic
-from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, RING_DEPTH
+from lidar_buildings.ros.depths import CLOUD_DEPTH, EVENT_DEPTH, HISTORY_DEPTH, MAP_DEPTH, RING_DEPTH
 
 _COMMAND = "python -m bench.pages.node_reference"
 _PARAMETER_FILE = "pipeline.param.yaml"
@@ -146,7 +146,7 @@ def _profiles() -> str:
             "| BUILDING | reliable | keep all | volatile |",
             f"| EVENT | reliable | keep last {EVENT_DEPTH} | volatile |",
             "| LATCHED | reliable | keep last 1 | transient local |",
-            f"| MAP | reliable | keep last {CLOUD_DEPTH} | transient local |",
+            f"| MAP | reliable | keep last {MAP_DEPTH} | transient local |",
             f"| MAP_RINGS | reliable | keep last {RING_DEPTH} | transient local |",
             f"| LATCHED_HISTORY | reliable | keep last {HISTORY_DEPTH} | transient local |",
         ]

@@ -35,7 +35,7 @@ from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode, reason_of
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.text_messages import closed_tile, is_feature, is_withdrawal
+from lidar_buildings.ros.text_messages import closed_tile, is_model
 from lidar_buildings.ros.tile_table import Parts, agree_on_buildings
 
 #: So long diagnostics of the last tiles are waited for, which are sent right after the results; and how often
@@ -50,9 +50,8 @@ class ModelWriter(StageNode):
     """
     Puts tiles on disk as they are complete, and makes the files when the survey is done.
 
-    `is_over` once the source has said that it is. `last_words` say what was made last, `finished_from` when the
-    last files after `survey_done` were begun [s], `n_clouds_left` how many classified clouds have still to be
-    written.
+    `is_over` once the source has said that it is. `last_words` say what was made last, `finished_from` when
+    the last files after `survey_done` were begun [s], `n_clouds_left` how many clouds are left to write.
     """
 
     def __init__(self, *, read: Sequence[InputFile] = (), **kwargs: Any) -> None:
@@ -156,7 +155,7 @@ class ModelWriter(StageNode):
         line = message.data
         if (stamp := closed_tile(line)) is not None:
             self.add_part(stamp, _MODELS, True)
-        elif is_feature(line) and not is_withdrawal(line):  # a later revision lacks the building in any case
+        elif is_model(line):
             number = load_feature(line)[1]
             self._features[number] = line
             self._features.move_to_end(number)
@@ -324,11 +323,11 @@ def note_diagnostics(record: RunRecord, message: DiagnosticArray) -> None:
             continue
         tile = tile_of(int(values["tile"]))
         if status.level == DiagnosticStatus.ERROR:
-            record.add_error(tile, f"{status.name}: {status.message}")
+            record.errors[tile] = f"{status.name}: {status.message}"
             continue
         told = json.loads(values.get("parameters", "{}"))
         if not isinstance(told, dict) or not told.keys() <= NODE_CONFIGS[node].keys():
             raise ValueError(f"parameters of {node} are {values['parameters'][:100]}")
-        record.add_parameters({name: of for name, of in told.items() if name != ReplicaConfig.stage})
+        record.parameters.update({name: of for name, of in told.items() if name != ReplicaConfig.stage})
         if node in NODE_STAGES and "seconds" in values:
-            record.add_seconds(NODE_STAGES[node], tile, float(values["seconds"]))
+            record.seconds[NODE_STAGES[node]][tile] = float(values["seconds"])

@@ -69,14 +69,9 @@ def withdrawal_message(readable_id: str) -> String:
     return String(data=f"{_BEGIN}{json.dumps(readable_id)}{_END}")
 
 
-def is_feature(line: str) -> bool:
-    """Whether a line is a feature, and no header."""
-    return line.startswith(_FEATURE)
-
-
-def is_withdrawal(line: str) -> bool:
-    """Whether a feature is one without city objects, as `withdrawal_message` writes it."""
-    return line.endswith(_END)
+def is_model(line: str) -> bool:
+    """Whether a line is a feature with city objects: neither a header nor what `withdrawal_message` makes."""
+    return line.startswith(_FEATURE) and not line.endswith(_END)
 
 
 def tile_closing_message(stamp: int) -> String:

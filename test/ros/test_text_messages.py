@@ -55,18 +55,17 @@ def test_a_withdrawal_is_a_feature_of_cityjson_without_objects():
         "CityObjects": {},
         "vertices": [],
     }
-    assert text_messages.is_withdrawal(line)
+    assert not text_messages.is_model(line)
     assert text_messages.closed_tile(line) is None
 
 
 def test_the_end_of_a_tile_names_it():
     line = text_messages.tile_closing_message(77_000_000_001).data
     assert text_messages.closed_tile(line) == 77_000_000_001
-    assert text_messages.is_withdrawal(line)
+    assert not text_messages.is_model(line)
     assert text_messages.closed_tile(line.replace("77", "x")) is None
 
 
 @pytest.mark.parametrize("line", ["", "[]", '{"type":"CityJSONFeature","id":"tile-5"}', "\x00"])
 def test_what_is_no_such_feature_closes_nothing(line):
     assert text_messages.closed_tile(line) is None
-    assert not text_messages.is_withdrawal(line)

@@ -13,40 +13,28 @@ from lidar_buildings.io.results.run_summary import run_info
 
 class RunRecord:
     """
-    Seconds per stage, parameters and failed tiles of a run; `parameters` are those that no stage reports.
+    What is told of a run: `parameters`, `seconds` by stage and tile, and the last of the `errors` by tile.
 
     `failed` are the stamps of the tiles that were given up, in the revision that was sent last.
     """
 
     def __init__(self, parameters: Mapping[str, Any] = MappingProxyType({})) -> None:
+        self.parameters: dict[str, Any] = dict(parameters)
+        self.seconds: dict[str, dict[int, float]] = {stage: {} for stage in STAGES}
+        self.errors: dict[int, str] = {}
         self.failed: set[int] = set()
-        self._seconds: dict[str, dict[int, float]] = {stage: {} for stage in STAGES}
-        self._parameters: dict[str, Any] = dict(parameters)
-        self._reasons: dict[int, str] = {}
         self._started = time.perf_counter()
-
-    def add_parameters(self, parameters: Mapping[str, Any]) -> None:
-        """Note parameters, of which the last ones count."""
-        self._parameters.update(parameters)
-
-    def add_seconds(self, stage: str, tile: int, seconds: float) -> None:
-        """Note how long a stage took for a tile, of which the last time counts."""
-        self._seconds[stage][tile] = seconds
-
-    def add_error(self, tile: int, reason: str) -> None:
-        """Note why a tile could not be handled."""
-        self._reasons[tile] = reason
 
     def has_all(self, stages: Iterable[str], tiles: set[int]) -> bool:
         """Whether the seconds of all these stages on all these tiles have come."""
-        return all(self._seconds[stage].keys() >= tiles for stage in stages)
+        return all(self.seconds[stage].keys() >= tiles for stage in stages)
 
     def reasons(self, failed: Iterable[int]) -> dict[int, str]:
         """Return tile → the last error that was reported of it."""
-        return {tile: self._reasons.get(tile, "it did not finish in time") for tile in sorted(failed)}
+        return {tile: self.errors.get(tile, "it did not finish in time") for tile in sorted(failed)}
 
     def as_dict(self, failed: Mapping[int, str]) -> dict[str, Any]:
         """Return the content of ``run.json``; `failed` are what `reasons` returns."""
-        seconds = {stage: sum(per.values()) for stage, per in self._seconds.items() if per}
+        seconds = {stage: sum(per.values()) for stage, per in self.seconds.items() if per}
         seconds = {"wall": time.perf_counter() - self._started, **seconds}
-        return run_info(seconds, self._parameters, failed, ())
+        return run_info(seconds, self.parameters, failed, ())
