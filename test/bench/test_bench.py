@@ -4,15 +4,16 @@ import re
 
 import numpy as np
 import pytest
+from support.cli_runs import lines_of
 from support.lawn import write_las
 from support.source_tree import ROOT
-from support.tables import lines_of
 
 from bench.common import arguments, clouds
 from bench.ground import isprs, providers
 from bench.ground import scenes as terrain_bench
 from bench.ground import scores as agreement
 from bench.ground.methods import METHODS, ground_mask
+from bench.papers import cube
 from bench.scenes.terrain_site import TerrainSite
 
 METHOD = METHODS[0]
@@ -126,3 +127,13 @@ def test_parameters_given_are_used_and_unknown_ones_refused():
     tolerant = {"ground_distance": 5.0, "iteration_distance": 20.0}
     masks = [ground_mask(small_scene(), METHOD, settings) for settings in (None, tolerant)]
     assert masks[1].sum() > masks[0].sum()
+
+
+def test_a_cube_has_the_measures_of_table_1():
+    points = cube.cube_points()
+    ours = cube.rows_of(points, cube.cube_features(points))
+    paper = np.array([measures for _, measures in cube.PUBLISHED.values()])
+    assert np.abs(ours - paper)[:, :3].max() < 0.045  # two digits, and points that the paper does not place
+    assert np.abs(ours - paper)[:, 3:].max() < 0.12
+    assert (ours[:3, 3] > 0.45).all()
+    assert (ours[3:, 3] < 0.06).all()

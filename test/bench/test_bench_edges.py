@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import shapely
+from support.cli_runs import lines_of
 from support.lawn import DENSITY, HOUSES, houses_on_a_lawn, write_las
 from support.score_files import write_polygons
-from support.tables import lines_of
 
 from bench.common import areas as roof_areas
 from bench.edges import run as edges

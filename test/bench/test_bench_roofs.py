@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import shapely
+from support.cli_runs import lines_of
 from support.lawn import write_las
 from support.score_files import write_polygons
-from support.tables import lines_of
 
 from bench.roofs import run as roofs
 from bench.roofs import scenes as roof_scenes

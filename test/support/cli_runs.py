@@ -94,3 +94,8 @@ def bad_clouds(folder: Path, good: Path) -> dict[str, tuple[Path, str]]:
         late, int(size * 0.6), bytes(np.random.default_rng(0).integers(0, 256, size // 5, "u1"))
     )
     return {case: (folder / name, words) for case, (name, words) in BAD.items()}
+
+
+def lines_of(text, first):
+    """The words of the lines of a table that begin with a word."""
+    return [line.split() for line in text.splitlines() if line.split()[:1] == [first]]

@@ -8,17 +8,12 @@ from lidar_buildings.io.results import tile_products
 def load_products(path):
     """What `TileProducts.save` wrote."""
     sources = tile_products.load_sources(path)
-    core, roofs, edges = (
-        np.concatenate(
-            [np.zeros(0, kind), *(tile_products.load_rows(path, name, source) for source in sources)]
-        )
-        for name, kind in (
-            ("core", tile_products.CORE),
-            ("roofs", tile_products.ROOFS),
-            ("edges", tile_products.EDGES),
-        )
-    )
+    kinds = {"core": tile_products.CORE, "roofs": tile_products.ROOFS, "edges": tile_products.EDGES}
+    rows = [
+        np.concatenate([np.zeros(0, kind), *(tile_products.load_rows(path, name, one) for one in sources)])
+        for name, kind in kinds.items()
+    ]
     rasters = None if tile_products.load_raster_window(path) is None else tile_products.load_rasters(path)
     return tile_products.TileProducts(
-        tile_products.load_stamp(path), core, roofs, edges, *tile_products.load_shapes(path), rasters
+        tile_products.load_stamp(path), *rows, *tile_products.load_shapes(path), rasters
     )

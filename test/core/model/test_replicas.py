@@ -12,13 +12,11 @@ from lidar_buildings.core.model.replicas import ReplicaConfig, replica_of
 def test_tiles_are_shared_evenly_however_their_stamps_are_spaced(step, n):
     found = [replica_of(1_700_000_000 * 10**9 + number * step, n) for number in range(600)]
     counts = np.bincount(found, minlength=n)
-    assert len(counts) == n
     assert (np.abs(counts - 600 / n) < 0.35 * 600 / n).all(), counts
 
 
 def test_all_revisions_of_a_tile_are_of_one_node():
-    stamps = range(5_000, 6_000)
-    assert len({replica_of(stamp, 7) for stamp in stamps}) == 1
+    assert len({replica_of(stamp, 7) for stamp in range(5_000, 6_000)}) == 1
     assert {replica_of(stamp, 1) for stamp in range(0, 10**6, 999)} == {0}
 
 

@@ -7,6 +7,7 @@ import shapely
 from bench.scenes.models import SHAPES, solid_of
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids import raising
+from lidar_buildings.core.solids.output_grid import elevation_on_grid, on_grid
 from lidar_buildings.core.solids.plan_graph import RoofPiece
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Solid
 from lidar_buildings.core.solids.validity import check_solid
@@ -304,3 +305,9 @@ def test_the_order_of_the_pieces_changes_nothing_but_their_order():
 def test_a_plan_that_is_none_comes_with_the_codes_of_its_solid(pieces):
     solid, codes = raising.checked_roof_solid(pieces, 0.0)
     assert codes == check_solid(solid)
+
+
+def test_one_elevation_is_rounded_as_many_are():
+    random = np.random.default_rng(0)
+    elevations = np.concatenate([random.uniform(-500.0, 9000.0, 2000), np.arange(-2000, 2000) * 0.0005])
+    assert [elevation_on_grid(z) for z in elevations.tolist()] == on_grid(elevations).tolist()
