@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import ExitStatus, InputError
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
@@ -61,6 +62,7 @@ class CloudSummary:
     #: Point source ids; points that the file says are not to be used.
     n_strips: int = 0
     n_withheld: int = 0
+    remarks: list[Remark] = field(default_factory=list)  #: what can hardly be so
 
     @property
     def size(self) -> NDArray[np.float64]:
@@ -80,6 +82,7 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
     found = CloudSummary(
         str(path), _format_of(cloud), cloud.crs.name, [float(one) for one in cloud.units[1:]]
     )
+    found.remarks = list(cloud.remarks)
     if (area := Rectangle.of_cloud(cloud)) is None:
         return found
     found.n_points = cloud.point_count
@@ -184,8 +187,9 @@ def _named(path: Path) -> list[Path]:
 def cloud_lines(found: CloudSummary) -> list[str]:
     """Return the block of a cloud."""
     lines = [f"{found.path}: {found.format}, {counted(found.n_points, 'point')}"]
+    remarks = [f"  {'look':8} {one.text}" for one in found.remarks]
     if not found.n_points:
-        return lines
+        return [*lines, *remarks]
     system = found.crs.split(",")[0] or "none in the file"
     units = (
         "" if found.units == [1.0, 1.0] else f" (units of {found.units[0]:g} m, heights {found.units[1]:g} m)"
@@ -211,7 +215,7 @@ def cloud_lines(found: CloudSummary) -> list[str]:
         "times": " to ".join(found.times) or "none",
         "strips": f"{found.n_strips:,}" if found.n_strips else "",
     }
-    return [*lines, *(f"  {name:8} {text}" for name, text in rows.items() if text)]
+    return [*lines, *(f"  {name:8} {text}" for name, text in rows.items() if text), *remarks]
 
 
 def bag_lines(found: BagSummary) -> list[str]:

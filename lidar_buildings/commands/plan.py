@@ -8,6 +8,7 @@ import logging
 import math
 import sys
 import time
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.core.model.errors import ExitStatus, InputError
+from lidar_buildings.core.model.remarks import gathered
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
@@ -124,12 +126,14 @@ def plan_command(options: argparse.Namespace) -> int:
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]
     way = CLUSTER if options.workers else PROCESSES if options.no_ros else GRAPH
     n_workers = options.workers or n_cores()
+    remarks = gathered(remark for cloud in clouds for remark in cloud.remarks)
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
         told = {**_survey(plan), "workers": n_workers, **cost._asdict(), "problems": problems}
+        told["remarks"] = [asdict(one) for one in remarks]
         print(json.dumps(told, indent=2))
     else:
-        print("\n".join(_lines(plan, n_workers, cost)))
+        print("\n".join([*_lines(plan, n_workers, cost), *map(str, remarks)]))
     for problem in problems:
         print(f"lidar-buildings: {problem}", file=sys.stderr)
     return ExitStatus.WRONG_USE if problems else ExitStatus.DONE

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -131,7 +131,7 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
         counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
         print(f"footprints: {', '.join(counts)}")
     for remark in summary.remarks:
-        print(remark)
+        print(remark.text)
     for name in summary.files:
         print(f"  {output / name}")
     if bag is not None and not bag.failure:
@@ -153,4 +153,5 @@ def outcome_as_json(output: Path, outcome: RunOutcome, wall: float) -> dict[str,
         "buildings": summary.buildings,
         "failed_tiles": {str(stamp): reason for stamp, reason in outcome.failed.items()},
         "problems": list(summary.problems),
+        "remarks": [asdict(remark) for remark in summary.remarks],
     }

@@ -56,7 +56,7 @@ def page_of(contents: Contents, explanation: str = "") -> str:
     parts = {
         "title": html.escape(_title(contents)),
         "headlines": _rows(words.headlines(result).items()),
-        "notes": _items([*words.notes(result), *_limits(contents)]),
+        "notes": _items([*words.notes(result), *words.remarks(result.run), *_limits(contents)]),
         "problems": _items(words.problems(result.run)),
         "stages": _stage_rows(words.stage_seconds(result.run)),
         "parameters": _rows(words.changed_parameters(result.run))

@@ -57,6 +57,11 @@ def problems(run: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def remarks(run: Mapping[str, Any]) -> list[str]:
+    """Return what can hardly be so, or is not there, one line each."""
+    return [str(one["text"] if isinstance(one, Mapping) else one) for one in run.get("remarks", ())]
+
+
 def early_end(run: Mapping[str, Any]) -> str:
     """Say that a run was told to end before the last stage; empty if it was not."""
     if run.get("until") in (None, STAGES[-1]):

@@ -184,6 +184,7 @@ def test_the_worst_come_first_with_their_reason(tmp_path):
         ({"until": "roof_selection"}, "The run ended after roof_selection (--until)"),
         ({}, "There are no rasters, so the terrain is not shown."),
         ({"problems": ["a.laz: is <cut> short"]}, "a.laz: is <cut> short"),
+        ({"remarks": [{"code": "a_word", "text": "b.laz: steps of 1 m"}]}, "b.laz: steps of 1 m"),
         ({"failed_tiles": [{"tile": 7, "reason": "no memory"}]}, "tile 7 failed: no memory"),
         ({"n_unclassified": 1200}, "1,200 points are in no finished tile"),
         ({"files": ["run.json"]}, "No building was found."),

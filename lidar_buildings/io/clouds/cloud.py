@@ -7,7 +7,7 @@ import multiprocessing
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.find_inputs import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
 from lidar_buildings.io.clouds.las_records import RawHeader
@@ -123,6 +124,8 @@ class CloudExtent:
     mins: NDArray[np.float64]
     maxs: NDArray[np.float64]
     state: tuple[int, int]  #: size [bytes] and time of the last change [ns] when it was opened
+    #: What its header or its first points say that can hardly be so.
+    remarks: tuple[Remark, ...] = field(default=(), kw_only=True)
 
     @property
     def point_count(self) -> int:
@@ -145,7 +148,7 @@ class Cloud(CloudExtent):
     @property
     def input_file(self) -> InputFile:
         """What a run notes of it."""
-        return InputFile(self.path, self.point_count, self.state, self.kept)
+        return InputFile(self.path, self.point_count, self.state, self.kept, self.remarks)
 
     @property
     def point_count(self) -> int:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.parameters import StageConfig, fixed
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.files.failures import reported
 from lidar_buildings.io.files.locations import located, state_of
 
@@ -35,6 +36,7 @@ class InputFile(NamedTuple):
     #: Its size [bytes] and when it was last changed [ns], where it is to stay as it is.
     state: tuple[int, int] | None = None
     kept: Path | None = None  #: where its points are decoded, once they have been read
+    remarks: tuple[Remark, ...] = ()  #: what its header or first points say that can hardly be so
 
 
 def check_unchanged(file: InputFile) -> None:

@@ -23,6 +23,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, writing
 from lidar_buildings.io.files.reference_systems import reprojected
@@ -37,7 +38,7 @@ _NO_FEATURE = "unknown"
 
 def model_heading(
     inputs: Sequence[InputFile], frame: MapFrame, crs: str, files: OutputConfig
-) -> tuple[ModelHeading, list[str]]:
+) -> tuple[ModelHeading, list[Remark]]:
     """Return what a survey's city model says of itself, and why a format cannot be made that is wanted."""
     names = output_names(inputs)
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
@@ -49,7 +50,7 @@ def model_heading(
         earth = EarthFrame(frame, crs, files.geoid_height)
     except NoPlaceError as error:
         why = f"no 3D Tiles were made: {error}: give one (--crs), or remove {TILES} from model_writer.formats"
-        return heading, [why]
+        return heading, [Remark("no_tiles3d", why)]
     return heading._replace(earth=earth), []
 
 

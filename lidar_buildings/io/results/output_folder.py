@@ -17,6 +17,7 @@ import numpy as np
 from lidar_buildings import __version__
 from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.remarks import Remark, gathered
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.io.clouds.agreement import crs_with_heights
 from lidar_buildings.io.clouds.find_inputs import InputFile
@@ -141,8 +142,9 @@ class OutputFolder:
         complete. The result does not depend on the order in which the tiles came.
 
         `run_info` is what else ``run.json`` holds; its ``problems`` stand before those met here, where the
-        inputs in `told_of` are not reported again. `share`, as `map`, may write the classified clouds in
-        other processes. `write_report` writes the page of the folder with the content of ``run.json``.
+        inputs in `told_of` are not reported again, and its ``remarks`` before those of the inputs and those
+        met here. `share`, as `map`, may write the classified clouds in other processes. `write_report` writes
+        the page of the folder with the content of ``run.json``.
         OutputError if a file cannot be written; the tiles are kept, and the run can be resumed.
         """
         from lidar_buildings.io.results.terrain_files import write_rasters  # see `load_writers`
@@ -160,6 +162,7 @@ class OutputFolder:
             buildings, statuses, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs = [one.output for one in clouds]
+        of_inputs = [remark for one in self.inputs for remark in one.remarks]
         files = [*filter(None, outputs), *buildings]
         new = [one.problem for source, one in enumerate(clouds) if one.problem and source not in told_of]
         per_class = sum((one.per_class for one in clouds), np.zeros(256, dtype=np.int64))
@@ -180,7 +183,7 @@ class OutputFolder:
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
             footprints=footprints,
-            remarks=tuple(remarks),
+            remarks=gathered([*info.get("remarks", ()), *of_inputs, *remarks]),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
         named = [
@@ -211,7 +214,7 @@ class OutputFolder:
 
     def _write_buildings(
         self, fragments: list[Path], pieces: set[int], crs: str
-    ) -> tuple[list[str], dict[str, int], list[str]]:
+    ) -> tuple[list[str], dict[str, int], list[Remark]]:
         """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
         from lidar_buildings.core.stages.building_model.model import LOD22
         from lidar_buildings.io.results.building_files import model_heading, write_buildings, write_in_blocks
@@ -231,7 +234,8 @@ class OutputFolder:
                 buildings.add(load_shapes(fragment))
             coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod != LOD22]
             if coarse:
-                remarks.append(f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why")
+                text = f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why"
+                remarks.append(Remark("coarser_models", text))
             terrain = terrain_meshes(fragments, self.frame, self._files.terrain_tolerance)
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:

@@ -10,6 +10,7 @@ from typing import Any
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, PointClass
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 
 _LIBRARIES = (
@@ -35,8 +36,9 @@ class RunSummary:
     #: What became of the footprints that were given: how many were read, used, repaired, left out for which
     #: reason, and outside the data. Empty where outlines were traced.
     footprints: dict[str, Any] = field(default_factory=dict)
-    #: One line per format that this survey cannot have, and one if buildings lack the finest level of detail.
-    remarks: tuple[str, ...] = ()
+    #: What a person should know: what can hardly be so in the inputs or the result, formats that this survey
+    #: cannot have, buildings that lack the finest level of detail.
+    remarks: tuple[Remark, ...] = ()
     n_facade: int = 0  #: points of class 6 that are façade
 
     @property

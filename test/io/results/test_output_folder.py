@@ -13,6 +13,7 @@ from support.cut_surveys import tiles_of
 from support.made_results import bytes_of, products_of, run
 from support.results import MODELS
 
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import compact_json
@@ -174,7 +175,8 @@ def test_without_a_reference_system_there_are_no_3d_tiles_and_one_line_says_so(t
         summary = run(tmp_path / "out", source, list(tiles_of(source)))
     assert "tiles3d" not in summary.files
     (line,) = summary.remarks
-    assert line.startswith("no 3D Tiles were made: the inputs name no reference system: ")
+    assert line.code == "no_tiles3d"
+    assert line.text.startswith("no 3D Tiles were made: the inputs name no reference system: ")
 
 
 def test_buildings_coarser_than_the_finest_level_are_told(tmp_path, survey):
@@ -188,7 +190,7 @@ def test_buildings_coarser_than_the_finest_level_are_told(tmp_path, survey):
         building["attributes"] |= {"lod": "2.2" if number == 0 else "1.2"}
         output.write_tile(replace(products, features=[compact_json(feature)]))
     assert output.finalise().remarks == (
-        f"coarser than LoD2.2: {len(tiles) - 1} at LoD1.2: their `reason` says why",
+        Remark("coarser_models", f"coarser than LoD2.2: {len(tiles) - 1} at LoD1.2: their `reason` says why"),
     )
 
 
