@@ -33,6 +33,12 @@ from lidar_buildings.evaluation.command.score import add_score_arguments
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
+_STATUSES = (
+    "exit status: 0 for success; 2 for wrong use or unreadable input; 3 if a tile failed and the rest was "
+    "done; 4 if all was done, but there is something to look at first (run --strict); 130 if interrupted"
+)
+
+
 class OneLineParser(argparse.ArgumentParser):
     """Reports wrong use in one line, as every other error."""
 
@@ -98,7 +104,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def command_parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
-    parser = OneLineParser(prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.")
+    parser = OneLineParser(
+        prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.", epilog=_STATUSES
+    )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, add_arguments, command, words in (

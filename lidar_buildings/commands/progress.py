@@ -119,9 +119,9 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
 def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     """Print what was found, what it took and where it is, last what to open first."""
     summary, bag = outcome.summary, outcome.recording
-    statuses = ", ".join(f"{n} {status}" for status, n in sorted(summary.buildings.items())) or "none"
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
-    print(f"buildings: {sum(summary.buildings.values())} ({statuses})")
+    for line in summary.building_words:
+        print(line)
     if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
         print(f"set aside by class: {aside}")
     if record := summary.footprints:
@@ -151,6 +151,8 @@ def outcome_as_json(output: Path, outcome: RunOutcome, wall: float) -> dict[str,
         "n_tiles": summary.n_tiles,
         "n_unclassified": summary.n_unclassified,
         "buildings": summary.buildings,
+        "quality": summary.quality,
+        "quality_reasons": summary.quality_reasons,
         "failed_tiles": {str(stamp): reason for stamp, reason in outcome.failed.items()},
         "problems": list(summary.problems),
         "remarks": [asdict(remark) for remark in summary.remarks],

@@ -30,13 +30,14 @@ from lidar_buildings.io.results.run_folder import (
     discard_unfinished,
     sole_use,
 )
+from lidar_buildings.io.results.run_summary import counted
 
 if TYPE_CHECKING:  # what reads and writes files is imported while the processes of a run start
     from lidar_buildings.io.vectors.footprints import FootprintFile
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed."""
+    """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed, 4 by `--strict`."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     with sole_use(request.output):
@@ -64,7 +65,17 @@ def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcom
     has_bag = outcome.recording is None or not outcome.recording.failure
     if outcome.failed or (outcome.summary.n_unclassified and not outcome.summary.problems):
         return ExitStatus.TILE_FAILED
-    return ExitStatus.WRONG_USE if outcome.summary.problems or not has_bag else ExitStatus.DONE
+    if outcome.summary.problems or not has_bag:
+        return ExitStatus.WRONG_USE
+    if options.strict and outcome.summary.n_doubtful:
+        print(f"lidar-buildings: --strict: {_strict_words(outcome)}", file=sys.stderr)
+        return ExitStatus.DOUBTFUL
+    return ExitStatus.DONE
+
+
+def _strict_words(outcome: RunOutcome) -> str:
+    n, total = outcome.summary.n_doubtful, sum(outcome.summary.quality.values())
+    return f"{n:,} of {counted(total, 'building')} not good: look at their quality_reasons in the report"
 
 
 def _check_places(request: RunRequest) -> None:

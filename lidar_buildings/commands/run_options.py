@@ -109,6 +109,11 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "--retry-failed", action="store_true", help="reprocess the failed tiles in DIR, without ROS"
     )
     add("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: a unique one)")
+    add(
+        "--strict",
+        action="store_true",
+        help="end with exit status 4 if the quality of a building is not good",
+    )
     words = parser.add_mutually_exclusive_group()
     words.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")

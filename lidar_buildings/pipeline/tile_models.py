@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from lidar_buildings.core.model.classes import Facade
+from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
-from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
@@ -63,8 +65,9 @@ def build_models(
             "roof_type": "unknown",
         }
         points, outline, _ = jobs[k][1].args
+        doubts = (Doubt(Cause.NO_MODEL, reason, Grade.POOR),)
         known |= {"area": outline.area, "n_points": len(points)}
-        return BuildingModel({}, known, BuildingStatus.FAILED, reason)
+        return BuildingModel({}, known, BuildingStatus.FAILED, reason, doubts)
 
     models = map_buildings(pool, jobs, list(map(len, buildings)), failed, "no model was built")
     return tuple(map(_with_attributes, buildings, ordered, models))
@@ -94,6 +97,14 @@ def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig)
     )
 
 
+def _outline_doubts(quality: OutlineQuality | None) -> Iterator[Doubt]:
+    """Yield what became of the outline before."""
+    if quality is None or quality.status is BuildingStatus.OK:
+        return
+    cause = Cause.CUT_OFF if quality.status is BuildingStatus.CUT_OFF else Cause.TRACED_OUTLINE
+    yield Doubt(cause, quality.reason or quality.status.value)
+
+
 def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
     is_closed = _is_closed(building, one)
     remark = "" if is_closed else remark_on_points(building)
@@ -108,6 +119,7 @@ def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingM
             attributes["status"] = quality.status.value
     if is_closed:  # its ring was drawn, not traced
         attributes.update(outline_sigma=None, outline_max_offset=None)
+    attributes.update(grade_attributes([*model.doubts, *_outline_doubts(one.quality)]))
     ring = one.outline.exterior
     west = ring.min(axis=0) if len(ring) else np.zeros(2)
     if len(building):

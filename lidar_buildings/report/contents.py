@@ -19,6 +19,7 @@ from rasterio.windows import Window, from_bounds
 
 from lidar_buildings.core.model.classes import PointClass, is_of_groups
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.grade import Grade
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.output_grid import GRID
@@ -282,6 +283,8 @@ MOST_CELLS = 300
 #: Width of the strip that is shown round the buildings where not all are [m].
 _MARGIN = 30.0
 _MOST = 10
+#: Grades from good to bad.
+_GRADES = [grade.value for grade in Grade]
 #: Statuses from bad to good; what is not among them is as good as `ok`.
 _RANKS = {
     BuildingStatus.FAILED: 5,
@@ -390,8 +393,8 @@ def worst_buildings(buildings: Sequence[ReportedBuilding], frame: MapFrame) -> l
     """
     Return the ten worst, the worst first.
 
-    A status that is not `ok` comes first, then a missing level of detail, then what the points say: the share
-    of the outline without support by points, and their distances to the model.
+    A poor quality comes first, then a status that is not `ok`, then a missing level of detail, then what the
+    points say: the share of the outline without support by points, and their distances to the model.
     """
     ordered = sorted(buildings, key=_badness, reverse=True)[:_MOST]
     return [Worst(one, why_bad(one, frame)) for one in ordered]
@@ -400,7 +403,8 @@ def worst_buildings(buildings: Sequence[ReportedBuilding], frame: MapFrame) -> l
 def why_bad(building: ReportedBuilding, frame: MapFrame) -> str:
     """Say in a few words what speaks against a building."""
     known = building.attributes
-    words = [f"{building.status}: {known['reason']}" if known.get("reason") else building.status]
+    words = [f"{building.quality}: {building.quality_reasons}"] if building.quality_reasons else []
+    words.append(f"{building.status}: {known['reason']}" if known.get("reason") else building.status)
     if known.get("lod") not in (None, "2.2"):
         words.append(f"finest level {known['lod'] or 'none'}")
     if known.get("coverage") is not None:
@@ -417,6 +421,7 @@ def _badness(building: ReportedBuilding) -> tuple[float, ...]:
     coverage, rmse = known.get("coverage"), known.get("rmse")
     unsupported = 0.0 if coverage is None else 1.0 - coverage
     return (
+        float(_GRADES.index(building.quality) if building.quality in _GRADES else 0),
         next((rank for status, rank in _RANKS.items() if status.value == building.status), 0),
         float(known.get("lod") not in (None, "2.2")),
         unsupported + (rmse or 0.0) / _BAD_RMSE,

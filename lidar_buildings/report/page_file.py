@@ -16,6 +16,8 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
+from lidar_buildings.core.model.grade import Grade
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
 from lidar_buildings.report import summary_words as words
@@ -24,6 +26,8 @@ from lidar_buildings.report.result_folder import ReportedBuilding, read_result
 
 #: In this order: what a later one uses stands before it.
 _SCRIPTS = ("data", "elements", "camera", "drawing", "scene", "residuals", "charts", "viewer")
+#: What a building that is well is called.
+_WELL = (Grade.GOOD.value, BuildingStatus.OK.value)
 _MILLIMETRES = 1000
 #: Kind of ring → its number in the page.
 _OUTLINE, _TRACED = 0, 1
@@ -140,7 +144,7 @@ def _dots(buildings: Sequence[ReportedBuilding]) -> Any:
     places = shapely.get_coordinates(shapely.centroid(shapes))
     if len(places) < len(buildings):
         return np.empty((0, 3), dtype=np.int32)
-    is_well = np.array([one.status == "ok" for one in buildings], dtype=np.float64)
+    is_well = np.array([(one.quality or one.status) in _WELL for one in buildings], dtype=np.float64)
     return np.rint(np.column_stack([places * 10, is_well])).astype(np.int32)
 
 

@@ -56,6 +56,16 @@ class ReportedBuilding:
         """One word; a run that ended before there were models gives none."""
         return self.attributes.get("status") or "unknown"
 
+    @property
+    def quality(self) -> str:
+        """The grade; empty where there are no models."""
+        return self.attributes.get("quality") or ""
+
+    @property
+    def quality_reasons(self) -> str:
+        """What speaks against the building, empty if nothing does."""
+        return self.attributes.get("quality_reasons") or ""
+
 
 @dataclass(frozen=True, eq=False)
 class Result:

@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.grade import causes_in
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.model.stage_table import STAGES
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
@@ -154,11 +156,15 @@ def _points(run: Mapping[str, Any]) -> str:
 
 
 def _came_out(result: Result) -> str:
-    statuses = Counter(one.status for one in result.buildings)
-    if not statuses:
+    if not result.buildings:
         return "no buildings"
-    counts = ", ".join(f"{n:,} {status}" for status, n in statuses.most_common())
-    words = [f"{counted(statuses.total(), 'building')} ({counts})"]
+    grades = Counter(one.quality for one in result.buildings if one.quality)
+    kinds = grades or Counter(one.status for one in result.buildings)
+    counts = ", ".join(f"{n:,} {kind}" for kind, n in kinds.most_common())
+    words = [f"{counted(len(result.buildings), 'building')} ({counts})"]
+    failed = Counter(one.status for one in result.buildings if one.status != BuildingStatus.OK.value)
+    if grades and failed:
+        words.append("status: " + ", ".join(f"{n:,} {status}" for status, n in failed.most_common()))
     levels = Counter(one.attributes.get("lod") or "" for one in result.buildings)
     if levels.keys() - {""}:
         ordered = sorted(levels.items(), reverse=True)
@@ -180,6 +186,9 @@ def _how_sure(result: Result) -> str:
         values = _values(result, name)
         if len(values):
             words.append(text.format(float(np.median(values)), float(np.percentile(values, tail))))
+    causes = Counter(cause for one in result.buildings for cause in causes_in(one.quality_reasons))
+    if causes:
+        words.append("doubts: " + ", ".join(f"{n:,} {cause}" for cause, n in causes.most_common()))
     n_valid = sum(one.attributes.get("validity") == "[]" for one in result.buildings)
     if any(one.attributes.get("lod") for one in result.buildings):
         words.append(f"{n_valid:,} of {len(result.buildings):,} with valid solids")

@@ -39,7 +39,7 @@ def test_the_graph_says_what_the_run_without_ros_says(command, house, result, tm
     assert (spoken.status, spoken.err) == (0, [])
     n_tiles = json.loads((result / "run.json").read_text())["n_tiles"]
     assert spoken.progress[-1].startswith(f"{n_tiles} of {n_tiles} tiles done, 1 building, ")
-    assert spoken.out[1] == "buildings: 1 (1 ok)"
+    assert spoken.out[1] == "buildings: 1 (1 good)"
     assert files_in(tmp_path / "out") == FILES
     assert contents(tmp_path / "out") == contents(result)
 

@@ -18,13 +18,13 @@ def written_models(folder, frame, formats=("gpkg", "cityjson"), **more):
     """Write models made by hand as a run does, with a record that names the files."""
     folder.mkdir(exist_ok=True)
     with model_survey.survey(folder, model_survey.shapes(frame), frame=frame) as survey:
-        files, statuses = write_buildings(folder, survey, formats, ModelHeading())
+        files, counts = write_buildings(folder, survey, formats, ModelHeading())
     place = {"crs": frame.crs, "origin": frame.origin, "horizontal_unit": frame.horizontal_unit}
     record = {
         "frame": {**place, "vertical_unit": frame.vertical_unit},
         "files": [*files, "run.json"],
         "until": "building_model",
-        "buildings": statuses,
+        "buildings": counts.statuses,
         **more,
     }
     (folder / "run.json").write_text(json.dumps(record))

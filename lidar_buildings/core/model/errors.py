@@ -29,4 +29,5 @@ class ExitStatus(IntEnum):
     DONE = 0
     WRONG_USE = 2  #: wrong usage, unreadable input, or an output that is missing for that
     TILE_FAILED = 3  #: a tile failed; the rest is done
+    DOUBTFUL = 4  #: done, but look: a result that the user wants to see before it is used
     INTERRUPTED = 130

@@ -40,12 +40,12 @@ TERRAIN = ("terrain", (0.47, 0.53, 0.38))
 READABLE_ID = "readable_id"
 #: Name → type of every attribute of a building (doc/formats.md), in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
-    "building_id": int, "footprint_id": str, "status": str, "reason": str, "ground_elevation": float,
-    "roof_elevation_min": float, "roof_elevation_50p": float, "roof_elevation_70p": float,
-    "roof_elevation_max": float, "height": float, "area": float, "n_points": int, "point_spacing": float,
-    "outline_sigma": float, "outline_max_offset": float, "n_planes": int, "roof_type": str, "rmse": float,
-    "plane_sigma": float, "coverage": float, "no_data_share": float, "volume": float, "lod": str,
-    "validity": str,
+    "building_id": int, "footprint_id": str, "status": str, "reason": str, "quality": str,
+    "quality_reasons": str, "ground_elevation": float, "roof_elevation_min": float,
+    "roof_elevation_50p": float, "roof_elevation_70p": float, "roof_elevation_max": float, "height": float,
+    "area": float, "n_points": int, "point_spacing": float, "outline_sigma": float,
+    "outline_max_offset": float, "n_planes": int, "roof_type": str, "rmse": float, "plane_sigma": float,
+    "coverage": float, "no_data_share": float, "volume": float, "lod": str, "validity": str,
 }  # fmt: skip
 _PLANE = ("plane_a", "plane_b", "plane_c")
 #: Name → type of what is said of each face of a roof.

@@ -9,7 +9,6 @@ without dates, so that equal surveys give equal bytes.
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from importlib import import_module
@@ -31,9 +30,8 @@ from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyB
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OUTPUT_FORMATS, TILES, OutputConfig
 from lidar_buildings.io.results.run_folder import BLOCKS, output_names
+from lidar_buildings.io.results.run_summary import BuildingCounts
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
-
-_NO_FEATURE = "unknown"
 
 
 def model_heading(
@@ -60,19 +58,18 @@ def write_buildings(
     formats: Collection[str],
     heading: ModelHeading,
     terrain: Iterable[TerrainMesh] = (),
-) -> tuple[list[str], dict[str, int]]:
+) -> tuple[list[str], BuildingCounts]:
     """
     Write buildings in some of `OUTPUT_FORMATS`; a file appears, complete, when its last building is written.
 
     `terrain` stands behind the buildings in every format of models. Returned are the names of the files, and
-    status → number of buildings; of those with an outline, where there are any outlines. OutputError if a
-    file cannot be written.
+    counts of the buildings; of those with an outline, where there are any outlines. OutputError if a file
+    cannot be written.
     """
     # 3D Tiles stand on the earth, or nowhere
     chosen = [name for name in FORMAT_FILES if name in formats and (heading.earth or name != TILES)]
     heading = heading._replace(frame=buildings.frame, extent=buildings.extent)
-    outlined: Counter[str] = Counter()
-    traced: Counter[str] = Counter()
+    outlined, traced = BuildingCounts(), BuildingCounts()
     with ExitStack() as stack:
         # what is opened last ends first: layers are written at their end, where a disk may be found full
         paths = {name: folder / FORMAT_FILES[name][0] for name in reversed(chosen)}
@@ -85,15 +82,15 @@ def write_buildings(
 
         for building in buildings:
             add_to_all(building)
-            status = building.attributes.get("status") or _NO_FEATURE
-            outlined[status] += building.outline is not None
-            traced[status] += building.traced is not None
+            if building.outline is not None:
+                outlined.count(building.attributes)
+            if building.traced is not None:
+                traced.count(building.attributes)
         if not all(OUTPUT_FORMATS[name].of_outlines for name in chosen):
             for mesh in terrain:
                 add_to_all(mesh)
-    counted = outlined if outlined.total() else traced
     files = [file for name in chosen for file in FORMAT_FILES[name]]
-    return files, dict(sorted((+counted).items()))
+    return files, outlined if outlined.total else traced
 
 
 def writer_of(name: str) -> Callable[[Path, ModelHeading], AbstractContextManager[Add]]:
@@ -121,7 +118,7 @@ def write_in_blocks(
     terrain: Iterable[TerrainMesh] = (),
     *,
     largest: int,
-) -> tuple[list[str], dict[str, int]]:
+) -> tuple[list[str], BuildingCounts]:
     """
     Write buildings as `write_buildings` does, the files of each block into a folder of its own.
 
@@ -131,7 +128,7 @@ def write_in_blocks(
     in_blocks = {_INSTEAD.get(name, name) for name in formats if name != TILES}
     squares = squares_of(buildings.places(), largest)
     tiles: list[str] = []
-    total: Counter[str] = Counter()
+    total = BuildingCounts()
     items = []
     with atomic_folder(folder / BLOCKS) as blocks, TemporaryFile(dir=blocks) as file:
         #: pieces of terrain by the number of the square around each, or nearest to it
@@ -145,16 +142,23 @@ def write_in_blocks(
             x, y, _ = buildings.frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
             block = blocks / f"block-{x:.0f}-{y:.0f}"
             block.mkdir()
-            files, statuses = write_buildings(block, part, in_blocks, heading, meshes.of(number))
-            total.update(statuses)
-            items.append(_item(block, files, {"buildings": len(rows), "statuses": statuses}, part))
+            files, counts = write_buildings(block, part, in_blocks, heading, meshes.of(number))
+            total.add(counts)
+            items.append(
+                _item(
+                    block,
+                    files,
+                    {"buildings": len(rows), "statuses": dict(sorted(counts.statuses.items()))},
+                    part,
+                )
+            )
         lines = ",\n".join(json.dumps(item, ensure_ascii=False) for item in items)
         index = f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
         (blocks / INDEX).write_text(index, encoding="utf-8")
         if TILES in formats:
             all_meshes = chain.from_iterable(map(meshes.of, range(len(squares))))
             tiles, _ = write_buildings(folder, buildings, [TILES], heading, all_meshes)
-    return [BLOCKS, *tiles], dict(sorted(total.items()))
+    return [BLOCKS, *tiles], total
 
 
 def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuildings) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from lidar_buildings.io.results.run_folder import (
     files_of_run,
     remove_files,
 )
-from lidar_buildings.io.results.run_summary import RunSummary, run_record
+from lidar_buildings.io.results.run_summary import BuildingCounts, RunSummary, run_record
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 
@@ -159,7 +159,7 @@ class OutputFolder:
                 write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
             )
             raster_files = beside.submit(write_rasters, self.path, fragments, self.frame, crs)
-            buildings, statuses, remarks = self._write_buildings(fragments, pieces, crs)
+            buildings, counts, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs = [one.output for one in clouds]
         of_inputs = [remark for one in self.inputs for remark in one.remarks]
@@ -170,7 +170,7 @@ class OutputFolder:
         report = (REPORT_FILE,) if write_report and REPORT in self._files.formats else ()
         footprints = dict(self._footprints.record) if self._footprints else {}
         if footprints:
-            footprints["n_outside"] = footprints["n_used"] - sum(statuses.values())
+            footprints["n_outside"] = footprints["n_used"] - counts.total
         summary = RunSummary(
             files=(*files, *rasters, *report, RUN),
             n_tiles=len(fragments),
@@ -178,7 +178,9 @@ class OutputFolder:
             n_unclassified=n_points - sum(one.n_known for one in clouds),
             n_facade=sum(one.n_facade for one in clouds),
             classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
-            buildings=statuses,
+            buildings=dict(sorted(counts.statuses.items())),
+            quality=dict(sorted(counts.grades.items())),
+            quality_reasons=dict(sorted(counts.causes.items())),
             n_seam_pieces=len(pieces),
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
@@ -214,8 +216,8 @@ class OutputFolder:
 
     def _write_buildings(
         self, fragments: list[Path], pieces: set[int], crs: str
-    ) -> tuple[list[str], dict[str, int], list[Remark]]:
-        """Write outlines and models as far as the run went; return file names, counts by status, remarks."""
+    ) -> tuple[list[str], BuildingCounts, list[Remark]]:
+        """Write outlines and models as far as the run went; return file names, counts, remarks."""
         from lidar_buildings.core.stages.building_model.model import LOD22
         from lidar_buildings.io.results.building_files import model_heading, write_buildings, write_in_blocks
         from lidar_buildings.io.results.terrain_files import terrain_meshes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -10,12 +11,44 @@ from typing import Any
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.classes import CLASS_GROUPS, PointClass
+from lidar_buildings.core.model.grade import Grade, causes_in
 from lidar_buildings.core.model.remarks import Remark
+from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.results.output_config import FORMAT_FILES
 
 _LIBRARIES = (
     "numpy", "scipy", "numba", "scikit-learn", "shapely", "laspy", "lazrs", "pyogrio", "pyproj", "rasterio",
 )  # fmt: skip
+
+
+#: Status of a building in a run without models.
+_NO_FEATURE = "unknown"
+
+
+@dataclass(frozen=True)
+class BuildingCounts:
+    """How many buildings there are of each kind."""
+
+    statuses: Counter[str] = field(default_factory=Counter)
+    grades: Counter[str] = field(default_factory=Counter)  #: none in a run without models
+    causes: Counter[str] = field(default_factory=Counter)  #: code of a doubt → buildings that have it
+
+    @property
+    def total(self) -> int:
+        """All buildings."""
+        return self.statuses.total()
+
+    def count(self, attributes: Mapping[str, Any]) -> None:
+        """Add a building."""
+        self.statuses[attributes.get("status") or _NO_FEATURE] += 1
+        if grade := attributes.get("quality"):
+            self.grades[grade] += 1
+            self.causes.update(set(causes_in(attributes.get("quality_reasons") or "")))
+
+    def add(self, others: BuildingCounts) -> None:
+        """Add other buildings."""
+        for name in ("statuses", "grades", "causes"):
+            getattr(self, name).update(getattr(others, name))
 
 
 @dataclass(frozen=True)
@@ -40,6 +73,8 @@ class RunSummary:
     #: cannot have, buildings that lack the finest level of detail.
     remarks: tuple[Remark, ...] = ()
     n_facade: int = 0  #: points of class 6 that are façade
+    quality: dict[str, int] = field(default_factory=dict)  #: grade → buildings, empty without models
+    quality_reasons: dict[str, int] = field(default_factory=dict)  #: code → buildings of which it is told
 
     @property
     def set_aside(self) -> dict[str, int]:
@@ -49,6 +84,27 @@ class RunSummary:
             for name in CLASS_GROUPS.keys() - {"noise", "road"}
         }
         return {name: n for name, n in sorted(groups.items()) if n}
+
+    @property
+    def n_doubtful(self) -> int:
+        """Buildings that are not good."""
+        return sum(self.quality.values()) - self.quality.get(Grade.GOOD.value, 0)
+
+    @property
+    def building_words(self) -> list[str]:
+        """What is told of the buildings at the end: how many are how good, why not, and what failed."""
+        n, failed = sum(self.buildings.values()), dict(self.buildings)
+        if not self.quality:
+            return [f"buildings: {n:,}"]
+        failed.pop(BuildingStatus.OK.value, None)
+        known = {one.value: self.quality.get(one.value, 0) for one in Grade}
+        grades = ", ".join(f"{number:,} {grade}" for grade, number in known.items() if number)
+        lines = [f"buildings: {n:,} ({grades})"]
+        for name, counts in (("quality_reasons", self.quality_reasons), ("status", failed)):
+            if counts:
+                most = sorted(counts.items(), key=lambda one: (-one[1], one[0]))
+                lines.append(f"{name}: {', '.join(f'{number:,} {what}' for what, number in most)}")
+        return lines
 
     @property
     def why_no_building(self) -> str:

@@ -251,6 +251,10 @@ def _ended_before(result: Result, stage: str) -> bool:
 def _head(building: ReportedBuilding, spacing: float) -> list[str]:
     known = building.attributes
     lines = [f"{building.name} (building_id {building.building_id}): {building.status}"]
+    if building.quality:
+        lines.append(
+            f"quality {building.quality}{': ' * bool(building.quality_reasons)}{building.quality_reasons}"
+        )
     if known.get("reason"):
         lines.append(f"reason: {known['reason']}")
     words = [

@@ -71,7 +71,7 @@ class PlanMap {
     if (data[name]) shade(data[name], facts[name], context, this.place);
     for (let at = 0; at < data.dots.array.length; at += 3) {
       const [x, y] = this.place(data.dots.array[at] / 10, data.dots.array[at + 1] / 10);
-      context.fillStyle = data.dots.array[at + 2] ? STATUSES.ok : STATUSES.failed;
+      context.fillStyle = data.dots.array[at + 2] ? STATUSES.good : STATUSES.poor;
       context.fillRect(x - 1, y - 1, 2, 2);
     }
     for (const { building, places } of this.outlines) this.drawRing(context, building, places, building === selected);
@@ -79,7 +79,7 @@ class PlanMap {
   }
 
   drawRing(context, building, places, isSelected) {
-    const colour = STATUSES[this.scene.facts.attributes[building].status ?? "unknown"] ?? STATUSES.unknown;
+    const colour = standingColour(this.scene.facts.attributes[building]);
     context.beginPath();
     places.forEach(([x, y]) => context.lineTo(...this.place(x, y)));
     context.closePath();

@@ -23,7 +23,10 @@ const SLOPES = ramp(["#f6e6b4", "#f0b873", "#df7d50", "#b3453b", "#6e2440"]);
 const HEIGHTS = ramp(["#30408f", "#2f8fb3", "#5fc08a", "#e0d65c", "#d8653a"]);
 const GOODNESS = ramp(["#2f9e63", "#e3d25a", "#d9432f"]);
 const SIGNED = ramp(["#2459a8", "#8fb7dd", "#f5f2ea", "#eba17c", "#b3261e"]);
-const STATUSES = { ok: "#2f9e63", traced_outline: "#e0a526", cut_off: "#8a63c0", degenerate: "#7d8790", no_solid: "#e0662f", failed: "#c2262e", unknown: "#5c88b0" };
+const STATUSES = { good: "#2f9e63", check: "#e0a526", poor: "#c2262e", ok: "#2f9e63", traced_outline: "#e0a526", cut_off: "#8a63c0", degenerate: "#7d8790", no_solid: "#e0662f", failed: "#c2262e", unknown: "#5c88b0" };
+/** How good a building is: its quality, or its status where the run ended before there were models. */
+const standing = (known) => known.quality || known.status || "unknown";
+const standingColour = (known) => STATUSES[standing(known)] ?? STATUSES.unknown;
 const CLASSES = { 0: "#b9b9b9", 1: "#b9b9b9", 2: "#a98a64", 3: "#a8cf7a", 4: "#74b35a", 5: "#3f8a43", 6: "#d1503f", 9: "#3d85c6", 10: "#7a6a8a", 11: "#8d8f94", 17: "#c79a3e" };
 const PALETTE = ["#4e79a7", "#f28e2b", "#59a14f", "#b07aa1", "#76b7b2", "#edc948", "#e15759", "#9c755f", "#ff9da7", "#86bcb6", "#d4a6c8", "#8cd17d"];
 const WALL = rgb("#e8e3d8"), FOOT = rgb("#a7a79c"), EDGE = rgb("#30363e"), NONE = rgb("#c3c8cd");
@@ -112,7 +115,7 @@ class Scene {
 
   roofColour(row, triangle, mode) {
     const known = this.facts.attributes[row];
-    if (mode === "status") return rgb(STATUSES[known.status ?? "unknown"] ?? STATUSES.unknown);
+    if (mode === "quality") return rgb(standingColour(known));
     if (mode === "type") return rgb(PALETTE[this.types.indexOf(known.roof_type ?? "unknown") % PALETTE.length]);
     if (mode === "rmse") return known.rmse == null ? NONE : GOODNESS((known.rmse * this.facts.units[2]) / FAR);
     const [x, y, z] = this.normal(triangle), slope = Math.atan2(Math.hypot(x, y), z) * 180 / Math.PI;
@@ -181,13 +184,13 @@ class Scene {
     return vertices;
   }
 
-  /** Rings of a kind: outlines by status just above the ground, traced rings at the eaves. */
+  /** Rings of a kind: outlines by quality just above the ground, traced rings at the eaves. */
   ringVertices(kind) {
     const rings = this.rings(kind), vertices = new Vertices(2 * rings.reduce((sum, one) => sum + one.places.length, 0));
     let row = 0;
     for (const { building, places } of rings) {
       const known = this.facts.attributes[building];
-      const colour = kind === OUTLINE ? rgb(STATUSES[known.status ?? "unknown"] ?? STATUSES.unknown) : rgb("#c2262e");
+      const colour = kind === OUTLINE ? rgb(standingColour(known)) : rgb("#c2262e");
       const z = this.ringElevation(known, kind, places[0]);
       places.forEach((place, k) => {
         for (const [x, y] of [place, places[(k + 1) % places.length]]) vertices.set(row++, ...this.near([x, y, z]), colour);

@@ -84,7 +84,7 @@ class Viewer {
       const mode = byId("roofs").value;
       if (mode === "slope") legend.append(title("slope"), ...[0, 15, 30, 45, 60].map((one) => key(css(SLOPES(one / 60)), `${one}°`)));
       if (mode === "type") legend.append(title("roof type"), ...this.scene.types.map((one, k) => key(PALETTE[k % PALETTE.length], one)));
-      if (mode === "status") legend.append(title("status"), ...this.statuses());
+      if (mode === "quality") legend.append(title("quality"), ...this.standings());
       if (mode === "rmse") legend.append(title("rmse"), ...[0, 0.15, 0.3].map((one) => key(css(GOODNESS(one / FAR)), `${one} m`)));
       if (mode === "aspect") legend.append(title("looks to"), ...["N", "NE", "E", "SE", "S", "SW", "W", "NW"].map((one, k) => key(PALETTE[k], one)));
     }
@@ -95,9 +95,9 @@ class Viewer {
     }
   }
 
-  statuses() {
+  standings() {
     const counts = {};
-    for (const one of this.facts.attributes) counts[one.status ?? "unknown"] = (counts[one.status ?? "unknown"] ?? 0) + 1;
+    for (const one of this.facts.attributes) counts[standing(one)] = (counts[standing(one)] ?? 0) + 1;
     return Object.entries(counts).map(([name, n]) => key(STATUSES[name] ?? STATUSES.unknown, `${name} (${n})`));
   }
 
@@ -168,11 +168,11 @@ class Viewer {
       panel.replaceChildren(element("h2", "Building"), element("p", "Click a building to see what is known of it."));
       return;
     }
-    const known = this.facts.attributes[row], status = element("p", `${known.status ?? "unknown"}${known.reason ? `: ${known.reason}` : ""}`);
-    status.className = "status";
-    status.style.color = STATUSES[known.status ?? "unknown"] ?? "inherit";
-    const names = Object.keys(known).filter((name) => !["status", "reason"].includes(name) && known[name] != null && known[name] !== "");
-    panel.replaceChildren(element("h2", this.facts.names[row]), status, table(names.map((name) => [name, written(known[name])])), ...this.faceRows(row));
+    const known = this.facts.attributes[row], told = (name, reason) => known[name] ? [element("p", `${known[name]}${known[reason] ? `: ${known[reason]}` : ""}`)] : [];
+    const lines = [...told("quality", "quality_reasons"), ...told("status", "reason")];
+    for (const one of lines.slice(0, 1)) Object.assign(one, { className: "status" }).style.color = standingColour(known);
+    const names = Object.keys(known).filter((name) => !["quality", "quality_reasons", "status", "reason"].includes(name) && known[name] != null && known[name] !== "");
+    panel.replaceChildren(element("h2", this.facts.names[row]), ...lines, table(names.map((name) => [name, written(known[name])])), ...this.faceRows(row));
   }
 
   faceRows(row) {
@@ -267,7 +267,7 @@ class Viewer {
 
 async function openPage() {
   const data = await loadData(), viewer = new Viewer(data);
-  byId("map-legend").append(...viewer.statuses());
+  byId("map-legend").append(...viewer.standings());
   const bars = data.facts.histograms.map(histogram);
   byId("histograms").append(...(bars.length ? bars : ["There is nothing to be measured."]));
   viewer.map.draw(-1);

@@ -45,8 +45,8 @@ def written(folder, *tiles, frame=DUTCH, largest=2):
     folder.mkdir(exist_ok=True)
     with model_survey.survey(folder, *tiles, frame=frame) as survey:
         heading = ModelHeading(earth=EarthFrame(frame, frame.crs) if frame.crs else None)
-        files, statuses = write_in_blocks(folder, survey, FORMATS, heading, TERRAIN, largest=largest)
-    return files, statuses, json.loads((folder / "blocks" / "index.json").read_text())["features"]
+        files, counts = write_in_blocks(folder, survey, FORMATS, heading, TERRAIN, largest=largest)
+    return files, counts, json.loads((folder / "blocks" / "index.json").read_text())["features"]
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +72,9 @@ def test_squares_are_not_divided_without_end():
 
 
 def test_blocks_hold_every_building_once_and_the_index_says_which_files(blocks):
-    folder, files, statuses, items = blocks
+    folder, files, counts, items = blocks
     assert files == ["blocks", "tiles3d"]
-    assert statuses == {"ok": len(CORNERS)}
+    assert counts.statuses == {"ok": len(CORNERS)}
     assert [item["properties"]["buildings"] for item in items] == [2, 1, 1, 1]
     numbers = []
     for item in items:

@@ -62,10 +62,10 @@ def feet(tmp_path_factory):
 
 
 def test_all_files_and_layers_are_named_and_buildings_counted_by_status(dutch):
-    folder, files, statuses = dutch
+    folder, files, counts = dutch
     assert files == NAMES
     assert all((folder / name).exists() for name in files)
-    assert statuses == {"degenerate": 1, "ok": 4}
+    assert counts.statuses == {"degenerate": 1, "ok": 4}
     layers = pyogrio.list_layers(dutch[0] / "buildings.gpkg").tolist()
     assert layers == [
         ["outlines", "Polygon"],
@@ -187,9 +187,9 @@ def test_cjio_reads_all_levels_and_the_header_tells_extent_and_title(dutch, tmp_
 
 
 def test_no_buildings_give_files_that_are_sound_and_empty(tmp_path):
-    files, statuses = written(tmp_path, model_survey.shapes(buildings={}))
+    files, counts = written(tmp_path, model_survey.shapes(buildings={}))
     assert files == NAMES
-    assert statuses == {}
+    assert counts.statuses == {}
     for layer in ("outlines", "traced", "roof_faces"):
         assert pyogrio.read_info(tmp_path / "buildings.gpkg", layer=layer)["features"] == 0
     (header,) = (tmp_path / "city_model.city.jsonl").read_text().splitlines()
@@ -214,10 +214,10 @@ def test_many_buildings_are_written_in_portions_to_the_same_layers(dutch, tmp_pa
 
 @pytest.mark.parametrize("name", FORMAT_FILES)
 def test_formats_can_be_chosen(tmp_path, name):
-    files, statuses = written(tmp_path, model_survey.shapes(), formats=[name])
+    files, counts = written(tmp_path, model_survey.shapes(), formats=[name])
     assert files == list(FORMAT_FILES[name])
     assert {p.name for p in tmp_path.iterdir()} == {"lines", *files}
-    assert statuses == {"degenerate": 1, "ok": 4}
+    assert counts.statuses == {"degenerate": 1, "ok": 4}
 
 
 def test_buildings_to_leave_out_are_in_no_file(tmp_path):
@@ -229,8 +229,8 @@ def test_buildings_to_leave_out_are_in_no_file(tmp_path):
 
 def test_outlines_without_models_are_named_and_measured(tmp_path):
     square = BuildingOutline(4, Outline(model_survey.rectangle(10, 0, 14, 4)))
-    _, statuses = written(tmp_path, Shapes((square,), (square,), ()), formats=["gpkg"])
-    assert statuses == {"unknown": 1}
+    _, counts = written(tmp_path, Shapes((square,), (square,), ()), formats=["gpkg"])
+    assert counts.statuses == {"unknown": 1}
     _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
     assert columns["area"].tolist() == [16.0]
     assert columns["readable_id"].tolist() == ["building-84910.0-447400.0"]
@@ -287,8 +287,8 @@ def test_a_building_whose_anchor_moved_on_is_there_once(tmp_path, names):
         return Outline(np.add(outline.exterior, (-0.2, 0.0))), model
 
     near, again = (model_survey.shapes(buildings={5: one}) for one in (model_survey.gable, grown))
-    _, statuses = written(tmp_path, near, again, footprint_id=names)
-    assert statuses == {"ok": 1}
+    _, counts = written(tmp_path, near, again, footprint_id=names)
+    assert counts.statuses == {"ok": 1}
     assert len((tmp_path / "city_model.city.jsonl").read_text().splitlines()) == 2
 
 

@@ -1,6 +1,8 @@
 """A run without buildings says what its points are."""
 
-from lidar_buildings.io.results.run_summary import RunSummary
+from dataclasses import replace
+
+from lidar_buildings.io.results.run_summary import BuildingCounts, RunSummary
 
 
 def summary(classes, n_facade, buildings=None, files=("buildings.gpkg",)):
@@ -17,3 +19,21 @@ def test_without_buildings_points_of_roofs_and_walls_are_counted():
 def test_nothing_is_told_where_there_are_buildings_or_none_were_wanted():
     assert not summary({6: 9}, 0, {"ok": 1}).why_no_building
     assert not summary({6: 9}, 0, files=()).why_no_building
+
+
+def test_buildings_are_counted_by_quality_and_reason_and_failures_named():
+    counts = BuildingCounts()
+    for status, quality, reasons in (
+        ("ok", "good", ""),
+        ("ok", "check", "no_points: 8 %; off_points: 9 %"),
+        ("no_solid", "poor", "no_model: none"),
+        ("ok", "check", "no_points: 7 %"),
+    ):
+        counts.count({"status": status, "quality": quality, "quality_reasons": reasons})
+    told = replace(summary({6: 9}, 0, counts.statuses), quality=counts.grades, quality_reasons=counts.causes)
+    assert told.n_doubtful == 3
+    assert told.building_words == [
+        "buildings: 4 (1 good, 2 check, 1 poor)",
+        "quality_reasons: 2 no_points, 1 no_model, 1 off_points",
+        "status: 1 no_solid",
+    ]

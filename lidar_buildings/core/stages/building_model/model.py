@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.model.status import BuildingStatus
@@ -21,6 +22,7 @@ from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.stages.building_model.grading import level_doubts, support_doubts
 from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_tops
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
@@ -321,18 +323,24 @@ def _finished(
         whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
         faces = {LOD12: [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]}
     quality = measure_model(faces[finest], solids[finest], roof.points, roof.outline, roof.spacing)
+    doubts = [*level_doubts(finest, roof.has_extent), *support_doubts(quality)]
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if roof.has_extent else BuildingStatus.DEGENERATE
-    return BuildingModel(solids, attributes, status, reason)
+    return _graded(BuildingModel(solids, attributes, status, reason), doubts)
 
 
 def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:
     """Return the model of a building whose LoD1.2 is sound and of which no more could be told."""
     attributes = attributes | solid_attributes(LOD12, solid)
     reason = "; ".join(text for text in remarks if text)
-    return BuildingModel({LOD12: solid}, attributes, BuildingStatus.OK, reason)
+    return _graded(BuildingModel({LOD12: solid}, attributes, BuildingStatus.OK, reason), level_doubts(LOD12))
+
+
+def _graded(model: BuildingModel, doubts: Iterable[Doubt]) -> BuildingModel:
+    doubts = tuple(doubts)
+    return replace(model, doubts=doubts, attributes=model.attributes | grade_attributes(doubts))
 
 
 def _has_extent(points: FloatArray) -> bool:
@@ -350,7 +358,8 @@ def _without_solid(
     attributes: dict[str, Any], ground: float | None, status: BuildingStatus, reason: str
 ) -> BuildingModel:
     known = None if ground is None else elevation_on_grid(ground)
-    return BuildingModel({}, attributes | {"ground_elevation": known}, status, reason)
+    doubts = [Doubt(Cause.NO_MODEL, reason, Grade.POOR)]
+    return _graded(BuildingModel({}, attributes | {"ground_elevation": known}, status, reason), doubts)
 
 
 def _ground(

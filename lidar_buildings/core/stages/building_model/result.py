@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.grade import Doubt
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 
@@ -29,6 +30,8 @@ ATTRIBUTES = (
     "volume",
     "lod",
     "validity",
+    "quality",
+    "quality_reasons",
 )
 
 
@@ -42,6 +45,7 @@ class BuildingModel:
     #: OK, NO_SOLID or DEGENERATE; FAILED in place of a model that could not be built.
     status: BuildingStatus = BuildingStatus.OK
     reason: str = ""  #: why not OK, or what was assumed or repaired
+    doubts: tuple[Doubt, ...] = ()  #: what speaks against it
 
     @property
     def roof_faces(self) -> tuple[tuple[FloatArray, ...], ...]:
