@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from bench.fuzz.clouds import LAST_CHANGE, random_cloud
+from bench.fuzz.extremes import EXTREMES
 from bench.fuzz.files import bag_file, cloud_file, parameters
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.model.errors import LidarBuildingsError
-from lidar_buildings.core.model.map_frame import MAX_COORDINATE
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.core.scans.cloud_layout import columns_of
 from lidar_buildings.core.scans.config import ScanConfig
@@ -213,4 +214,5 @@ TARGETS: dict[str, tuple[Target, float]] = {
     "LAS and LAZ": (cloud_file, 0.01),
     "bags": (bag_file, 0.005),
     "parameters": (parameters, 0.002),
+    **EXTREMES,
 }

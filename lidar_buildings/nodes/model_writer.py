@@ -22,7 +22,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.replicas import ReplicaConfig
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.find_inputs import InputFile
-from lidar_buildings.io.models.cityjson import load_feature
+from lidar_buildings.io.models.cityjson import checked_feature
 from lidar_buildings.io.results.run_record import RunRecord
 from lidar_buildings.io.results.run_summary import RunSummary
 from lidar_buildings.io.results.survey_folder import SurveyFolder
@@ -156,7 +156,7 @@ class ModelWriter(StageNode):
         if (stamp := closed_tile(line)) is not None:
             self.add_part(stamp, _MODELS, True)
         elif is_model(line):
-            number = load_feature(line)[1]
+            number = checked_feature(line)
             self._features[number] = line
             self._features.move_to_end(number)
             while len(self._features) > _MAX_FEATURES:

@@ -64,7 +64,7 @@ def state_of(message: String) -> NodeState:
     def read(said: Any) -> NodeState:
         found = {name: kind(said[name]) for name, kind in _KINDS.items() if name in said}
         found["tiles"] = {
-            int(stamp): TileState(str(status), tuple(map(str, missing)), str(reason))
+            checked_stamp(stamp): TileState(str(status), tuple(map(str, missing)), str(reason))
             for stamp, (status, missing, reason) in said.get("tiles", {}).items()
         }
         found["matched"] = {str(topic): int(n) for topic, n in said.get("matched", {}).items()}

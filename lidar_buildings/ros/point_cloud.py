@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
 
+from lidar_buildings.core.model.bounds import BEYOND_TILE, are_of_tile, held_column
+from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.scans.cloud_layout import XYZ, cast_to, columns_of, members_of_fields, taken_points
 from lidar_buildings.core.stages.terrain.window import RasterWindow
@@ -20,8 +22,9 @@ _POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 class CloudReading(NamedTuple):
     """What a cloud held."""
 
-    tile: PointTile  #: the finite points with every column that we know
-    n_dropped: int  #: how many rows were left out because x, y or z was NaN or infinite
+    tile: PointTile  #: the points that can be held with every column that we know
+    n_dropped: int  #: rows that were left out because x, y or z was NaN or infinite
+    n_beyond: int = 0  #: rows that were left out because they lie beyond what a map holds
 
 
 def to_message(tile: PointTile) -> PointCloud2:
@@ -57,20 +60,23 @@ def from_message(message: PointCloud2) -> CloudReading:
     Read any cloud that has x, y and z as floats.
 
     Fields may come in any order, at any offset, padded, in any type and byte order, and rows may be padded
-    too. Fields that we do not know are ignored. Rows whose x, y or z is not finite are dropped and counted.
-    MessageError if x, y or z is missing or no float, or the sizes contradict each other.
+    too. Fields that we do not know are ignored. Rows whose x, y or z is not finite, or beyond what a map
+    holds, are dropped and counted; other values become the nearest ones that their column holds.
+    MessageError if x, y or z is missing or no float, the sizes contradict each other, or all points lie
+    beyond.
     """
     columns = columns_of(message, COLUMNS)
     points = taken_points(columns)
-    # What float32 cannot hold would become infinite in the tile.
-    finite = np.isfinite(points) & (np.abs(points) <= np.finfo(np.float32).max)
-    rows = finite.all(axis=1)
-    n_dropped = len(points) - int(np.count_nonzero(rows))
+    rows = are_of_tile(points)
+    n_dropped, n_beyond = len(points) - int(np.count_nonzero(rows)), 0
     if n_dropped:
+        n_beyond = int(np.count_nonzero(np.isfinite(points[~rows]).all(axis=1)))
+        if n_beyond == len(points):
+            raise MessageError(f"no point can be held: {BEYOND_TILE}: publish coordinates of the map")
         points, columns = points[rows], {name: values[rows] for name, values in columns.items()}
     stamp = to_stamp(message.header.stamp)
-    known = {name: cast_to(COLUMNS[name], values) for name, values in columns.items()}
-    return CloudReading(PointTile(points, stamp=stamp, **known), n_dropped)
+    known = {name: held_column(name, cast_to(COLUMNS[name], values)) for name, values in columns.items()}
+    return CloudReading(PointTile(points, stamp=stamp, **known), n_dropped - n_beyond, n_beyond)
 
 
 def fill(message: PointCloud2, rows: NDArray[Any]) -> None:

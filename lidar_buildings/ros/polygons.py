@@ -15,6 +15,7 @@ import numpy as np
 from geometry_msgs.msg import Point32, Polygon, PolygonInstance, PolygonInstanceStamped
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import BEYOND, MAX_ID, are_held
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, signed_area
 from lidar_buildings.ros.stamps import header_of, to_stamp
@@ -57,11 +58,15 @@ def ring_messages(stamp: int, rings: Rings) -> Iterator[PolygonInstanceStamped]:
 
 
 def ring_of(message: PolygonInstanceStamped) -> Ring:
-    """Return a message's vertices, shape (n_vertices, 3); MessageError if a coordinate is not finite."""
+    """Return a message's vertices, shape (n_vertices, 3); MessageError if its id or a vertex cannot be."""
+    number = message.polygon.id
+    if not (number == CLOSING_ID or 0 <= number <= MAX_ID):
+        raise MessageError(f"polygon {number}: an id is within 0 to {MAX_ID}")
     corners = [(p.x, p.y, p.z) for p in message.polygon.polygon.points]
     ring = np.array(corners, dtype=np.float64).reshape(-1, 3)
-    if not np.isfinite(ring).all():
-        raise MessageError(f"polygon {message.polygon.id} has a vertex that is not finite")
+    if not (held := are_held(ring)).all():
+        vertex = ring[np.argmin(held)].tolist()
+        raise MessageError(f"polygon {number} has the vertex {vertex}: not finite, or {BEYOND}")
     return ring
 
 

@@ -23,6 +23,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from lidar_buildings.core.freed_memory import give_memory_back
+from lidar_buildings.core.model.bounds import BEYOND_TILE
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.parameters import StageConfig
 from lidar_buildings.core.model.replicas import ReplicaConfig
@@ -186,9 +187,11 @@ class StageNode(Node):
         """Take the points of tiles, with their limits and spacing if the source says them."""
 
         def read(message: PointCloud2) -> PointTile:
-            tile, n_dropped = from_message(message)
-            if n_dropped and (entry := self.table.entry(tile.stamp)) is not None:
-                entry.warnings.append(f"{n_dropped} points of {topic} were left out: x, y or z is not finite")
+            tile, n_dropped, n_beyond = from_message(message)
+            if (entry := self.table.entry(tile.stamp)) is not None:
+                for number, why in ((n_dropped, "x, y or z is not finite"), (n_beyond, BEYOND_TILE)):
+                    if number:
+                        entry.warnings.append(f"{number} points of {topic} were left out: {why}")
             return tile
 
         self.subscribe_parts(PointCloud2, topic, CLOUD, read)

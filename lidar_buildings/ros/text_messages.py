@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.bounds import MAX_STAMP, checked_id, checked_length, checked_stamp
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
@@ -57,9 +58,9 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
     def read(said: Any) -> tuple[int, Qualities]:
         found = {}
         for number, one in said["outlines"].items():
-            lengths = (np.nan if one[name] is None else float(one[name]) for name in _LENGTHS)
-            found[int(number)] = OutlineQuality(*lengths, BuildingStatus(one["status"]), one["reason"])
-        return int(said["stamp"]), found
+            lengths = (np.nan if one[name] is None else checked_length(name, one[name]) for name in _LENGTHS)
+            found[checked_id(number)] = OutlineQuality(*lengths, BuildingStatus(one["status"]), one["reason"])
+        return checked_stamp(said["stamp"]), found
 
     return read_json("outline_quality", message, read)
 
@@ -82,4 +83,6 @@ def tile_closing_message(stamp: int) -> String:
 def closed_tile(line: str) -> int | None:
     """Return the stamp of the tile that a feature closes, None if it closes none."""
     number = line.removeprefix(_CLOSING).removesuffix(f'"{_END}')
-    return int(number) if line.startswith(_CLOSING) and number.isdecimal() and len(number) < 20 else None
+    if not (line.startswith(_CLOSING) and number.isdecimal() and len(number) < 20):
+        return None
+    return int(number) if int(number) <= MAX_STAMP else None

@@ -6,13 +6,14 @@ import json
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.bounds import checked_length, checked_stamp
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -51,12 +52,13 @@ def infos_of(message: String) -> tuple[str, dict[int, dict[str, Any]]]:
 
     def read(said: Any) -> tuple[str, dict[int, dict[str, Any]]]:
         tiles = {
-            int(one["stamp"]): {name: one[name] for name in _MEMBERS if name in one} for one in said["tiles"]
+            checked_stamp(one["stamp"]): {name: one[name] for name in _MEMBERS if name in one}
+            for one in said["tiles"]
         }
         for info in tiles.values():
             if info.get("bounds") is not None:
                 west, south, east, north = (
-                    none if limit is None else float(limit)
+                    none if limit is None else checked_length("a limit", limit)
                     for none, limit in zip(_OUTMOST, info["bounds"], strict=True)
                 )
                 info["bounds"] = NONE.opened((west, south, east, north))
@@ -129,7 +131,12 @@ class TileInfos:
 
     def complete(self, tile: PointTile) -> PointTile:
         """Return a tile with what is known of it; MessageError if a value is none that a tile can have."""
-        try:
-            return replace(tile, **self._known.get(tile.stamp, {}))
-        except (TypeError, ValueError) as error:
-            raise MessageError(f"{TOPIC} of tile {tile.stamp}: {error}") from None
+        return completed(tile, self._known.get(tile.stamp, {}))
+
+
+def completed(tile: PointTile, info: Mapping[str, Any]) -> PointTile:
+    """Return a tile with what was said of it; MessageError if a value is none that a tile can have."""
+    try:
+        return replace(tile, **info)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise MessageError(f"{TOPIC} of tile {tile.stamp}: {error}") from None

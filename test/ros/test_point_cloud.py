@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sensor_msgs.msg import PointCloud2, PointField
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.ros.point_cloud import cloud_message, from_message, to_message
 
@@ -151,8 +151,11 @@ def test_points_that_are_not_finite_are_dropped_and_counted(bad):
     assert reading.tile.points[:, 0].tolist() == [0, 2]
 
 
-def test_doubles_beyond_single_precision_are_dropped_and_counted():
-    assert from_message(xyz_cloud([[0, 0, 1e300], [0, 0, 1]], "<f8")).n_dropped == 1
+def test_points_that_no_map_holds_are_left_out_and_counted_and_a_cloud_of_them_is_refused():
+    reading = from_message(xyz_cloud([[0, 0, 1e300], [0, 1.88e30, 0], [np.nan, 0, 0], [0, 0, 1]], "<f8"))
+    assert (len(reading.tile), reading.n_dropped, reading.n_beyond) == (1, 1, 2)
+    with pytest.raises(MessageError, match="no point can be held: x or y is further than 1,049 km"):
+        from_message(xyz_cloud([[0, 1.88e30, 0]]))
 
 
 @pytest.mark.parametrize("name", ["x", "y", "z"])

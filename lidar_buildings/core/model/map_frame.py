@@ -7,9 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: Nothing on or near the Earth has a greater coordinate in any reference system [m].
-MAX_COORDINATE = 1e8
-
 
 @dataclass(frozen=True)
 class MapFrame:

@@ -12,6 +12,7 @@ from dataclasses import Field, dataclass, field, fields
 from functools import partial
 from typing import Any, ClassVar
 
+from lidar_buildings.core.model.bounds import MAX_PARAMETER
 from lidar_buildings.core.model.errors import ParameterError
 
 #: Area of the smallest building in plan [m²]: the default of all stages.
@@ -103,6 +104,8 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     if kind is str:
         is_allowed = not spec.choices or value in spec.choices
     else:
+        if kind is not bool and abs(value) > MAX_PARAMETER:
+            raise ParameterError(f"{path} = {value!r}: must be at most {MAX_PARAMETER:g}")
         is_allowed = kind is bool or spec.holds(value)
     if not is_allowed:
         raise ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")

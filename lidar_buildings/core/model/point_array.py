@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
+
 #: Points that are compared at once where there are many times as many.
 _AT_ONCE = 256
 
@@ -15,17 +17,17 @@ def checked_points(points: ArrayLike) -> NDArray[np.float64]:
     """
     Return points as a C-contiguous float64 array of shape (n_points, 3).
 
-    ValueError if the shape is another one, or a coordinate is not finite.
+    ValueError if the shape is another one, or a coordinate is not finite or beyond `MAX_COORDINATE`.
     """
     array = np.ascontiguousarray(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3:
         raise ValueError(f"points has shape {array.shape}: must be (n_points, 3)")
-    # Quick, and surely finite where the sum is; enormous coordinates may still be.
-    with np.errstate(over="ignore", invalid="ignore"):
-        certain = np.isfinite(array.sum())
-    if not certain and not np.isfinite(array).all():
-        row = int(np.argmin(np.isfinite(array).all(axis=1)))
-        raise ValueError(f"points[{row}] = {array[row].tolist()}: coordinates must be finite")
+    with np.errstate(invalid="ignore"):
+        # what is no number is the least and the greatest of all
+        if len(array) and not (np.abs(extent_of(array)) <= MAX_COORDINATE).all():
+            row = int(np.argmin((np.abs(array) <= MAX_COORDINATE).all(axis=1)))
+            limit = f"finite, and within {MAX_COORDINATE:g} m of 0"
+            raise ValueError(f"points[{row}] = {array[row].tolist()}: coordinates must be {limit}")
     return array
 
 

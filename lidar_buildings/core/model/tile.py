@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import checked_dark_limit, checked_spacing
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
@@ -66,7 +67,7 @@ class PointTile:
     - `frame`: Where the map frame lies.
 
     ValueError if a column's length differs from the number of points, `points` is not (n, 3), or a spacing or
-    limit is not above 0.
+    limit is none that can be.
     """
 
     points: NDArray[np.float64]
@@ -109,11 +110,9 @@ class PointTile:
 
     def _cast(self) -> None:
         """Cast all but the points to what a message carries and check the lengths."""
-        for name in ("point_spacing", "dark_limit"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < np.inf:
-                raise ValueError(f"{name} = {value}: must be a finite number above 0, or None")
-            object.__setattr__(self, name, None if value is None else float(np.float32(value)))
+        for name, checked in (("point_spacing", checked_spacing), ("dark_limit", checked_dark_limit)):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, float(np.float32(checked(value))))
         if self.bounds is not None:
             object.__setattr__(self, "bounds", tuple(float(np.float32(limit)) for limit in self.bounds))
         for name, dtype in COLUMNS.items():

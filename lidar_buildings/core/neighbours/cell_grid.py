@@ -13,8 +13,9 @@ from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
-#: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds.
-MAX_CELLS = 2.0**60
+#: Largest number of cells that a row-by-column number may count: an eighth of what int64 holds; and of rows,
+#: and of columns: half of what int32 holds.
+MAX_CELLS, MAX_ROWS = 2.0**60, 2.0**30
 #: Up to so many cells a point are counted one by one, else numbers are sorted; the result is the same.
 MAX_COUNTED_CELLS = 8
 #: Gaps in a raster without any point are shortened to so many cells; cells are doubled beyond so many.
@@ -182,7 +183,7 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
     if len(points) == 0:
         return np.zeros(0, dtype=np.int64), 1, cell
     low, high = extent_of(points)[:, :2].tolist()
-    while _n_across(low[0], high[0], cell) * _n_across(low[1], high[1], cell) > MAX_CELLS:
+    while _are_too_many(_n_across(low[0], high[0], cell), _n_across(low[1], high[1], cell)):
         cell *= 2.0
     # Differences before the cast: a coordinate far from the origin would not fit an integer.
     west, south = math.floor(low[0] / cell), math.floor(low[1] / cell)
@@ -191,6 +192,10 @@ def _numbered(points: NDArray[np.float64], cell: float) -> tuple[NDArray[np.int6
     start = (float(west), float(south))
     for_row_blocks(lambda a, b: _number(points, cell, start, n_columns, numbers, a, b), len(points))
     return numbers, n_columns, cell
+
+
+def _are_too_many(n_columns: float, n_rows: float) -> bool:
+    return n_columns * n_rows > MAX_CELLS or max(n_columns, n_rows) > MAX_ROWS
 
 
 def _n_across(low: float, high: float, cell: float) -> float:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.bounds import SPACINGS, checked_spacing
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, cell_numbers
 
@@ -115,18 +116,17 @@ def given_or_measured(points: ArrayLike, point_spacing: float | None) -> float:
     """
     if point_spacing is None:
         return quantised_spacing(points)
-    if not (math.isfinite(point_spacing) and point_spacing > 0):
-        raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
-    return float(point_spacing)
+    return checked_spacing(point_spacing)
 
 
 def rounded_spacing(spacing: float) -> float:
-    """Round a spacing [m] to the nearest power of 2^(1/4)."""
+    """Round a spacing [m] to the nearest power of 2^(1/4) that a spacing can be."""
     if spacing == 0.0:  # distances so small that their squares are
         return FALLBACK_SPACING
     if not math.isfinite(spacing):
         raise ValueError("points lie so far apart that squares of distances overflow: give metres")
-    return float(QUANTUM ** round(math.log(spacing, QUANTUM)))
+    least, most = SPACINGS
+    return float(QUANTUM ** round(math.log(min(max(spacing, least), most), QUANTUM)))
 
 
 #: Fewest points that each neighbour that a density is estimated from needs in its group.

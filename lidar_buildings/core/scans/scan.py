@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.map_frame import MAX_COORDINATE
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of, taken_points
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from lidar_buildings.core.model.map_frame import MAX_COORDINATE
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
 
 _NANOSECONDS = 1e9
 #: Poses that are kept of a frame: a quarter of an hour at 200 Hz, where nothing else forgets them.

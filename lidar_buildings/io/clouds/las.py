@@ -16,6 +16,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import BEYOND, are_held
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
@@ -100,6 +101,10 @@ def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointT
         {"index": rows, "points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
         for rows, chunk in chunks_within(cloud, within)
     ]
+    for part in parts:
+        if not (held := are_held(part["points"])).all():
+            warn_once(f"{cloud.path}: {np.count_nonzero(~held):,} points are left out: {BEYOND}")
+            part.update({name: column[held] for name, column in part.items()})
     if not parts:
         return PointTile(np.empty((0, 3)), frame=frame)
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -8,6 +8,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import held_column
 from lidar_buildings.core.model.classes import PointClass
 
 #: Degrees per step of the scan angle in point formats 6 to 10 (LAS 1.4).
@@ -32,7 +33,9 @@ def point_columns(chunk: laspy.ScaleAwarePointRecord) -> dict[str, NDArray[Any]]
         "scan_angle": scan_angle,
         "scan_direction_flag": np.asarray(chunk.scan_direction_flag, dtype=np.uint8),
         "point_source_id": chunk.array["point_source_id"],
-        "gps_time": chunk.array["gps_time"] if has_time else np.full(len(chunk), np.nan),
+        "gps_time": held_column("gps_time", chunk.array["gps_time"])
+        if has_time
+        else np.full(len(chunk), np.nan),
     }
 
 

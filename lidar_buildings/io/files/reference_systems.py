@@ -11,8 +11,9 @@ import shapely
 from numpy.typing import NDArray
 from pyproj.exceptions import CRSError, ProjError
 
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.model.errors import InputError, MessageError
-from lidar_buildings.core.model.map_frame import MAX_COORDINATE, MapFrame
+from lidar_buildings.core.model.map_frame import MapFrame
 
 #: Metres per unit: international foot and US survey foot (ISO 19111, EPSG units 9002 and 9003).
 FOOT, US_SURVEY_FOOT = 0.3048, 1200.0 / 3937.0

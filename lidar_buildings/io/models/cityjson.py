@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import BEYOND, are_held, checked_id
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -25,6 +26,7 @@ from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.files.reference_systems import epsg_code
 from lidar_buildings.io.models.survey_building import (
+    BUILDING_FIELDS,
     Add,
     ModelHeading,
     SurveyBuilding,
@@ -148,14 +150,28 @@ def parse_feature(line: str) -> CityFeature:
             return CityFeature(name, building["attributes"])
         steps = np.array(feature["vertices"], dtype=np.float64).reshape(-1, 3)
         vertices, extent = steps / round(1 / GRID), np.stack([steps.min(axis=0), steps.max(axis=0)]) * GRID
+        if not are_held(extent).all():
+            raise ValueError(f"a vertex cannot be held: {BEYOND}")
         surfaces = geometry["semantics"]["surfaces"]
         kinds = [surfaces[number] for number in geometry["semantics"]["values"][0]]
         (shell,) = geometry["boundaries"]
         solid = Solid(*faces_of_shell(shell, vertices), tuple(kind["type"] for kind in kinds))
         roofs = tuple(kind for kind in kinds if kind["type"] == ROOF_SURFACE)
         return CityFeature(name, building["attributes"], extent, geometry["lod"], solid, roofs)
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError) as error:
         raise _no_feature(line, error) from error
+
+
+def checked_feature(line: str) -> int:
+    """Return the building id of a line that others wrote; InputError if no files could be made of it."""
+    name, attributes = parse_feature(line)[:2]
+    for one, value in attributes.items():
+        kind = BUILDING_FIELDS.get(one, object)
+        allowed = {str: (str, list), float: (float, int)}.get(kind, kind)
+        if value is not None and not isinstance(value, allowed):
+            what = f"{one} = {str(value)[:40]!r}: must be of type {kind.__name__}"
+            raise InputError(f"building {name[:40]!r}: {what}")
+    return checked_id(attributes["building_id"])
 
 
 def load_feature(line: str) -> tuple[dict[str, Any], int]:
@@ -164,7 +180,7 @@ def load_feature(line: str) -> tuple[dict[str, Any], int]:
         feature: dict[str, Any] = json.loads(line)
         if feature["type"] != "CityJSONFeature":
             raise ValueError(f"its type is {feature['type']}")
-        return feature, int(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])
+        return feature, checked_id(feature["CityObjects"][feature["id"]]["attributes"]["building_id"])
     except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
         raise _no_feature(line, error) from error
 

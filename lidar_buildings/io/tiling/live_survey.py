@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import BEYOND, are_held
 from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
@@ -140,6 +141,10 @@ class LiveSurvey:
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """Take a scan in the map at a time [s]; OutputError if the disk is full: the next call writes it."""
+        if not (held := are_held(scan.points)).all():
+            self.left_out[BEYOND] += int(np.count_nonzero(~held))
+            columns = {name: values[held] for name, values in scan.columns.items()}
+            scan = PlacedScan(scan.points[held], scan.times[held], columns)
         with self._lock:
             self._batch.append(scan)
             self._arrived = now

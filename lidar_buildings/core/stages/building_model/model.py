@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.bounds import checked_spacing
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import checked_column, checked_points
@@ -205,10 +206,8 @@ def build_model(
     known_planes = plane_id is not None
     plane_id = np.zeros(len(points)) if plane_id is None else plane_id
     plane_id = checked_column("plane_id", plane_id, len(points), np.uint16)
-    if point_spacing is not None and not 0.0 < point_spacing < math.inf:
-        raise ValueError(
-            f"point_spacing = {point_spacing}: must be positive and finite, or None to measure it"
-        )
+    if point_spacing is not None:
+        checked_spacing(point_spacing)
     if ground_elevation is not None and not math.isfinite(ground_elevation):
         raise ValueError(f"ground_elevation = {ground_elevation}: must be finite, or None if unknown")
     order = _rows_in_order(points, plane_id)

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.ids import CELL, anchor_row, building_id
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
@@ -29,6 +30,8 @@ _MIN_WIDTH, _MIN_AREA = 0.05, 0.1
 _MIN_PIECE = 0.01
 #: Two footprints that share so much of what they cover together are the same one, drawn twice.
 _SAME = 0.98
+#: Stands for a geometry that is nowhere on Earth.
+_NOWHERE = shapely.Point()
 #: How often rounding may spoil a polygon and be tried again.
 _MAX_ROUNDS = 4
 
@@ -55,6 +58,7 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     found: list[shapely.Polygon] = []
     rows: list[int] = []
     n_repaired = 0
+    geometries = _that_can_be(geometries, dropped)
     # Of most files all polygons need rounding alone.
     plain = np.full(len(geometries), None, dtype=object)
     whole = np.flatnonzero(shapely.get_type_id(geometries) == shapely.GeometryType.POLYGON)
@@ -63,6 +67,8 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     is_sound = _is_sound(rounded)
     plain[whole[is_sound]] = rounded[is_sound]
     for row, geometry in enumerate(geometries):
+        if geometry is _NOWHERE:
+            continue
         pieces, is_repaired = ([plain[row]], False) if plain[row] else _pieces(geometry, dropped)
         n_repaired += is_repaired and bool(pieces)
         found += pieces
@@ -75,14 +81,23 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     return Repairs(polygons[first], row_of[first], counted, n_repaired)
 
 
+def _that_can_be(geometries: NDArray[Any], dropped: Counter[str]) -> NDArray[Any]:
+    """Return geometries with `_NOWHERE` for those of which a coordinate can be none."""
+    coordinates, row = shapely.get_coordinates(geometries, return_index=True)
+    with np.errstate(invalid="ignore"):
+        can_be = (np.abs(coordinates) <= MAX_COORDINATE).all(axis=1)
+    impossible = np.unique(row[~can_be])
+    dropped["with coordinates that cannot be"] += len(impossible)
+    kept = geometries.copy()
+    kept[impossible] = _NOWHERE
+    return kept
+
+
 def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon], bool]:
     if geometry is None or shapely.is_empty(geometry):
         dropped["empty"] += 1
         return [], False
     flat = shapely.force_2d(geometry)
-    if not np.isfinite(shapely.get_coordinates(flat)).all():
-        dropped["with coordinates that are no numbers"] += 1
-        return [], False
     parts = polygons_of(flat)
     if not parts:
         dropped["no polygon"] += 1

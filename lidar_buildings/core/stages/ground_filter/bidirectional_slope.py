@@ -368,8 +368,8 @@ def _stand_out(along, z, first, ground, reach, step, rows, votes):  # type: igno
 
 
 # Chosen with `bench.ground.isprs` where they matter; the first and the last have wide margins.
-#: Fineness of the grid, and largest number of its cells: they grow beyond.
-CELLS_PER_RADIUS, MAX_CELLS = 4.0, 4_000_000
+#: Fineness of the grid, and largest number of its cells, in all and to a point: they grow beyond.
+CELLS_PER_RADIUS, MAX_CELLS, CELLS_PER_POINT, FEW_CELLS = 4.0, 4_000_000, 64, 100_000
 #: Where there is no ground near, ground so many radii away says how the trend goes on, with little weight.
 FAR, FAR_WEIGHT = 4.0, 1e-3
 #: Weight of the mean of all, where there is none at all.
@@ -385,7 +385,8 @@ def fit_trend(points: NDArray[np.float64], ground: NDArray[np.bool_], radius: fl
     """
     cell = radius / CELLS_PER_RADIUS
     low, high = extent_of(points)[:, :2]
-    while np.prod((high - low) / cell + 3.0) > MAX_CELLS:
+    most = min(MAX_CELLS, max(CELLS_PER_POINT * len(points), FEW_CELLS))
+    while np.prod((high - low) / cell + 3.0) > most:
         cell *= 2.0
     corner = (np.floor(low / cell) - 1.0) * cell
     columns, rows = (np.floor((high - corner) / cell) + 2.0).astype(int)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.model.bounds import checked_spacing
 from lidar_buildings.core.model.point_array import checked_points, extent_of
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
@@ -70,8 +71,8 @@ def number_planes(
     """Return the `plane_id` of `fit_roof_planes` alone, which takes less time."""
     config = config or PlaneFittingConfig()
     given = checked_points(points)
-    if point_spacing is not None and not (math.isfinite(point_spacing) and point_spacing > 0.0):
-        raise ValueError(f"point_spacing = {point_spacing!r}: must be a positive length [m]")
+    if point_spacing is not None:
+        checked_spacing(point_spacing)
     if _why_degenerate(given):
         return np.zeros(len(given), dtype=np.uint16)
     near = given - extent_of(given)[0]
