@@ -21,6 +21,7 @@ from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, xyz_of
@@ -82,14 +83,14 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
     found = CloudSummary(
         str(path), _format_of(cloud), cloud.crs.name, [float(one) for one in cloud.units[1:]]
     )
-    found.remarks = list(cloud.remarks)
     if (area := Rectangle.of_cloud(cloud)) is None:
         return found
     found.n_points = cloud.point_count
     found.mins, found.maxs = cloud.mins.tolist(), cloud.maxs.tolist()
     returns, classes, strips, sample, times = Counter[int](), Counter[int](), set[int](), [], []
-    square = sample_square(area)
+    square, doubts = sample_square(area), CloudDoubts(cloud)
     for chunk in cloud.chunks():
+        doubts.add(chunk)
         points, columns = xyz_of(chunk) * cloud.units, point_columns(chunk)
         pulses = last_returns(points, columns["return_number"], columns["number_of_returns"])
         found.n_pulses += len(pulses)
@@ -100,6 +101,7 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
         strips.update(np.unique(columns["point_source_id"]).tolist())
         known = columns["gps_time"][np.isfinite(columns["gps_time"])]
         times += [known.min(), known.max()] if known.any() else []
+    found.remarks = [*cloud.remarks, *doubts.remarks()]
     found.n_strips = len(strips)
     found.returns, found.classes = dict(sorted(returns.items())), dict(sorted(classes.items()))
     found.times = [_time(cloud, one) for one in ((min(times), max(times)) if times else ())]
@@ -187,7 +189,7 @@ def _named(path: Path) -> list[Path]:
 def cloud_lines(found: CloudSummary) -> list[str]:
     """Return the block of a cloud."""
     lines = [f"{found.path}: {found.format}, {counted(found.n_points, 'point')}"]
-    remarks = [f"  {'look':8} {one.text}" for one in found.remarks]
+    remarks = [f"  {'look':8} {one.text.removeprefix(f'{found.path}: ')}" for one in found.remarks]
     if not found.n_points:
         return [*lines, *remarks]
     system = found.crs.split(",")[0] or "none in the file"

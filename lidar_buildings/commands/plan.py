@@ -1,4 +1,4 @@
-"""The command ``lidar-buildings plan``: what a run will take, from headers alone."""
+"""The command ``lidar-buildings plan``: what a run will take, by headers, and what first points tell."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import math
 import sys
 import time
 from dataclasses import asdict
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +17,15 @@ from scipy.spatial import cKDTree
 
 from lidar_buildings.commands.run_request import request_of
 from lidar_buildings.core.model.errors import ExitStatus, InputError
-from lidar_buildings.core.model.remarks import gathered
+from lidar_buildings.core.model.remarks import Remark, gathered
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
 from lidar_buildings.io.clouds.agreement import excess_of
+from lidar_buildings.io.clouds.cloud import CloudExtent
+from lidar_buildings.io.clouds.doubts import sampled_remarks
 from lidar_buildings.io.clouds.find_inputs import open_each
-from lidar_buildings.io.clouds.las import read_extent
+from lidar_buildings.io.clouds.las import open_cloud, read_extent
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tile_size import SurveyPlan, plan_survey
 
@@ -48,6 +51,10 @@ _STAGE_SHARES = (0.11, 0.15, 0.04, 0.10, 0.05, 0.04, 0.09)
 _REFERENCE = 0.00434
 #: How often it is repeated; the least counts.
 _REPEATS = 3
+
+
+#: Files of which the first points are looked at, and how many points.
+_LOOKED_AT, _N_FIRST = 8, 100_000
 
 
 class Way(NamedTuple):
@@ -126,7 +133,7 @@ def plan_command(options: argparse.Namespace) -> int:
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]
     way = CLUSTER if options.workers else PROCESSES if options.no_ros else GRAPH
     n_workers = options.workers or n_cores()
-    remarks = gathered(remark for cloud in clouds for remark in cloud.remarks)
+    remarks = gathered(chain.from_iterable(map(_remarks_of, clouds[:_LOOKED_AT])))
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
         told = {**_survey(plan), "workers": n_workers, **cost._asdict(), "problems": problems}
@@ -137,6 +144,14 @@ def plan_command(options: argparse.Namespace) -> int:
     for problem in problems:
         print(f"lidar-buildings: {problem}", file=sys.stderr)
     return ExitStatus.WRONG_USE if problems else ExitStatus.DONE
+
+
+def _remarks_of(extent: CloudExtent) -> list[Remark]:
+    """Return what the header and the first points of a file tell."""
+    try:
+        return [*extent.remarks, *sampled_remarks(open_cloud(extent.path), _N_FIRST)]
+    except InputError:  # said when a run reads it
+        return list(extent.remarks)
 
 
 def _survey(plan: SurveyPlan) -> dict[str, Any]:

@@ -49,14 +49,16 @@ def test_headers_say_what_opening_the_files_says(tmp_path):
         assert np.array_equal([cloud.mins, cloud.maxs], [extent.mins, extent.maxs])
 
 
-def test_no_point_is_read(command, headers):
-    """Behind these headers is nothing."""
+def test_headers_tell_what_a_run_takes_and_first_points_what_cannot_be(command, headers):
+    """Behind these headers are points that are all the same."""
     told = json.loads("\n".join(command("plan", headers, "--json").out))
     assert (told["files"], told["points"], told["problems"]) == (144, 1_440_000, [])
     spoken = command("plan", headers, "--no-ros")
     assert spoken.status == 0
     assert spoken.out[0].startswith("1,440,000 points in 144 files")
-    assert [line.split()[0] for line in spoken.out[4:]] == ["time", "memory", "temporary", "results"]
+    assert [line.split()[0] for line in spoken.out[4:8]] == ["time", "memory", "temporary", "results"]
+    assert sum("x and y and z are the same at all points" in line for line in spoken.out[8:]) == 3
+    assert {"code", "text"} == told["remarks"][0].keys()
 
 
 def test_what_cannot_be_planned_is_said_and_the_rest_planned(command, headers, tmp_path):

@@ -12,7 +12,9 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.io.clouds.cloud import Cloud, laz_backend
+from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader, RawRecord
 from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
 from lidar_buildings.io.files.atomic_files import checked_file
@@ -160,13 +162,16 @@ def suffix_for(cloud: Cloud) -> str:
     return ".las" if cloud.header.point_format.id in _WAVEFORM_FORMATS else ".laz"
 
 
-def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.int64]:
+def write_classified(
+    cloud: Cloud, rows: ResultRows, path: Path, doubts: CloudDoubts | None = None
+) -> NDArray[np.int64]:
     """
     Write every point of the input in its order, with all its dimensions and records; return points per class.
 
     Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
-    file withholds keep their class. `rows` gives the results of a range of points. InputError or OutputError
-    if the input cannot be read to its end, or the output not be written.
+    file withholds keep their class. `rows` gives the results of a range of points, into which it is written
+    that points which `doubts` finds beyond its frame are noise. InputError or OutputError if the input cannot
+    be read to its end, or the output not be written.
     """
     out = output_format(cloud)
     per_class = np.zeros(256, dtype=np.int64)
@@ -176,7 +181,12 @@ def write_classified(cloud: Cloud, rows: ResultRows, path: Path) -> NDArray[np.i
         )
         first = 0
         for chunk in cloud.chunks():
-            points = _classified(chunk, rows(first, first + len(chunk)), out, cloud)
+            results = rows(first, first + len(chunk))
+            if doubts is not None and (beyond := doubts.add(chunk)) is not None:
+                results["known"][beyond] = 1
+                results["classification"][beyond] = PointClass.LOW_NOISE
+                results["height_above_ground"][beyond] = np.nan
+            points = _classified(chunk, results, out, cloud)
             per_class += np.bincount(_classes(points, cloud), minlength=256)
             writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
             first += len(chunk)

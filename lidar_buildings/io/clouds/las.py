@@ -149,11 +149,24 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
         return mins, maxs
     warn_once(f"{cloud.path}: the bounds in its header do not match its points: recomputed")
     mins, maxs = _extremes(cloud, np.full(3, np.nan), np.inf)
+    _check_not_clamped(cloud, mins, maxs)
     if ((maxs - mins) * cloud.units)[:2].max() <= MAX_EXTENT:
         return mins, maxs
     middle = np.median([np.median(xyz_of(chunk), axis=0) for chunk in cloud.chunks()], axis=0)
     warn_once(f"{cloud.path}: has points more than {REACH / 1000:.0f} km from most: coarse coordinates")
     return _extremes(cloud, middle, REACH / 2)
+
+
+def _check_not_clamped(cloud: Cloud, mins: NDArray[np.float64], maxs: NDArray[np.float64]) -> None:
+    """Refuse a file of which one coordinate is the limit of the file's integers at all points."""
+    limits = np.array([-(2.0**31), 2.0**31 - 1.0])[:, None] * cloud.header.scales + cloud.header.offsets
+    is_limit = (np.abs(limits - mins) <= np.abs(cloud.header.scales)).any(axis=0)
+    clamped = [name for name, one in zip("xyz", is_limit & (mins == maxs), strict=True) if one]
+    if clamped and cloud.point_count > 1:
+        raise InputError(
+            f"{cloud.path}: {' and '.join(clamped)} is the same at all points, the limit of the file's "
+            "integers: it was written with a wrong offset; export it again"
+        )
 
 
 def _extremes(

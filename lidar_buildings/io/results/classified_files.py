@@ -12,9 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.core.model.tile import COLUMNS
 from lidar_buildings.io.clouds.classified_las import suffix_for, write_classified
 from lidar_buildings.io.clouds.cloud import Cloud
+from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.find_inputs import InputFile, changed, check_unchanged
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
@@ -96,8 +99,9 @@ class PointResults:
                     self._table[column][mine["index"]] = mine[column]
 
 
-#: What one input's file is written from: folder, number, input, name, saved tiles, buildings to leave out.
-_Job = tuple[Path, int, InputFile, str, list[Path], Collection[int]]
+#: What one input's file is written from: folder, number, input, name, saved tiles, buildings to leave out,
+#: frame.
+_Job = tuple[Path, int, InputFile, str, list[Path], Collection[int], MapFrame | None]
 
 
 class WrittenCloud(NamedTuple):
@@ -108,6 +112,7 @@ class WrittenCloud(NamedTuple):
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
     n_facade: int = 0  #: points of façades
+    remarks: tuple[Remark, ...] = ()  #: what its points say that can hardly be so
 
 
 def write_clouds(
@@ -117,12 +122,14 @@ def write_clouds(
     *,
     without: Collection[int],
     share: Share = map,
+    frame: MapFrame | None = None,
 ) -> list[WrittenCloud]:
     """
     Write every input's classified file; an input that cannot be read is noted, the others are written.
 
     `fragments` are saved tiles, sorted by stamp; `without` are ids of buildings to leave out. `share`, as
-    `map`, may do several files at the same time, in other processes. OutputError if a file cannot be written.
+    `map`, may do several files at the same time, in other processes. Points that the frame cannot hold are
+    noise. OutputError if a file cannot be written.
     """
     touching: list[list[Path]] = [[] for _ in inputs]
     for fragment in fragments:
@@ -133,14 +140,14 @@ def write_clouds(
         with writing(folder / CLASSIFIED):
             (folder / CLASSIFIED).mkdir(exist_ok=True)
     jobs = [
-        (folder, number, one, name, touching[number], without)
+        (folder, number, one, name, touching[number], without, frame)
         for number, (one, name) in enumerate(zip(inputs, output_names(inputs), strict=True))
     ]
     return list(share(_write_cloud, jobs))
 
 
 def _write_cloud(job: _Job) -> WrittenCloud:
-    folder, number, file, name, fragments, without = job
+    folder, number, file, name, fragments, without, frame = job
     try:
         check_unchanged(file)
         cloud = replace(open_cloud(file.path), kept=file.kept)
@@ -149,7 +156,11 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
         with PointResults(folder / PARTIAL / f"{number}.results", cloud.point_count) as results:
             results.fill(fragments, number, without=without)
-            per_class = write_classified(cloud, results.rows, folder / output)
-            return WrittenCloud(output, "", per_class, results.count("known"), results.count("facade"))
+            doubts = CloudDoubts(cloud, frame, file.path.name)
+            per_class = write_classified(cloud, results.rows, folder / output, doubts)
+            is_own = folder / PARTIAL in file.path.parents  # of a bag
+            remarks = () if is_own else tuple(doubts.remarks())
+            known, facade = results.count("known"), results.count("facade")
+            return WrittenCloud(output, "", per_class, known, facade, remarks)
     except InputError as error:
         return WrittenCloud(problem=str(error))

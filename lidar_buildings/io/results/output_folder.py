@@ -34,7 +34,13 @@ from lidar_buildings.io.results.run_folder import (
     files_of_run,
     remove_files,
 )
-from lidar_buildings.io.results.run_summary import BuildingCounts, RunSummary, run_record
+from lidar_buildings.io.results.run_summary import (
+    BuildingCounts,
+    RunSummary,
+    run_record,
+    unlikely_building,
+    unlikely_shares,
+)
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
 
@@ -156,7 +162,13 @@ class OutputFolder:
         crs = crs_with_heights(self.inputs, self.frame)
         with ThreadPoolExecutor(2) as beside:
             cloud_files = beside.submit(
-                write_clouds, self.path, self.inputs, fragments, without=pieces, share=share
+                write_clouds,
+                self.path,
+                self.inputs,
+                fragments,
+                without=pieces,
+                share=share,
+                frame=self.frame,
             )
             raster_files = beside.submit(write_rasters, self.path, fragments, self.frame, crs)
             buildings, counts, remarks = self._write_buildings(fragments, pieces, crs)
@@ -171,13 +183,18 @@ class OutputFolder:
         footprints = dict(self._footprints.record) if self._footprints else {}
         if footprints:
             footprints["n_outside"] = footprints["n_used"] - counts.total
+        of_inputs += [remark for one in clouds for remark in one.remarks]
+        found = {int(code): int(per_class[code]) for code in np.flatnonzero(per_class)}
+        filtered = info.get("parameters", {}).get("ground_filter", {})
+        if self.until != STAGES[0] and filtered.get("method") != "none":
+            remarks = [*unlikely_shares(found), *remarks]
         summary = RunSummary(
             files=(*files, *rasters, *report, RUN),
             n_tiles=len(fragments),
             n_points=n_points,
             n_unclassified=n_points - sum(one.n_known for one in clouds),
             n_facade=sum(one.n_facade for one in clouds),
-            classes={int(code): int(per_class[code]) for code in np.flatnonzero(per_class)},
+            classes=found,
             buildings=dict(sorted(counts.statuses.items())),
             quality=dict(sorted(counts.grades.items())),
             quality_reasons=dict(sorted(counts.causes.items())),
@@ -234,6 +251,8 @@ class OutputFolder:
         ) as buildings:
             for fragment in fragments:
                 buildings.add(load_shapes(fragment))
+            total = sum(file.point_count for file in self.inputs)
+            remarks += unlikely_building(*reversed(buildings.largest), total)
             coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod != LOD22]
             if coarse:
                 text = f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why"

@@ -61,6 +61,7 @@ class SurveyBuildings:
         self._entries: dict[tuple[int, str], _Entry] = {}
         self._places: dict[int, list[NDArray[np.float64]]] = {}
         self._path = path
+        self.largest = (0, "")  #: points and name of the building with the most
         with writing(self._path):
             self._file = open(path, "w+b")  # noqa: SIM115 (open as long as the object)
         self._waiting: Waiting[tuple[int, str], SurveyBuilding] = Waiting(self._file)
@@ -121,6 +122,7 @@ class SurveyBuildings:
                     name, attributes, _, *model = feature
                     building = SurveyBuilding(number, name, before, after, line, attributes, *model)
                     self._waiting.add(key, building)
+                    self.largest = max(self.largest, (attributes.get("n_points") or 0, name))
             self._file.flush()
 
     def __iter__(self) -> Iterator[SurveyBuilding]:

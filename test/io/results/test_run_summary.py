@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
-from lidar_buildings.io.results.run_summary import BuildingCounts, RunSummary
+from lidar_buildings.io.results.run_summary import (
+    BuildingCounts,
+    RunSummary,
+    unlikely_building,
+    unlikely_shares,
+)
 
 
 def summary(classes, n_facade, buildings=None, files=("buildings.gpkg",)):
@@ -37,3 +42,17 @@ def test_buildings_are_counted_by_quality_and_reason_and_failures_named():
         "quality_reasons: 2 no_points, 1 no_model, 1 off_points",
         "status: 1 no_solid",
     ]
+
+
+def test_shares_that_no_survey_has_are_told():
+    assert unlikely_shares({2: 600, 5: 100, 6: 300}) == []
+    assert unlikely_shares({2: 1, 6: 99}) == []
+    codes = [one.code for one in unlikely_shares({1: 10, 2: 20, 6: 970, 7: 5000})]
+    assert codes == ["much_building", "little_ground"]
+    assert [one.code for one in unlikely_shares({1: 400, 11: 600})] == ["much_unexplained"]
+
+
+def test_a_building_of_half_the_survey_is_told():
+    assert unlikely_building("a", 499, 1000) == []
+    (remark,) = unlikely_building("b-1-2", 970, 1000)
+    assert remark.text.startswith("building b-1-2 has 97% of all points")
