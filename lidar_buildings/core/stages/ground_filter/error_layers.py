@@ -35,8 +35,26 @@ def split_into_layers(cloud: CellGrid, gap: float) -> Layers:
     begin = np.append(np.flatnonzero(starts), len(cloud.points))
     first = np.searchsorted(begin, cloud.first)
     column = np.repeat(np.arange(len(cloud.numbers)), np.diff(first))
-    gradient = terrain_gradient(cloud.points[cloud.first[:-1]], cloud.size)
+    gradient = terrain_gradient(_lowest_of_weight(cloud.points, begin, first), cloud.size)
     return Layers(cloud.points, begin, first, column, cloud.numbers, cloud.n_columns, cloud.size, gradient)
+
+
+#: A layer that holds less than this share of a column's points may be an error.
+MIN_WEIGHT = 0.125
+
+
+@kernel
+def _lowest_of_weight(points, begin, first):  # type: ignore[no-untyped-def]
+    """Return the lowest point of each column's lowest layer that holds a share of the column's points."""
+    lowest = np.empty((len(first) - 1, 3))
+    for k in range(len(first) - 1):
+        least = MIN_WEIGHT * (begin[first[k + 1]] - begin[first[k]])
+        j = first[k]
+        while begin[j + 1] - begin[j] < least:
+            j += 1
+        for axis in range(3):
+            lowest[k, axis] = points[begin[j], axis]
+    return lowest
 
 
 @kernel

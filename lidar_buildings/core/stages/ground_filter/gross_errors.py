@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, rows_by_cell, sort_by_cell
+from lidar_buildings.core.stages.ground_filter.closed_sheets import below_closed_sheets
 from lidar_buildings.core.stages.ground_filter.error_layers import (
     Layers,
     columns_in_row,
@@ -46,7 +47,7 @@ def find_noise(cloud: CellGrid) -> NDArray[np.uint8]:
     step = _column_cells(cloud)
     columns = cloud if step == 1 else sort_by_cell(cloud.points, step * cloud.size)
     layers = split_into_layers(columns, LOW_GAP)
-    low = find_low_layers(layers)
+    low = find_low_layers(layers, below_closed_sheets(layers, LOW_GAP))
     high = find_cloud_layers(layers, low)
     high |= find_high_layers(layers, low, max(HIGH_GAP, MIN_GAP_COLUMNS * columns.size))
     noise = np.zeros(len(low), dtype=np.uint8)
@@ -85,30 +86,39 @@ MAX_PASSES = 10
 UNKNOWN, LARGE, ERROR = 0, 1, 2
 
 
-def find_low_layers(layers: Layers) -> NDArray[np.bool_]:
+def find_low_layers(layers: Layers, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """
-    Return which layers are low gross errors.
+    Return which layers are low gross errors, those known before among them.
 
     A group is what is connected: layers of columns at most three apart whose elevations, the terrain's
     slope allowed for, are within `LOW_GAP`. It is an error if it is small, if within the radius hardly
     anything else reaches down to its level, the slope again allowed for, and if it is no open pit.
     """
-    bottom, seeds = layers.first[:-1].copy(), layers.first[:-1]
-    n_layers = len(layers.column)
-    state, group_of = np.zeros(n_layers, dtype=np.uint8), np.full(n_layers, -1, dtype=np.int64)
+    n_layers, state = len(layers.column), np.where(known, np.uint8(ERROR), np.uint8(UNKNOWN))
+    bottom, group_of = layers.first[:-1].copy(), np.full(n_layers, -1, dtype=np.int64)
+    _raise_bottoms(layers, state, np.unique(layers.column[known]), bottom)
+    seeds = bottom[bottom >= 0]
     for _ in range(MAX_PASSES):
         errors, open_cases = _judge_low(layers, bottom, seeds, state, group_of)
         if len(errors) == 0:
             break
         state[errors] = ERROR
         columns = np.unique(layers.column[errors])
-        for k in columns:  # whose bottoms rise above the errors; −1 where nothing is left
-            left = np.flatnonzero(state[layers.first[k] : layers.first[k + 1]] != ERROR)
-            bottom[k] = layers.first[k] + left[0] if len(left) > 0 else -1
+        _raise_bottoms(layers, state, columns, bottom)
         raised = bottom[columns]
         seeds = np.append(open_cases, raised[raised >= 0])
         group_of[:] = -1
     return state == ERROR
+
+
+@kernel
+def _raise_bottoms(layers, state, columns, bottom):  # type: ignore[no-untyped-def]
+    """Note the lowest layer above the errors of some columns; −1 where nothing is left."""
+    for k in columns:
+        bottom[k] = -1
+        for j in range(layers.first[k + 1] - 1, layers.first[k] - 1, -1):
+            if state[j] != ERROR:
+                bottom[k] = j
 
 
 @kernel

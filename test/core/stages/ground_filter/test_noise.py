@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from bench.scenes.gross_errors import LOW_PATTERNS
+from bench.scenes.terrain_site import TerrainScene
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING
@@ -94,6 +96,30 @@ def test_a_sheet_below_a_facade_is_found():
     classes = noise_of(np.vstack((points, sheet)))
     assert (classes[len(points) :] == LOW).all()
     assert not classes[: len(points)].any()
+
+
+@pytest.mark.parametrize("terrain", ["flat", "steep"])
+@pytest.mark.parametrize("density", [1.0, 15.0])
+@pytest.mark.parametrize("pattern", LOW_PATTERNS)
+def test_three_in_a_hundred_points_below_the_ground_are_found_and_the_ground_is_kept(
+    pattern, density, terrain
+):
+    surface = ground(density, terrain)
+    scene = TerrainScene(surface, np.ones(len(surface), dtype=bool))
+    n_errors = int(0.03 * len(surface))
+    errors = LOW_PATTERNS[pattern](scene, n_errors, np.random.default_rng(1), (1.5, 30.0))
+    classes = noise_of(np.vstack((surface, errors)))
+    assert (classes[len(surface) :] == LOW).mean() > 0.95
+    assert not classes[: len(surface)].any()
+
+
+@pytest.mark.parametrize("density", [2.0, 15.0])
+def test_the_floor_below_a_roof_of_glass_is_no_error(density):
+    points = ground(density, size=120.0)
+    roof = np.abs(points[:, :2] - 60.0).max(axis=1) < 45.0
+    passes = np.random.default_rng(2).uniform(size=len(points)) < 0.25
+    points[roof & ~passes, 2] += 6.0
+    assert (noise_of(points)[roof & passes] == 0).mean() > 0.99
 
 
 @pytest.mark.parametrize("density", [1.0, 4.0, 15.0])
