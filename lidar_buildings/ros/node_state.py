@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from std_msgs.msg import String
 
+from lidar_buildings.core.model.bounds import checked_stamp
 from lidar_buildings.ros.text_messages import read_json
 
 TOPIC = "node_state"
