@@ -125,6 +125,6 @@ class LivePublisher:
 
 
 def _profile(topic: str, *, is_reliable: bool) -> QoSProfile:
-    if topic == SCAN and not is_reliable:
-        return qos_profile_sensor_data
-    return qos.LATCHED if topic in LATCHED else qos.EVENT
+    if topic == SCAN:
+        return qos.RELIABLE_SENSOR if is_reliable else qos_profile_sensor_data
+    return qos.LATCHED if topic in LATCHED else qos.RELIABLE_POSE

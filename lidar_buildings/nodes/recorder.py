@@ -40,7 +40,7 @@ class Recorder(StageNode):
         self.summary.gauges.append(self._gauges)
         for name in config.topics:
             for topic in topics_called(name):
-                if topic.qos != "SENSOR":  # sensors publish as they like, reliably or not
+                if topic.qos not in ("SENSOR", "POSE"):  # sensors publish as they like, reliably or not
                     self._subscribe(name, topic.type.replace("/", "/msg/"), getattr(qos, topic.qos))
         self._search = self.create_timer(_SEARCH, self.on_search)
         self.on_search()

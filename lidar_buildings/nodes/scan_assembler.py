@@ -23,7 +23,7 @@ from lidar_buildings.nodes.table import NODE_TABLE
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
-from lidar_buildings.ros.qos import LATCHED_HISTORY, SENSOR
+from lidar_buildings.ros.qos import LATCHED_HISTORY, POSE, SENSOR
 from lidar_buildings.ros.stamps import FRAME_ID
 
 #: A warning of lost scans is repeated no sooner, and after so long it is told that none has come [s].
@@ -127,11 +127,11 @@ class ScanAssembler(TileSender):
         """Listen to scans and poses, with the quality of service that parameters say."""
         options = {"qos_overriding_options": QoSOverridingOptions.with_default_policies()}
         feed = self.tiles
-        self.create_subscription(Odometry, "odometry", feed.add_odometry, SENSOR, **options)
-        self.create_subscription(NavSatFix, "fix", feed.add_fix, SENSOR, **options)
+        self.create_subscription(Odometry, "odometry", feed.add_odometry, POSE, **options)
+        self.create_subscription(NavSatFix, "fix", feed.add_fix, POSE, **options)
         if find_spec("tf2_msgs") is not None:
             kind = import_module("tf2_msgs.msg").TFMessage
-            for topic, is_static, profile in (("/tf_static", True, LATCHED_HISTORY), ("/tf", False, SENSOR)):
+            for topic, is_static, profile in (("/tf_static", True, LATCHED_HISTORY), ("/tf", False, POSE)):
                 self.create_subscription(
                     kind, topic, partial(feed.add_transforms, is_static=is_static), profile
                 )

@@ -54,10 +54,10 @@ TOPICS = (
     Topic("survey_done", _HEADER, "LATCHED"),
     Topic("diagnostics", "diagnostic_msgs/DiagnosticArray", "EVENT"),
     Topic("scan", _CLOUD, "SENSOR"),
-    Topic("odometry", "nav_msgs/Odometry", "SENSOR"),
-    Topic("/tf", "tf2_msgs/TFMessage", "SENSOR"),
+    Topic("odometry", "nav_msgs/Odometry", "POSE"),
+    Topic("/tf", "tf2_msgs/TFMessage", "POSE"),
     Topic("/tf_static", "tf2_msgs/TFMessage", _HISTORY),
-    Topic("fix", "sensor_msgs/NavSatFix", "SENSOR"),
+    Topic("fix", "sensor_msgs/NavSatFix", "POSE"),
     Topic("/clock", "rosgraph_msgs/Clock", "EVENT"),
 )
 

@@ -15,5 +15,5 @@ RING_DEPTH = 20_000
 EVENT_DEPTH = 1000
 #: Headers that late joiners must get all, as of finished tiles; wide margin: 6,000 km² in tiles of 250 m.
 HISTORY_DEPTH = 100_000
-#: Scans and poses; wide margin: what comes while a node has other things to do, 1000 Hz for half a second.
-SENSOR_DEPTH = 500
+#: Scans, and the poses of as long: what comes while a process stands still for half a minute, 50 and 500 Hz.
+SCAN_DEPTH, POSE_DEPTH = 2_000, 20_000

@@ -13,7 +13,7 @@ _PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILE
 _TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 _RANGE, _PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 #: For all ranges of discovery; in place of the range of this host alone.
-_PROFILE, _LOCALHOST = "fastdds_profile.xml", "fastdds_localhost.xml"
+_PROFILE, _LOCALHOST, _SCANS = "fastdds_profile", "fastdds_localhost", "_scans"
 
 #: Least buffer of a socket with which clouds of a driver come through whole [bytes]; where Linux says what it
 #: allows.
@@ -31,7 +31,8 @@ def prepare_middleware(*, carries_scans: bool = False) -> None:
     Its shared memory is not used: restarted nodes were at times deaf to others for good, containers often
     share no ``/dev/shm``, and most clouds of more than its 512 kB got lost. UDP with large buffers takes no
     longer. A process that sends or hears scans, of which none comes again, keeps shared memory where the
-    system allows no such buffers. ROS's range ``LOCALHOST`` implies it, so a profile takes its place.
+    system allows no such buffers, and others do not forget it for two minutes while it stands still. ROS's
+    range ``LOCALHOST`` implies shared memory, so a profile takes its place.
     """
     tune_malloc()
     if any(os.environ.get(name) for name in _PROFILE_VARIABLES):
@@ -41,7 +42,8 @@ def prepare_middleware(*, carries_scans: bool = False) -> None:
         if os.environ.get(_RANGE) == "LOCALHOST" and not os.environ.get(_PEERS):
             os.environ[_RANGE], profile = "SYSTEM_DEFAULT", _LOCALHOST
         os.environ[_TRANSPORTS] = "UDPv4"
-    os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, str(Path(__file__).with_name(profile))))
+    name = f"{profile}{_SCANS if carries_scans else ''}.xml"
+    os.environ.update(dict.fromkeys(_PROFILE_VARIABLES, str(Path(__file__).with_name(name))))
 
 
 def allowed_buffer() -> float:

@@ -30,8 +30,14 @@ LATCHED = _profile(1, latched=True)
 LATCHED_HISTORY = _profile(depths.HISTORY_DEPTH, latched=True)
 #: What sensors send: whoever publishes it, reliable or not, is heard.
 SENSOR = QoSProfile(
-    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depths.SENSOR_DEPTH
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depths.SCAN_DEPTH
 )
+#: What is told of where sensors are, as often as it may be: no scan is placed without.
+POSE = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT, history=HistoryPolicy.KEEP_LAST, depth=depths.POSE_DEPTH
+)
+#: The same, to be published.
+RELIABLE_SENSOR, RELIABLE_POSE = _profile(depths.SCAN_DEPTH), _profile(depths.POSE_DEPTH)
 #: Headers and diagnostics: small, a few per tile and node.
 EVENT = _profile(depths.EVENT_DEPTH)
 #: Such events, given to late joiners as well.

@@ -53,6 +53,7 @@ def test_scans_use_it_only_where_the_system_allows_no_large_buffers(environment,
     allow(monkeypatch, tmp_path, "212992\n")
     prepare_middleware(carries_scans=True)
     assert "FASTDDS_BUILTIN_TRANSPORTS" not in environment
+    assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("fastdds_profile_scans.xml")
     del environment["FASTRTPS_DEFAULT_PROFILES_FILE"], environment["FASTDDS_DEFAULT_PROFILES_FILE"]
     allow(monkeypatch, tmp_path, f"{SOCKET_BUFFER}\n")
     prepare_middleware(carries_scans=True)
