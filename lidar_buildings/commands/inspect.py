@@ -22,7 +22,7 @@ from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.doubts import CloudDoubts
-from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by
+from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by, others_within
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, xyz_of
 from lidar_buildings.io.files.locations import located
@@ -181,7 +181,8 @@ def _named(path: Path) -> list[Path]:
     found = sorted(one for one in within if one == path or any(is_kind(one) for is_kind in kinds))
     if not found:
         raise InputError(
-            f"{path}: contains no point cloud (.las, .laz) and no bag: give another folder, or files"
+            others_within(path)
+            or f"{path}: contains no point cloud (.las, .laz) and no bag: give another folder, or files"
         )
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import laspy
 import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -12,6 +13,10 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 from support.scan_messages import SECOND, T0, cloud_of, header, odometry, transforms, xyzw
+
+from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig
+from lidar_buildings.io.bags.placed_cloud import write_placed
 
 #: Lever arm [m] and boresight angles [deg] of the scanner on the vehicle.
 MOUNTING = (0.4, -0.2, 1.1, 2.0, -1.5, 0.7)
@@ -27,6 +32,15 @@ STORAGES = {
 SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
 ORIGIN_TYPE = "geometry_msgs/msg/PointStamped"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
+#: How the scanner is mounted, as parameters say it.
+MOUNTED = ScanConfig(mounting=",".join(map(str, MOUNTING)))
+
+
+def placed(tmp_path, bag, config=MOUNTED, choice=None):
+    """Place a bag; return the LAZ file that comes of it, and what is told of it."""
+    path = tmp_path / "placed.laz"
+    count = write_placed(bag, path, choice or BagConfig(), config)
+    return laspy.read(path), count
 
 
 def vehicle(seconds):
@@ -113,7 +127,9 @@ class BagWriter:
         return SimpleNamespace(header=header(T0, crs), point=xyzw((x, y, z)))
 
 
-def write_drive(path, storage="mcap", poses="odometry", pose_rate=200.0, n_points=5000, seconds=1.0):
+def write_drive(
+    path, storage="mcap", poses="odometry", pose_rate=200.0, n_points=5000, seconds=1.0, pose_times=None
+):
     """
     Write scans of a tenth of a second and the vehicle's poses; return the bag's path and the truth.
 
@@ -125,7 +141,8 @@ def write_drive(path, storage="mcap", poses="odometry", pose_rate=200.0, n_point
     if poses == "tf":
         static = bag.tf((T0, "base", "lidar", mounted()[0], mounted()[1]))
         bag.write("/tf_static", TF_TYPE, T0, static)
-    events = [(second, "pose") for second in np.arange(0.0, end, 1.0 / pose_rate)]
+    pose_times = np.arange(0.0, end, 1.0 / pose_rate) if pose_times is None else pose_times
+    events = [(second, "pose") for second in pose_times]
     events += [(second + 0.1, "scan") for second in np.arange(0.0, seconds, 0.1)]
     for second, what in sorted(events):
         now = T0 + round(second * SECOND)

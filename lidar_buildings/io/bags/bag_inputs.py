@@ -142,9 +142,6 @@ def _placed(
 
 
 def _line(bag: Path, record: dict[str, Any]) -> str:
-    from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE
-
     out = "".join(f"; {number:,} left out: {reason}" for reason, number in record["left_out"].items())
     said = "".join(f"; {number:,} {what}" for what, number in record["messages"].items())
-    line = f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}"
-    return f"{line} ({WHY_NO_POSE})" if record["left_out"].get(NO_POSE, 0) > record["n_points"] else line
+    return f"{bag}: {record['n_points']:,} points of {record['n_scans']:,} scans placed{out}{said}"

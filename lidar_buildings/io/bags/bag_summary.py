@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import islice
@@ -26,9 +27,12 @@ from lidar_buildings.io.bags.bag import (
     topic_contents,
 )
 from lidar_buildings.io.bags.bag_inputs import BagConfig
+from lidar_buildings.io.bags.scan_types import remedy_of
 from lidar_buildings.io.files.reference_systems import check_place
 from lidar_buildings.io.tiling.map_place import Fix, zone_of
 
+#: Poses are read from so long before the clouds to so long after them [s]: slow ones lie around.
+_AROUND = 10.0
 _ORIGIN, _UNITS = "map_origin", "map_units"
 
 
@@ -70,9 +74,15 @@ def choose_topics(bag: Bag, clouds: str = "", odometry: str = "") -> BagTopics:
 
 
 def chosen_messages(bag: Bag, topics: BagTopics, choice: BagConfig) -> Iterator[BagMessage]:
-    """Read what holds for the whole bag first, and then what is wanted of the rest."""
+    """Read what holds for the whole bag first, then the clouds that are wanted, and poses around them."""
     yield from bag.messages(topics.of_whole)
-    yield from bag.messages(topics.all - topics.of_whole, choice.start, choice.duration)
+    begin, end = choice.start, choice.start + choice.duration if choice.duration else math.inf
+    around = max(begin - _AROUND, 0.0)
+    duration = end + _AROUND - around if choice.duration else 0.0
+    first = (bag.start or 0) + round(begin * 1e9)
+    for message in bag.messages(topics.all - topics.of_whole, around, duration):
+        if message.topic != topics.clouds or first <= message.time < (bag.start or 0) + end * 1e9:
+            yield message
 
 
 def told_frame(message: BagMessage, frame: MapFrame) -> MapFrame:
@@ -108,7 +118,9 @@ def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, 
             f"{bag.path}: contains several topics of {kind}: choose one with {option}; its topics:{listed()}"
         )
     if not having and is_needed:
-        raise InputError(f"{bag.path}: contains no {kind}; its topics:{listed()}")
+        other = [f"{one.name} holds {what}" for one in topics if (what := remedy_of(one.type))]
+        what = f"; {other[0]}" if other and kind == CLOUD else ""
+        raise InputError(f"{bag.path}: contains no {kind}{what}; its topics:{listed()}")
     return having[0].name if having else ""
 
 
@@ -187,4 +199,5 @@ def with_frames(bag: Bag, taken: BagTopics, config: ScanConfig | None = None) ->
                 placer.add_odometry(message.message)
             else:
                 placer.add_transforms(message.message, is_static=topic.endswith("static"))
+    placer.tree.settle()
     return placer

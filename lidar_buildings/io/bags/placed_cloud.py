@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lidar_buildings.core.model.errors import InputError, MessageError
-from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
+from lidar_buildings.core.scans.config import MOST_LOST, ScanConfig
+from lidar_buildings.core.scans.placing import NO_POSE, UNREADABLE, ScanPlacer, lost_share
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagMessage
 from lidar_buildings.io.bags.bag_inputs import BagConfig
@@ -35,6 +35,7 @@ class PlacedCount(NamedTuple):
     messages: dict[str, int]  #: what is to be said of messages → how many
     place: str  #: how satellites told where the map lies, empty if they did not
     warnings: list[str]  #: what is doubtful
+    lost: float = 0.0  #: share of the measured points that are left out
 
 
 def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConfig) -> PlacedCount:
@@ -69,21 +70,33 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
             raise InputError(str(error) if str(bag_path) in str(error) else f"{bag_path}: {error}") from error
         finally:
             file.close()
-        if not file.n_points and placer.refusal:
-            raise InputError(f"{bag_path}: {placer.refusal}")
+        if not file.n_points and (why := placer.refusal or bag.why_unreadable):
+            raise InputError(f"{bag_path}: {why}")
         if not file.n_points and placer.left_out[NO_POSE]:
             n, told = placer.left_out[NO_POSE], placer.messages.items()
             said = "".join(f"; {number:,} {what}" for what, number in told)
             raise InputError(
-                f"{bag_path}: none of its {n} points could be placed: no pose at their times "
-                f"({WHY_NO_POSE}){said}"
+                f"{bag_path}: none of its {n} points could be placed: no pose at their times: "
+                f"{placer.why_no_pose()}{said}"
             )
         check_metres(bag_path, file.n_points, file.size)
-    left_out = sorted((placer.left_out + Counter({FAR: file.n_far})).items())
-    messages, warnings = sorted(placer.messages.items()), list(place.warnings)
-    if placer.unreadable:
-        warnings.append(f"one of the scans that cannot be read: {placer.unreadable}")
-    return PlacedCount(placer.n_scans, file.n_points, dict(left_out), dict(messages), place.said, warnings)
+    left_out = placer.left_out + Counter({FAR: file.n_far})
+    messages = placer.messages + Counter({UNREADABLE: bag.unreadable[topics.clouds]})
+    warnings = [*place.warnings, *placer.tree.doubts]
+    lost = lost_share(left_out, file.n_points)
+    if lost > MOST_LOST:
+        warnings.append(f"{lost:.1%} of its points are left out: {placer.why_left_out(left_out)}")
+    if why := placer.unreadable or bag.why_unreadable:
+        warnings.append(f"one of the messages that cannot be read: {why}")
+    return PlacedCount(
+        placer.n_scans,
+        file.n_points,
+        dict(sorted(left_out.items())),
+        dict(sorted(messages.items())),
+        place.said,
+        warnings,
+        lost,
+    )
 
 
 def _place_by_fixes(messages: Iterator[BagMessage], placer: ScanPlacer, file: PlacedLaz) -> MapPlace:

@@ -54,6 +54,28 @@ def changed(path: Path) -> InputError:
 #: Endings of cloud files, in any case; ``.copc.laz`` is one of them.
 ENDINGS = (".las", ".laz")
 
+#: What other files of points are called → what they are.
+_OTHERS = {
+    ".e57": "E57",
+    ".ply": "PLY",
+    ".pcd": "PCD",
+    ".xyz": "points as text",
+    ".pts": "points as text",
+    ".asc": "points as text",
+    "ept.json": "Entwine (EPT)",
+    ".drc": "Draco",
+    ".pcap": "a scanner's packets",
+    ".zlas": "Esri's zLAS",
+}
+#: How LAZ is made of such, where it is not by PDAL.
+_BY_OTHERS = {
+    ".pts": "CloudCompare",
+    ".asc": "CloudCompare",
+    ".drc": "draco_decoder, and `pdal translate` of the PLY file that it makes,",
+    ".pcap": "the scanner's own software",
+    ".zlas": "Esri's EzLAS",
+}
+
 _Opened = TypeVar("_Opened")
 #: What a user names: files, folders, globs.
 Inputs = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
@@ -86,7 +108,8 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
                 files = sorted(one for one in named_by(place) if one == place or is_cloud_file(one))
             if not files and place.is_dir():
                 raise InputError(
-                    f"{place}: contains no .las or .laz file itself: give another folder, or files"
+                    (isinstance(place, Path) and others_within(place))
+                    or f"{place}: contains no .las or .laz file itself: give another folder, or files"
                 )
             if not files:
                 raise InputError(f"{place}: matches no .las or .laz file: check the pattern")
@@ -118,6 +141,20 @@ def named_by(path: Path) -> list[Path]:
 def is_cloud_file(path: Path) -> bool:
     """Whether a path is a file that is called as clouds are."""
     return path.name.lower().endswith(ENDINGS) and path.is_file()
+
+
+def what_else(path: Path) -> str:
+    """Say what a file of points is that is not LAS or LAZ, and how LAZ is made of it; empty if not known."""
+    ending = next((one for one in _OTHERS if path.name.lower().endswith(one)), "")
+    if not ending:
+        return ""
+    own = f"`pdal translate {path.name} {path.stem}.laz`"
+    return f"is {_OTHERS[ending]}, which is not read: {_BY_OTHERS.get(ending, own)} makes LAZ of it"
+
+
+def others_within(path: Path) -> str:
+    """Say what else than LAS or LAZ is in a folder; empty if nothing that is known."""
+    return next((f"{one}: {what}" for one in sorted(path.iterdir()) if (what := what_else(one))), "")
 
 
 def open_each(inputs: Inputs, open_one: Callable[[Path], _Opened]) -> tuple[list[_Opened], list[str]]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.io.clouds.find_inputs import what_else
 from lidar_buildings.io.files.locations import open_binary
 
 SIGNATURE = b"LASF"
@@ -111,9 +112,10 @@ def read_raw_header(path: Path) -> RawHeader:
     with open_binary(path) as file:
         begin = file.read(SMALLEST_HEADER)
         if begin[:4] != SIGNATURE:
-            raise InputError(
-                f"{path}: is not a LAS or LAZ file (does not begin with LASF): give a .las or .laz file"
+            what = what_else(path) or (
+                "is not a LAS or LAZ file (does not begin with LASF): give a .las or .laz file"
             )
+            raise InputError(f"{path}: {what}")
         if len(begin) < SMALLEST_HEADER:
             raise InputError(f"{path}: is truncated within its header: {_AGAIN}")
         header_size, offset, n_vlrs = struct.unpack_from("<HII", begin, 94)
