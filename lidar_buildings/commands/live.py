@@ -120,7 +120,9 @@ def live_command(options: argparse.Namespace) -> int:
     """
     Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
-    Return 0; 2 if a bag could be played in part only; 3 if a tile failed and the rest was done; 130 if a
+    if writer.failed_tiles:
+        return ExitStatus.TILE_FAILED
+    Return 0; 2 if a bag could be played in part only; 4 if more than 5 % of the points were lost; 130 if a
     second signal came before all was finished: the same command goes on.
     """
     request = request_of(options)
@@ -180,7 +182,12 @@ def _until_interrupted(composition: Composition, nodes: Mapping[str, Any], repla
             _tell("stopped: run the same command to resume")
             return ExitStatus.INTERRUPTED
     _tell(f"{_come(source)}; {writer.last_words}")
-    return ExitStatus.TILE_FAILED if writer.failed_tiles else ExitStatus.DONE
+    if writer.failed_tiles:
+        return ExitStatus.TILE_FAILED
+    if loss := source.tiles.loss:
+        _tell(loss)
+        return ExitStatus.DOUBTFUL
+    return ExitStatus.DONE
 
 
 def _watch(

@@ -18,6 +18,7 @@ from lidar_buildings.commands.run_request import RunRequest, request_of
 from lidar_buildings.core.freed_memory import tune_malloc
 from lidar_buildings.core.kernel_cache import start_compiling
 from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, ParameterError
+from lidar_buildings.core.scans.config import MOST_LOST
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
 from lidar_buildings.io.files.locations import is_url
@@ -37,7 +38,7 @@ if TYPE_CHECKING:  # what reads and writes files is imported while the processes
 
 
 def run_command(options: argparse.Namespace) -> int:
-    """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed, 4 by `--strict`."""
+    """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed, 4 for a look."""
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     with sole_use(request.output):
@@ -70,7 +71,9 @@ def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcom
     if options.strict and outcome.summary.n_doubtful:
         print(f"lidar-buildings: --strict: {_strict_words(outcome)}", file=sys.stderr)
         return ExitStatus.DOUBTFUL
-    return ExitStatus.DONE
+    # the bags' own lines have said why
+    is_lost = any(bag.get("lost", 0.0) > MOST_LOST for bag in request.bags)
+    return ExitStatus.DOUBTFUL if is_lost else ExitStatus.DONE
 
 
 def _strict_words(outcome: RunOutcome) -> str:

@@ -14,6 +14,8 @@ from lidar_buildings.core.scans.point_times import UNITS
 if TYPE_CHECKING:
     from lidar_buildings.core.scans.trajectory import Pose
 
+#: A feed that loses more of its points needs a look.
+MOST_LOST = 0.05
 _WORDS = {3: "three", 6: "six"}
 
 
@@ -50,7 +52,8 @@ class ScanConfig(StageConfig):
     )
     max_pose_gap: float = fixed(
         0.5,
-        "Longest time between two poses that is filled; raising it places more points, and worse.",
+        "Longest time between two poses that is filled, or three times their usual step if that is longer; "
+        "raising it places more points, and worse.",
         unit="s",
         within=(0.0, 60.0),
         advanced=True,

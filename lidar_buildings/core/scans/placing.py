@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -14,9 +15,21 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.core.scans.motion import place_points
-from lidar_buildings.core.scans.scan import PlacedScan, Scan, is_alike, joined, mark_of, read_scan, stamp_of
+from lidar_buildings.core.scans.point_times import TopicTimes
+from lidar_buildings.core.scans.scan import (
+    NO_RETURN,
+    NOT_FINITE,
+    PlacedScan,
+    Scan,
+    is_alike,
+    joined,
+    mark_of,
+    read_scan,
+    stamp_of,
+    timed,
+)
 from lidar_buildings.core.scans.seen_points import SeenPoints
-from lidar_buildings.core.scans.trajectory import Pose
+from lidar_buildings.core.scans.trajectory import Loss, Pose
 from lidar_buildings.core.scans.transform_tree import (
     MAX_FRAMES,
     SET_BACK,
@@ -28,7 +41,6 @@ from lidar_buildings.core.scans.transform_tree import (
 
 #: Why points are left out, in words; those of `scan` beside.
 NO_POSE = "no pose at their time"
-WHY_NO_POSE = "two poses further apart than scan_assembler.max_pose_gap, or of another clock"
 NO_WAY = "no pose leads from their frame to another one"
 WAITED = "waited too long for poses"
 #: Why messages are left out, and what else they tell, in words.
@@ -129,7 +141,8 @@ class ScanPlacer:
         frames: TransformTree | None = None,
     ) -> None:
         self.config = config or ScanConfig()
-        self.tree = TransformTree(self.config.max_pose_gap, self.config.max_speed)
+        gap, speed, wanted = self.config.max_pose_gap, self.config.max_speed, self.config.map_frame
+        self.tree = TransformTree(gap, speed, wanted, frames)
         self.left_out: Counter[str] = Counter()
         self.n_scans = 0
         self.refusal = self.unreadable = ""
@@ -142,14 +155,17 @@ class ScanPlacer:
         self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
         self._last: OrderedDict[str, int] = OrderedDict()
         self._clocks = ClockWatch()
+        self._topics: OrderedDict[tuple[str, str, str, int], TopicTimes] = OrderedDict()
+        self._losses: dict[tuple[str, str], Loss] = {}
         self.odometry_child = ""
         self._mounting = self.config.mounting_pose()
         self._mounted = ""
 
     @property
     def n_waiting(self) -> int:
-        """Points that wait for poses."""
-        return self._waiting.n_points
+        """Points that wait for poses, or for scans that tell what their times mean."""
+        untimed = (len(times.values) for topic in self._topics.values() for _, times in topic.waiting)
+        return self._waiting.n_points + sum(untimed)
 
     @property
     def target(self) -> str:
@@ -181,8 +197,8 @@ class ScanPlacer:
         """
         Take a sensor_msgs/PointCloud2; one that came before is left out.
 
-        MessageError if its layout contradicts itself, it has no x, y and z, no unit makes its times a scan's,
-        or it is of a second clock.
+        MessageError if its layout contradicts itself, it has no x, y and z, no unit makes its times and those
+        of scans before it a scan's, or it is of a second clock.
         """
         self.n_scans += 1
         mark = mark_of(message)
@@ -193,20 +209,50 @@ class ScanPlacer:
         is_earlier = stamp < self._last.get(frame, stamp) - SET_BACK
         if self._is_of_another_clock(is_earlier=is_earlier):
             raise MessageError(TWO_CLOCKS)
-        try:
-            scan = read_scan(message, self.config, self.left_out, self._seen)
-        except MessageError as error:
-            self._messages[UNREADABLE] += 1
-            self.refusal = self.unreadable = str(error)
-            raise
-        self._messages.update(scan.doubts)
+        with self._refusing(1):
+            scan = read_scan(message, self.left_out, self._seen)
         _keep(self._marks, mark, None, _MAX_MARKS)
         if is_earlier:
             self._set_back(stamp)
         _keep(self._last, frame, stamp, MAX_FRAMES)
+        if scan.told is None or not len(scan.times):
+            self._wait_for_poses(scan)
+            return
+        key = (frame, scan.time_field, scan.told.values.dtype.kind, scan.told.values.dtype.itemsize)
+        if key not in self._topics:
+            _keep(
+                self._topics,
+                key,
+                TopicTimes(scan.time_field, "" if self.config.time_unit == "auto" else self.config.time_unit),
+                MAX_FRAMES,
+            )
+        topic = self._topics[key]
+        with self._refusing(len(topic.waiting) + 1):
+            for one in topic.take(scan, scan.told):
+                self._wait_for_poses(timed(one, self.left_out))
+
+    def _end_waiting_for_times(self) -> None:
+        """Have no scan wait any longer for others that tell what its times mean."""
+        for topic in self._topics.values():
+            with suppress(MessageError), self._refusing(len(topic.waiting)):
+                for one in topic.rest():
+                    self._wait_for_poses(timed(one, self.left_out))
+
+    def _wait_for_poses(self, scan: Scan) -> None:
+        self._messages.update(scan.doubts)
         self._waiting.add(scan)
         while self._waiting.are_too_many and (oldest := self._waiting.take()) is not None:
             self._leave_out(WAITED, len(oldest.times))
+
+    @contextmanager
+    def _refusing(self, n_scans: int) -> Iterator[None]:
+        """Note why so many scans are refused, if they are."""
+        try:
+            yield
+        except MessageError as error:
+            self._messages[UNREADABLE] += n_scans
+            self.refusal = self.unreadable = str(error)
+            raise
 
     def placed(self, *, is_end: bool = False) -> Iterator[PlacedScan]:
         """
@@ -215,6 +261,8 @@ class ScanPlacer:
         Such as follow one another in one frame, with the same columns, are placed as one: a small scan costs
         more than its points. At the end, when no more poses come, what has none yet is left out and counted.
         """
+        if is_end:
+            self._end_waiting_for_times()
         while self._of_before:
             yield self._of_before.pop(0)
         while (scan := self._waiting.take_joined(lambda one: is_end or self._is_due(one))) is not None:
@@ -233,6 +281,32 @@ class ScanPlacer:
             f"scans of {scan.frame!r} wait: they are {late / 1e9:,.1f} s later than the last pose of it; "
             "poses have ended, or are of another clock"
         )
+
+    def why_no_pose(self) -> str:
+        """Say which link of frames lacks most poses of the points that have none, and what can be done."""
+        if not self._losses:
+            return ""
+        link, loss = max(self._losses.items(), key=lambda one: sum(one[1][:3]))
+        (child, parent), (step, filled) = link, self.tree.usual_step(link[0])
+        often = f" (one every {step:.2g} s)" if step else ""
+        whose = f"poses of {child!r} in {parent!r}{often}"
+        most = max(loss.n_outside, loss.n_in_gaps, loss.n_at_jumps)
+        if most == loss.n_in_gaps:
+            return (
+                f"{whose} have gaps of up to {loss.gap:.3g} s, {filled:.2g} s are filled: record them "
+                "without gaps, or raise scan_assembler.max_pose_gap"
+            )
+        if most == loss.n_at_jumps:
+            return f"{whose} jump: check them, or raise scan_assembler.max_speed"
+        return (
+            f"{whose} begin after, or end before these points, by up to {loss.outside:.3g} s: record them "
+            "for as long, and by the same clock"
+        )
+
+    def why_left_out(self, left_out: Counter[str]) -> str:
+        """Say why most of the points are left out that were measured, and what can be done."""
+        why = max(_lost(left_out).items(), key=itemgetter(1), default=("", 0))[0]
+        return {NO_POSE: f"{NO_POSE}: {self.why_no_pose()}", NO_WAY: self.refusal}.get(why, why)
 
     def target_of(self, frame: str) -> str:
         """
@@ -267,6 +341,7 @@ class ScanPlacer:
         """Place what waits of the time before the clock was set back, and forget the poses of that time."""
         self._messages[CLOCK_SET_BACK] += 1
         end = stamp + SET_BACK
+        self._end_waiting_for_times()
         while (scan := self._waiting.take(lambda one: one.times.max(initial=stamp) > end)) is not None:
             self._of_before.append(self._place(scan))
         self.tree.set_back(stamp)
@@ -278,8 +353,9 @@ class ScanPlacer:
         self._mount(scan.frame)
         if self.target_of(scan.frame) == scan.frame:
             return False  # nothing tells yet where it is
-        until = self.tree.known_until(scan.frame, self.target_of(scan.frame))
-        return until is None or until >= scan.times.max()
+        target = self.target_of(scan.frame)
+        until = self.tree.known_until(scan.frame, target)
+        return until is None or (until >= scan.times.max() and not self.tree.is_young(scan.frame, target))
 
     def _is_placed(self, scan: Scan) -> bool:
         """Whether a scan needs no pose."""
@@ -311,13 +387,26 @@ class ScanPlacer:
         for begin in range(0, len(points), _BATCH):
             own = slice(begin, begin + _BATCH)
             points[own], is_known[own] = place_points(look_up, stamps, scan.times[own], scan.points[own])
-        self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
+        if not is_known.all():
+            self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
+            for link, loss in self.tree.losses(scan.frame, target, scan.times[~is_known]).items():
+                self._losses[link] = loss.joined(self._losses[link]) if link in self._losses else loss
         columns = {name: values.compress(is_known) for name, values in scan.columns.items()}
         return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns)
 
     def _leave_out(self, reason: str, n_points: Any) -> None:
         if n_points:
             self.left_out[reason] += int(n_points)
+
+
+def lost_share(left_out: Counter[str], n_placed: int) -> float:
+    """Return which share of the points that were measured is left out."""
+    n_lost = sum(_lost(left_out).values())
+    return n_lost / max(n_lost + n_placed, 1)
+
+
+def _lost(left_out: Counter[str]) -> dict[str, int]:
+    return {why: n for why, n in left_out.items() if why not in (NOT_FINITE, NO_RETURN)}
 
 
 def _keep(kept: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.scans.cloud_layout import Cloud, columns_of, taken_points
-from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.point_times import TIME_FIELDS, point_times
+from lidar_buildings.core.scans.point_times import TIME_FIELDS, ScanTimes, TimedScan
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.core.scans.transform_tree import frame_name
 
@@ -35,21 +34,23 @@ _OF_TILES = ("buffer", *_NAMING)
 NOT_FINITE = "x, y or z is not finite, or beyond any place on Earth"
 NO_RETURN = "at the sensor's own place: no return"
 NO_TIME = "time is not finite"
+OFF_TIME = "time is none of their scan"
 #: What is to be said of a scan, in words.
 COARSE = "scans whose x or y, far from the origin, are float32: {:g} m apart"
-COARSE_TIMES = "scans whose points have times since 1970 as float32, minutes apart: taken for none"
 #: Steps of coordinates that are to be told of [m], and points that are looked at for them.
 _COARSE_STEP, _N_LOOKED_AT = 0.01, 1_000
 
 
 class Scan(NamedTuple):
-    """A scan in its own frame."""
+    """A scan in its own frame; its times are its stamp as long as `told` is not understood."""
 
     frame: str
     points: NDArray[np.float64]  #: [m], shape (n, 3)
     times: NDArray[np.int64]  #: [ns], shape (n,)
     columns: dict[str, NDArray[Any]]  #: our column → values
     doubts: tuple[str, ...] = ()  #: what is to be said of it
+    time_field: str = ""  #: the field that tells times, empty if none does
+    told: ScanTimes | None = None  #: what it tells
 
 
 class PlacedScan(NamedTuple):
@@ -60,14 +61,12 @@ class PlacedScan(NamedTuple):
     columns: dict[str, NDArray[Any]]  #: our column → values
 
 
-def read_scan(
-    message: Any, config: ScanConfig, left_out: Counter[str], seen: SeenPoints | None = None
-) -> Scan:
+def read_scan(message: Any, left_out: Counter[str], seen: SeenPoints | None = None) -> Scan:
     """
     Read a sensor_msgs/PointCloud2, and count what it has beside measurements.
 
     Of a tile of ours the buffer is left out, and what was `seen` in an earlier sending of it. MessageError if
-    its layout contradicts itself, it has no x, y and z, or no unit makes its times a scan's.
+    its layout contradicts itself, or it has no x, y and z.
     """
     cloud: Cloud = message
     columns = columns_of(cloud, {*TIME_FIELDS, *KEPT, *_OF_TILES})
@@ -85,18 +84,29 @@ def read_scan(
     kept = np.flatnonzero(is_kept)
     columns = {name: values[kept] for name, values in columns.items()}
     stamp = stamp_of(message.header)
-    times, name = point_times(columns, stamp, "" if config.time_unit == "auto" else config.time_unit)
     points, doubts = xyz[kept], []
     plan = points[:_N_LOOKED_AT, :2]
     single = plan.astype(np.float32)
     step = float(np.spacing(np.abs(single).max(initial=0.0)))
     if step > _COARSE_STEP and np.array_equal(single, plan):
         doubts.append(COARSE.format(step))
-    if times is None:
-        times = np.full(len(kept), stamp, dtype=np.int64)
-        if name and columns[name].any():
-            doubts.append(COARSE_TIMES)
-    return Scan(frame_name(message.header.frame_id), points, times, _cleaned(columns), tuple(doubts))
+    field = next((name for name in TIME_FIELDS if name in columns), "")
+    told = ScanTimes(columns[field], stamp) if field else None
+    times = np.full(len(kept), stamp, dtype=np.int64)
+    frame = frame_name(message.header.frame_id)
+    return Scan(frame, points, times, _cleaned(columns), tuple(doubts), field, told)
+
+
+def timed(one: TimedScan, left_out: Counter[str]) -> Scan:
+    """Return a scan with the times of its points, and count those whose time is none of it."""
+    scan: Scan = one.scan
+    doubts = (*scan.doubts, *filter(None, [one.doubt]))
+    if one.is_own.all():
+        return scan._replace(times=one.times, doubts=doubts, told=None)
+    _leave_out(left_out, OFF_TIME, ~one.is_own)
+    columns = {name: values.compress(one.is_own) for name, values in scan.columns.items()}
+    points, times = scan.points.compress(one.is_own, axis=0), one.times.compress(one.is_own)
+    return Scan(scan.frame, points, times, columns, doubts)
 
 
 def is_alike(one: Scan, other: Scan) -> bool:

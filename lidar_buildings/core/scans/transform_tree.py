@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.scans.trajectory import Pose, Poses, Trajectory
+from lidar_buildings.core.scans.trajectory import Loss, Pose, Poses, Trajectory
 
 #: Frames that are taken note of; wide margin: a vehicle has tens.
 MAX_FRAMES = 1_000
@@ -19,6 +20,11 @@ SET_BACK = 1_000_000_000
 #: A frame as it lies in itself.
 _NO_MOVE = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 _NO_TIMES = np.empty(0, dtype=np.int64)
+#: Parents of a frame that are taken note of beside the one that is taken.
+_MOST_PARENTS = 3
+_TWO_PARENTS = (
+    "frame {!r} has two parents, {!r} and {!r}: poses in {!r} are taken, which {}; stop the other sender"
+)
 #: A clock that is set back so often within so many messages is none: two senders tell their own times.
 _OFTEN, _MESSAGES = 3, 1_000
 
@@ -27,15 +33,24 @@ class TransformTree:
     """
     Frames, each in its parent; gaps and speeds are those of `Trajectory`.
 
-    `n_refused` counts poses that were none: not finite, off the Earth, or no rotation; or of one frame too
-    many.
+    Of a frame with two parents the one is taken whose poses lead to the frame `wanted`, are better in a tree
+    that is `known` and settled, or go on; what is fixed in two frames ties these together. `n_refused` counts
+    poses that were none: not finite, off the Earth, or no rotation; or of one frame too many.
     """
 
-    def __init__(self, max_gap: float, max_speed: float) -> None:
+    def __init__(
+        self, max_gap: float, max_speed: float, wanted: str = "", known: TransformTree | None = None
+    ) -> None:
         self._limits = (max_gap, max_speed)
+        self._wanted, self._known = frame_name(wanted), known
+        #: What other parents than the one that is taken say of frames that move.
+        self._others: dict[str, dict[str, Trajectory]] = {}
+        self._doubled: dict[str, str] = {}
+        self._settled: dict[str, str] = {}
         self._parents: dict[str, str] = {}
         self._edges: dict[str, Pose | Trajectory] = {}
         self._fixed: set[str] = set()
+        self._rough: dict[str, str] = {}
         self.n_refused = 0
 
     def set_fixed(self, parent: str, child: str, pose: Pose) -> None:
@@ -50,23 +65,76 @@ class TransformTree:
         parent, child = frame_name(parent), frame_name(child)
         if child in self._fixed or not self._is_taken(child, pose):
             return
-        if self._parents.get(child) != parent and isinstance(self._edges.get(child), Trajectory):
-            self._hang(parent, child, pose)
-        else:
+        edge, other = self._edges.get(child), self._parents.get(child)
+        if other == parent or edge is None:
             self._parents[child], self._edges[child] = parent, pose
+        elif isinstance(edge, Trajectory) or parent not in self._parents:
+            self._hang(parent, child, pose)
+        elif other not in self._parents:  # what it is fixed in is fixed in nothing
+            self._parents[child], self._edges[child] = parent, pose
+            self._hang(str(other), child, edge)
+        else:
+            self._doubled[child] = _TWO_PARENTS.format(child, other, parent, other, "came first")
 
     def add(self, parent: str, child: str, stamp: int, pose: Pose) -> None:
         """Take a transform of /tf, or a pose of odometry."""
         parent, child = frame_name(parent), frame_name(child)
         if child in self._fixed or not self._is_taken(child, pose):
             return
-        edge = self._edges.get(child)
-        if not isinstance(edge, Trajectory) or self._parents[child] != parent:
-            if isinstance(edge, Pose) and self._parents[child] != parent:
-                self._hang(self._parents[child], child, edge)
-            edge = self._edges[child] = Trajectory(*self._limits)
+        edge, other = self._edges.get(child), self._parents.get(child)
+        if not isinstance(edge, Trajectory):
+            if isinstance(edge, Pose) and other != parent:
+                self._hang(str(other), child, edge)
             self._parents[child] = parent
-        edge.add(stamp, pose)
+            edge = self._edges[child] = Trajectory(*self._limits)
+        if self._parents[child] == parent:
+            edge.add(stamp, pose)
+            return
+        others = self._others.setdefault(child, {})
+        if parent not in others and len(others) >= _MOST_PARENTS:
+            self.n_refused += 1
+            return
+        others.setdefault(parent, Trajectory(*self._limits)).add(stamp, pose)
+        self._choose(child, parent)
+
+    def _choose(self, child: str, other: str) -> None:
+        """Take the other parent of a frame if it is better."""
+        own, rival = self._parents[child], self._others[child][other]
+        edge = cast(Trajectory, self._edges[child])
+        known = "" if self._known is None else self._known._settled.get(child, "")
+        leads = {one: self._way_up(one)[-1] == self._wanted for one in (own, other)}
+        has_ended = (edge.last or 0) + round(rival.filled * 1e9) < (rival.last or 0)
+        if known in leads:
+            best, why = known, "are better over the whole bag"
+        elif leads[own] != leads[other]:
+            best, why = (own if leads[own] else other), f"lead to {self._wanted!r}"
+        else:
+            best, why = (other, "go on") if has_ended else (own, "came first")
+        if best == other:
+            self._exchange(child, other)
+        if not has_ended:
+            self._doubled[child] = _TWO_PARENTS.format(child, *sorted((own, other)), best, why)
+
+    def _exchange(self, child: str, other: str) -> None:
+        """Take the other parent of a frame."""
+        own, edge = self._parents[child], cast(Trajectory, self._edges[child])
+        self._parents[child], self._edges[child] = other, self._others[child].pop(other)
+        self._others[child][own] = edge
+
+    def settle(self) -> None:
+        """Take the better one of several parents, now that all poses have come."""
+        for child, others in self._others.items():
+            both = {self._parents[child]: cast(Trajectory, self._edges[child]), **others}
+            spans = [one.span for one in both.values()]
+            if max(begin for begin, _ in spans) >= min(end for _, end in spans):
+                continue  # one after the other
+            best = max(
+                (self._way_up(one)[-1] == self._wanted, track.covered, len(track), one)
+                for one, track in both.items()
+            )[-1]
+            self._settled[child] = best
+            if best in others:
+                self._exchange(child, best)
 
     def _hang(self, frame: str, child: str, pose: Pose) -> None:
         """Fix a frame under its child, which moves in another one: a frame has one parent."""
@@ -82,7 +150,8 @@ class TransformTree:
         """Forget what is known of the time after a stamp, where that is of before the clock was set back."""
         for child, edge in self._edges.items():
             if isinstance(edge, Trajectory) and self.is_set_back(child, stamp):
-                edge.set_back(stamp)
+                for one in (edge, *self._others.get(child, {}).values()):
+                    one.set_back(stamp)
 
     @property
     def jumps(self) -> tuple[int, float]:
@@ -115,9 +184,40 @@ class TransformTree:
         """Return the times at which poses between two frames were told [ns]."""
         return np.concatenate([_NO_TIMES, *(edge.stamps for edge in self._moving(source, target))])
 
+    def is_young(self, source: str, target: str) -> bool:
+        """Whether the next pose of a link between two frames may tell that it comes as seldom as that."""
+        return any(edge.is_young for edge in self._moving(source, target))
+
+    def losses(self, source: str, target: str, times: NDArray[np.int64]) -> dict[tuple[str, str], Loss]:
+        """Return for each link on a way, (child, parent), at which times it has no pose, and why."""
+        way = set(self._way_up(source)) ^ set(self._way_up(target))
+        return {
+            (child, self._parents[child]): edge.loss(times)
+            for child in sorted(way)
+            if isinstance(edge := self._edges.get(child), Trajectory)
+        }
+
+    def usual_step(self, child: str) -> tuple[float, float]:
+        """Return how often poses of a frame come, and how long gaps are filled [s]; zeros if it is fixed."""
+        edge = self._edges.get(child)
+        return (edge.usual_step, edge.filled) if isinstance(edge, Trajectory) else (0.0, 0.0)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Say of frames that move how their poses contradict one another, each once."""
+        for child, edge in self._edges.items():
+            if isinstance(edge, Trajectory) and child not in self._rough and (rough := edge.roughness):
+                self._rough[child] = (
+                    f"poses of {child!r} in {self._parents[child]!r}, every {edge.usual_step:.2g} s, are "
+                    f"{rough[0]:.2f} m and {math.degrees(rough[1]):.2f}° off what lies between their "
+                    "neighbours: they come too seldom, or from two senders"
+                )
+        return [*self._doubled.values(), *self._rough.values()]
+
     def drop_before(self, stamp: int) -> None:
         """Forget poses that no later time needs [ns]."""
-        for edge in self._edges.values():
+        others = (one for per in self._others.values() for one in per.values())
+        for edge in (*self._edges.values(), *others):
             if isinstance(edge, Trajectory):
                 edge.drop_before(stamp)
 

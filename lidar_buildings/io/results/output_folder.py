@@ -97,6 +97,7 @@ class OutputFolder:
             "until": until,
             "parameters": dict(parameters or {}),
         }
+        self._bags = identity["parameters"].get("bags", ())
         claim_folder(self.path, identity, self.inputs, overwrite=overwrite, is_live=is_live, use=use)
         self._use = use
         self.on_disk: dict[int, int] = {}
@@ -175,6 +176,7 @@ class OutputFolder:
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs = [one.output for one in clouds]
         of_inputs = [remark for one in self.inputs for remark in one.remarks]
+        of_bags = [Remark("bag", f"{bag['bag']}: {text}") for bag in self._bags for text in bag["warnings"]]
         files = [*filter(None, outputs), *buildings]
         new = [one.problem for source, one in enumerate(clouds) if one.problem and source not in told_of]
         per_class = sum((one.per_class for one in clouds), np.zeros(256, dtype=np.int64))
@@ -202,7 +204,7 @@ class OutputFolder:
             rasters=rasters,
             problems=tuple(dict.fromkeys([*info.get("problems", ()), *new, *problems])),
             footprints=footprints,
-            remarks=gathered([*info.get("remarks", ()), *of_inputs, *remarks]),
+            remarks=gathered([*info.get("remarks", ()), *of_bags, *of_inputs, *remarks]),
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
         named = [

@@ -17,8 +17,8 @@ from lidar_buildings.core.model.errors import MessageError, OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.scans.config import ScanConfig
-from lidar_buildings.core.scans.placing import NO_POSE, WHY_NO_POSE, ScanPlacer
+from lidar_buildings.core.scans.config import MOST_LOST, ScanConfig
+from lidar_buildings.core.scans.placing import NO_POSE, ScanPlacer, lost_share
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.files.temporary_folder import make_temporary_folder, remove_folder
 from lidar_buildings.io.tiling.live_files import Recorded, record, recorded_of, scale_of, write_placed_points
@@ -95,6 +95,7 @@ class LiveFeed:
             thread.join()
         try:
             if self._tiling.spool:
+                self._keep_placed(is_end=True)
                 self._settle_frame(math.inf)
             if self._survey is not None:
                 self._survey.close()
@@ -131,6 +132,14 @@ class LiveFeed:
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
             **dict(sorted(self._placer.messages.items())),
         }
+
+    @property
+    def loss(self) -> str:
+        """How much of the points is lost, and why; empty if little."""
+        left_out = self._placer.left_out + Counter({TOO_FAST: self._too_fast[TOO_FAST]})
+        lost = lost_share(left_out, self._survey.n_points if self._survey else 0)
+        why = self._placer.why_left_out(left_out)
+        return f"{lost:.1%} of the points are left out: {why}" if lost > MOST_LOST else ""
 
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
@@ -226,6 +235,7 @@ class LiveFeed:
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
+            self.problems |= dict.fromkeys(self._placer.tree.doubts, 1)
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._n_begun > self.n_flushed and self._survey.is_flushed):
                 self._has_work.set()
@@ -240,9 +250,11 @@ class LiveFeed:
         if not self._placer.n_waiting and self._placer.left_out[NO_POSE] <= self._n_unplaced:
             self._waits_since = now
         elif now - self._waits_since > _LACK:
-            why = self._placer.why_waiting() or f"no point has a pose at its time: {WHY_NO_POSE}"
-            self.problems[why] += 1
-            self._waits_since = math.inf
+            if not (why := self._placer.why_waiting()):
+                why = self._placer.why_no_pose() and f"{NO_POSE}: {self._placer.why_no_pose()}"
+            if why:
+                self.problems[why] += 1
+                self._waits_since = math.inf
 
     def _keep(self, scan: PlacedScan) -> None:
         if self._survey is not None and self.recorded is not None:

@@ -7,6 +7,7 @@ from support.scan_messages import SECOND, T0, cloud_of, odometry, scan, transfor
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.scans import placing
 from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.point_times import N_SCANS
 from lidar_buildings.core.scans.scan import NO_RETURN, NO_TIME, NOT_FINITE
 
 POINTS = np.array([[5.0, 1.0, 0.0], [5.0, 2.0, 0.0], [5.0, 3.0, 0.0]])
@@ -164,7 +165,7 @@ def test_what_is_no_measurement_is_left_out_and_counted():
     seconds = [0, 0, 0, 0, 0, np.nan, 0.1]
     values = {"intensity": [-1, 1, 1, 1, 1, 1, np.nan], "gps_time": [np.inf] * 7, "scan_angle": [np.nan] * 7}
     placer.add_scan(scan(T0, points, seconds=seconds, **values))
-    (found,) = placer.placed()
+    (found,) = placer.placed(is_end=True)
     np.testing.assert_allclose(found.points, [[1, 2, 3], [7, 8, 9]])
     assert (found.times - T0).tolist() == [0, pytest.approx(SECOND // 10, abs=10)]
     assert {name: column.tolist() for name, column in found.columns.items()} == {
@@ -186,7 +187,7 @@ def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
         cloud_of(T0 + 3, "lidar", packed),
     ):
         placer.add_scan(message)
-        found += placer.placed()
+        found += placer.placed(is_end=True)
     assert [len(one.points) for one in found] == [3, 3, 0, 3]
     for one in (found[0], found[1], found[3]):
         np.testing.assert_allclose(one.points, POINTS)
@@ -207,9 +208,10 @@ def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came(
         message = scan(T0 + k * SECOND // 10, POINTS + 0.1 * k, frame=name, **more)
         one_by_one.add_scan(message)
         at_once.add_scan(message)
-        expected += one_by_one.placed()
-    found = list(at_once.placed())
-    assert [len(one.points) for one in found] == [6, 3, 3, 6]
+        expected += one_by_one.placed(is_end=True)
+    found = list(at_once.placed(is_end=True))
+    assert [len(one.points) for one in found] == [6, 3, 6, 3]
+    expected.append(expected.pop(2))  # its frame has one scan, which waits for more to the end
     for member in ("points", "times"):
         both = (np.concatenate([getattr(one, member) for one in some]) for some in (found, expected))
         np.testing.assert_array_equal(*both)
@@ -223,7 +225,7 @@ def test_a_scan_that_claims_more_than_it_has_is_refused_and_the_next_placed():
         with pytest.raises(MessageError):
             placer.add_scan(cloud_of(T0, "lidar", rows, **changes))
     placer.add_scan(scan(T0, POINTS))
-    assert sum(len(one.points) for one in placer.placed()) == 3
+    assert sum(len(one.points) for one in placer.placed(is_end=True)) == 3
     assert placer.messages == {placing.UNREADABLE: 3}
     assert "3 bytes of data" in placer.refusal
 
@@ -244,9 +246,10 @@ def test_of_two_scanners_on_a_topic_each_is_placed_by_its_own_frame():
 def test_a_frame_that_waits_does_not_hold_up_another_one():
     drive = Drive()
     drive.placer.add_scan(scan(stamp(0.1), POINTS, frame="nowhere"))
-    drive.poses(0.0, 0.5)
-    drive.scan(0.2)
-    assert len(drive.found) == 3
+    drive.poses(0.0, 1.0)
+    for number in range(N_SCANS):
+        drive.scan(0.1 * number)
+    assert len(drive.found) == 3 * N_SCANS
     assert drive.placer.n_waiting == 3
 
 
@@ -271,7 +274,7 @@ def test_hours_of_a_feed_take_no_memory(monkeypatch):
     for second in range(400):
         drive.pose(second / 4)
         drive.placer.add_scan(scan(stamp(second / 4), POINTS))
-        assert sum(len(one.points) for one in drive.placer.placed()) <= 3
+        assert sum(len(one.points) for one in drive.placer.placed()) <= 3 * N_SCANS
         edge = drive.placer.tree._edges["lidar"]
         sizes.append((len(edge), len(drive.placer._marks), len(drive.placer._last), drive.placer.n_waiting))
     assert sizes[200] == sizes[-1]
@@ -304,7 +307,7 @@ def test_frames_that_nothing_moves_are_no_place_but_in_the_map():
     tripod = placing.ScanPlacer()
     tripod.add_transforms(static("lidar", "map", (0, 0, 7)), is_static=True)
     tripod.add_scan(scan(T0, POINTS))
-    assert [one.points[:, 2].tolist() for one in tripod.placed()] == [[7] * 3]
+    assert [one.points[:, 2].tolist() for one in tripod.placed(is_end=True)] == [[7] * 3]
 
 
 @pytest.mark.parametrize("is_static_first", [True, False])
@@ -318,7 +321,7 @@ def test_a_frame_that_odometry_moves_keeps_what_is_fixed_to_it_as_its_parent(is_
         placer.add_odometry(odometry(stamp(second), (1, 0, 0), child="imu"))
     placer.add_transforms(fixed, is_static=True)
     placer.add_scan(scan(T0, POINTS))
-    [found] = placer.placed()
+    [found] = placer.placed(is_end=True)
     np.testing.assert_allclose(found.points, POINTS + np.array([1, 0, 2]), atol=1e-9)
 
 
@@ -340,3 +343,44 @@ def test_all_scans_are_placed_in_one_frame_though_the_map_comes_late():
     later, found = placed(first.tree)
     assert set(found) == {50.0}
     assert later.left_out[placing.NO_POSE] > 0
+
+
+@pytest.mark.parametrize("rate", [0.2, 1.0, 10.0])
+@pytest.mark.parametrize("gap", [0.0, 2.5, 4.0])
+def test_a_chain_is_interpolated_link_by_link_each_by_its_own_rate(rate, gap):
+    """`gap` is what messages of the slow link are lacking, in its steps."""
+    placer, end, points = placing.ScanPlacer(), 30.0 / rate, 0
+    events = [(one, 0, 1.0) for one in np.arange(0.0, end, 1.0 / rate) if not 0 < one * rate - 15.5 < gap]
+    events += [(one, 1, SPEED) for one in np.arange(0.0, end, min(0.05, end / 100))]
+    events += [(one + 0.1, 2, 0.0) for one in np.arange(1.0, 0.9 * end, end / 50)]
+    for second, kind, speed in sorted(events):
+        if kind == 2:
+            placer.add_scan(scan(stamp(second - 0.1), POINTS))
+        else:
+            edge = (("map", "odom"), ("odom", "lidar"))[kind]
+            move = (stamp(second), *edge, (speed * second, 0, 0))
+            placer.add_transforms(transforms(move), is_static=False)
+        for one in placer.placed():
+            points += len(one.points)
+            np.testing.assert_allclose(
+                one.points[:, 0] - 5, (SPEED + 1.0) * (one.times - T0) / SECOND, atol=1e-5
+            )
+    lost = sum(placer.left_out.values())
+    assert points + lost > 80
+    assert (lost > 0) == (gap > 3.0 and rate < 6.0)
+    if lost:
+        assert (
+            f"'odom' in 'map' (one every {1 / rate:g} s) have gaps of up to {5 / rate:g} s"
+            in placer.why_no_pose()
+        )
+
+
+def test_poses_of_two_senders_and_such_as_come_too_seldom_are_told_of():
+    drive = Drive()
+    for second in np.arange(0.0, 2.0, 0.05):
+        drive.pose(second)
+        drive.pose(second + 0.025, x=SPEED * (second + 0.025) + 0.5)
+    assert "are 0.50 m and 0.00° off what lies between" in drive.placer.tree.doubts[0]
+    smooth = Drive()
+    smooth.poses(0.0, 4.0)
+    assert smooth.placer.tree.doubts == []

@@ -147,3 +147,53 @@ def test_what_is_fixed_is_not_changed_by_messages_and_loops_end():
     assert made.poses("lidar", "base", times(0.0)).translation.tolist() == [[0, 0, 7]]
     made.add_static("lidar", "map", Pose((0, 0, 0), NO_TURN))
     assert made.root_of("camera") in {"map", "lidar", "odom", "base"}
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+def test_of_two_parents_the_one_is_taken_that_leads_to_the_map(is_first):
+    made = TransformTree(1.0, 100.0, "map")
+    for number in range(20):
+        stamp = T0 + number * SECOND // 10
+        made.add("map", "odom", stamp, Pose((100, 0, 0), NO_TURN))
+        for parent, x in (("odom", number), ("lost", 500.0))[:: 1 if is_first else -1]:
+            made.add(parent, "base", stamp, Pose((x, 0, 0), NO_TURN))
+    found = made.poses("base", "map", times(0.25, 1.25))
+    assert found.is_known.all()
+    np.testing.assert_allclose(found.translation[:, 0], [102.5, 112.5])
+    assert made.doubts == [
+        "frame 'base' has two parents, 'lost' and 'odom': poses in 'odom' are taken, which lead to 'map'; "
+        "stop the other sender"
+    ]
+
+
+def test_of_two_parents_that_lead_nowhere_a_tree_that_knows_all_takes_the_better():
+    whole = TransformTree(0.2, 100.0, "map")
+    made = TransformTree(0.2, 100.0, "map", whole)
+    for one in (whole, made):
+        whole.settle()
+        for number in range(40):
+            stamp = T0 + number * SECOND // 10
+            if number in (0, 1, 2, 20, 21, 22, 39):
+                one.add("gappy", "base", stamp, Pose((500, 0, 0), NO_TURN))
+            one.add("odom", "base", stamp, Pose((number, 0, 0), NO_TURN))
+    assert whole.root_of("base") == "odom"
+    assert made.poses("base", "odom", times(0.25, 2.25)).translation[:, 0].tolist() == [2.5, 22.5]
+    assert len(made.doubts) == 1
+
+
+def test_a_frame_that_changes_its_parent_is_followed():
+    made = TransformTree(1.0, 100.0)
+    for number in range(40):
+        parent = "odom" if number < 20 else "other"
+        made.add(parent, "base", T0 + number * SECOND // 10, Pose((number, 0, 0), NO_TURN))
+    assert made.root_of("base") == "other"
+
+
+@pytest.mark.parametrize("is_base_first", [True, False])
+def test_what_is_fixed_in_two_frames_ties_them_together(is_base_first):
+    made = TransformTree(1.0, 100.0)
+    made.add("odom", "base", T0, Pose((10, 0, 0), NO_TURN))
+    for parent, x in (("base", 1.0), ("sensor", 3.0))[:: 1 if is_base_first else -1]:
+        made.add_static(parent, "imu", Pose((x, 0, 0), NO_TURN))
+    made.add_static("sensor", "lidar", Pose((0, 0, 5), NO_TURN))
+    np.testing.assert_allclose(made.poses("lidar", "odom", times(0.0)).translation, [[8, 0, 5]])

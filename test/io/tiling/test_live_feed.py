@@ -14,6 +14,7 @@ from support.scan_messages import SECOND, T0, odometry, scan
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.config import ScanConfig
+from lidar_buildings.core.scans.point_times import N_SCANS
 from lidar_buildings.io.tiling import live_feed
 from lidar_buildings.io.tiling.live_feed import TOO_FAST, LiveFeed
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
@@ -84,7 +85,10 @@ def test_a_tile_is_made_when_it_is_asked_for_with_all_points_there_are_then():
     [
         (None, "no pose leads from the scans' frame 'lidar' .*frames with poses: none"),
         (-3600.0, "scans of 'lidar' wait: they are 3,600.[01] s later than the last pose of it"),
-        (3600.0, "no point has a pose at its time: two poses further apart"),
+        (
+            3600.0,
+            "no pose at their time: poses of 'lidar' in 'odom' .*begin after, or end before these points",
+        ),
     ],
 )
 def test_why_no_point_can_be_placed_is_told_once(monkeypatch, seconds, why):
@@ -180,11 +184,12 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path
 
     monkeypatch.setattr(live_feed, "record", full)
     with Running(tmp_path) as run:
-        run.feed.add_scan(scan(T0, points(), frame="map"))
+        for k in range(N_SCANS):
+            run.feed.add_scan(scan(T0 + k, points(100, seed=k), frame="map"))
         run.feed.add_frame(MapFrame("EPSG:28992"))
         assert refused.wait(60.0)
-        run.feed.add_scan(scan(T0 + 1, points(400, seed=1), frame="map"))
-        assert core(run.flush()) == 900
+        run.feed.add_scan(scan(T0 + N_SCANS, points(400, seed=N_SCANS), frame="map"))
+        assert core(run.flush()) == 100 * N_SCANS + 400
         assert run.feed.obstacle == ""
 
 
