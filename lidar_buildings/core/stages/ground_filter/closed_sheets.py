@@ -20,26 +20,31 @@ from lidar_buildings.core.stages.ground_filter.error_layers import (
 # Chosen with `bench.ground.noise`.
 #: Largest distance of a smooth surface's points from the plane through three by three columns, rms [m]:
 #: crowns are rougher.
-MAX_ROUGHNESS = 0.3
+MAX_ROUGHNESS = 0.2
 #: A plane through fewer points says nothing; and so many of each layer are enough.
-MIN_POINTS, MAX_POINTS = 5, 12
+MIN_POINTS, MAX_POINTS = 6, 12
 #: Radius of the disc about a point that a sheet has to cover, in its spacings: twenty points; and share of
 #: them from which on it does.
 SHEET_DISC, MIN_COVER = 2.5, 0.5
 #: Radius of the disc in which all that is above a point is counted, in spacings: gaps are as narrow.
 DISC = 1.25
-#: Layers of a sheet that are looked at.
-MAX_LAYERS = 200
+#: Layers of a sheet that are looked at, and how far their slopes may be spread, rms: smooth spots of crowns
+#: lean to all sides.
+MAX_LAYERS, MAX_SPREAD = 200, 0.3
+#: At the edge of the data discs count as so many times what is seen of them, at most.
+MAX_BEYOND = 2.0
 #: Columns around that the density of points is taken from.
 DENSITY_REACH = 6
 #: How many times as many points the sheets above have as what lies as low as a layer.
 MIN_DENSER = 4.0
-#: Within how many columns others reach as low, at most and at least; and how many times its depth the terrain
-#: is taken to be plane.
-RADIUS, MIN_RADIUS, RADIUS_DEPTHS = 20, 3, 5.0
+#: Within how many columns densities are compared. And how far beside a layer, at least in columns and in
+#: parts of its depth below the sheet, beams lean in under roofs and decks from open ground.
+RADIUS, MIN_RADIUS, LEAN = 20, 8, 3.0
 #: Share of the columns around, and least number, that show open points as low where that is the ground; open
 #: are those with less than this share of what is above others.
-MIN_OPEN_SHARE, MIN_OPEN, OPEN = 0.03, 6, 0.2
+MIN_OPEN_SHARE, MIN_OPEN, OPEN = 0.03, 4, 0.2
+#: Layers of a floor that is seen through gaps, at least.
+MIN_FLOOR = 6
 #: Mean share above the points of a floor that is seen through gaps, at most, and so much less by chance for
 #: one over the root of their number: above errors it is one.
 MAX_SHARE, CHANCE = 0.9, 0.8
@@ -157,7 +162,7 @@ def _above(layers, j, radius, gap):  # type: ignore[no-untyped-def]
             up = dx * layers.gradient[k, 0] + dy * layers.gradient[k, 1]
             is_above = layers.points[p, 2] - point[2] - max(up, 0.0) > gap
             n += is_above and dx * dx + dy * dy <= radius * radius
-    return n * (2 * reach + 1) ** 2 / n_places
+    return n * min((2 * reach + 1) ** 2 / n_places, MAX_BEYOND)
 
 
 @kernel
@@ -181,17 +186,25 @@ def _sheet_above(layers, j, radius, smooth, planes, gap, ups, weights, sheet):  
             if weight > 0:
                 ups[n, 0], ups[n, 1], ups[n, 2], weights[n] = up, planes[i, 1], planes[i, 2], weight
                 n += 1
-    most = 0
+    most, spread = 0, 0.0
     for one in range(n):
-        total, east, north = 0, 0.0, 0.0
+        total, east, north, square = 0, 0.0, 0.0, 0.0
         for other in range(n):
             if abs(ups[other, 0] - ups[one, 0]) <= gap:
-                total += weights[other]
-                east, north = east + weights[other] * ups[other, 1], north + weights[other] * ups[other, 2]
+                a, b, w = ups[other, 1], ups[other, 2], weights[other]
+                total, east, north, square = (
+                    total + w,
+                    east + w * a,
+                    north + w * b,
+                    square + w * (a * a + b * b),
+                )
         if total > most:
             most = total
             sheet[0], sheet[1], sheet[2] = ups[one, 0], east / total, north / total
-    return most * (2 * reach + 1) ** 2 / n_places
+            spread = square / total - sheet[1] ** 2 - sheet[2] ** 2
+    if spread > MAX_SPREAD**2:
+        return 0.0
+    return most * min((2 * reach + 1) ** 2 / n_places, MAX_BEYOND)
 
 
 @kernel
@@ -219,8 +232,7 @@ def _find_hidden(layers, smooth, cover, share, sheet, gap, hidden, first, end): 
 def _is_reached(layers, j, smooth, share, sheet, gap):  # type: ignore[no-untyped-def]
     """Whether enough around is open down to a layer, or it is as dense as what is above, or seen in gaps."""
     k = layers.column[j]
-    depth, steepness = sheet[0], 1.0 + math.hypot(sheet[1], sheet[2])
-    plane = min(RADIUS / steepness, max(RADIUS_DEPTHS * depth / layers.size, MIN_RADIUS))
+    near = min(max(LEAN * sheet[0] / layers.size, MIN_RADIUS), RADIUS)
     n_open, n_columns, n_level, n_sheet, n_mates, covered = 0, 0, 0, 0, 0, 0.0
     for step in range(-RADIUS, RADIUS + 1):
         start, stop = columns_in_row(layers, k, step, RADIUS)
@@ -239,10 +251,10 @@ def _is_reached(layers, j, smooth, share, sheet, gap):  # type: ignore[no-untype
                 is_open |= share[i] < OPEN
                 if high_end(layers, i) >= low:
                     n_level += n_points
-                    if away <= plane * plane:
+                    if away <= near * near:
                         n_mates, covered = n_mates + 1, covered + share[i]
-            if away <= plane * plane:
+            if away <= near * near:
                 n_columns, n_open = n_columns + 1, n_open + is_open
     is_open = n_open >= max(MIN_OPEN, MIN_OPEN_SHARE * n_columns)
-    is_floor = n_mates >= MIN_OPEN and covered < MAX_SHARE * n_mates - CHANCE * math.sqrt(n_mates)
+    is_floor = n_mates >= MIN_FLOOR and covered < MAX_SHARE * n_mates - CHANCE * math.sqrt(n_mates)
     return is_open or is_floor or n_sheet < MIN_DENSER * n_level
