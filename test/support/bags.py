@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import laspy
 import numpy as np
+from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -160,3 +162,52 @@ def write_drive(
             bag.write("/tf", TF_TYPE, now, bag.tf((now, "odom", "base", place, attitude)))
     bag.close()
     return SimpleNamespace(path=bag.path, points=points, times=times)
+
+
+def write_chain(path, links, seconds=10.0, n_points=4000, change=None):
+    """
+    Write scans of a tenth of a second, and a chain of frames that move along x; return the bag and the truth.
+
+    `links` is (parent, child) → (seconds of its poses, its speed [m/s]), down to ``lidar``; the first two of
+    them lead from ``map`` to it, others beside are told, too. `change` may change the times of a scan's
+    points, uint32 nanoseconds since its stamp, by its number.
+    """
+    points, times = truth(n_points, seconds)
+    bag, speed = BagWriter(path), sum(speed for _, speed in list(links.values())[:2])
+    still = Rotation.identity()
+    events = [(second, edge) for edge, (own, _) in links.items() for second in own]
+    events += [(second + 0.1, None) for second in np.arange(0.0, seconds, 0.1)]
+    for number, (second, edge) in enumerate(sorted(events, key=lambda one: (one[0], str(one[1])))):
+        now = T0 + round(second * SECOND)
+        if edge is not None:
+            bag.write("/tf", TF_TYPE, now, bag.tf((now, *edge, (links[edge][1] * second, 0.0, 0.0), still)))
+            continue
+        begin = T0 + round((second - 0.1) * SECOND)
+        own = (times >= second - 0.1) & (times < second)
+        offsets = np.maximum(np.rint(times[own] * SECOND).astype(np.int64) - (begin - T0), 0).astype(
+            np.uint32
+        )
+        moved = points[own] - np.column_stack([speed * times[own], np.zeros((2, own.sum())).T])
+        offsets = offsets if change is None else change(offsets, number)
+        bag.write("/points", SCAN_TYPE, now, bag.cloud(begin, "lidar", moved, offsets))
+    bag.close()
+    return SimpleNamespace(path=bag.path, points=points, times=times)
+
+
+def with_profile(path, profile, encodings=()):
+    """Write an MCAP file again beside it, with another profile and topics of other encodings; return that."""
+    target = path.with_name(f"{path.stem}_again.mcap")
+    with open(path, "rb") as file, open(target, "wb") as out:
+        writer, ids = Writer(out), {}
+        writer.start(profile)
+        for schema, channel, message in make_reader(file).iter_messages():
+            if channel.id not in ids:
+                one = writer.register_schema(schema.name, schema.encoding, schema.data)
+                ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, one)
+            time = message.log_time
+            writer.add_message(ids[channel.id], time, message.data, message.publish_time, message.sequence)
+        for encoding in encodings:
+            one = writer.register_schema("foxglove.PointCloud", encoding, b"")
+            writer.add_message(writer.register_channel(f"/{encoding}", encoding, one), T0, b"", T0)
+        writer.finish()
+    return target

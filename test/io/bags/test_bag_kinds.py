@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags.typesys import get_types_from_msg
-from support.bags import MOUNTED, SCAN_TYPE, SECOND, T0, BagWriter, placed, write_drive
+from support.bags import MOUNTED, SCAN_TYPE, SECOND, T0, BagWriter, placed, with_profile, write_drive
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.scans.config import ScanConfig
@@ -14,36 +13,16 @@ from lidar_buildings.io.bags.bag_summary import summarise_bag
 from lidar_buildings.io.bags.scan_types import LIVOX, LIVOX_TEXT
 
 
-def rewritten(source, target, profile, encodings=None):
-    """Write an MCAP file's messages again, with another profile, and a topic of another encoding beside."""
-    with open(source, "rb") as file, open(target, "wb") as out:
-        writer = Writer(out)
-        writer.start(profile)
-        ids = {}
-        for schema, channel, message in make_reader(file).iter_messages():
-            if channel.id not in ids:
-                one = writer.register_schema(schema.name, schema.encoding, schema.data)
-                ids[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, one)
-            time = message.log_time
-            writer.add_message(ids[channel.id], time, message.data, message.publish_time, message.sequence)
-        for topic, encoding in (encodings or {}).items():
-            one = writer.register_schema("foxglove.PointCloud", encoding, b"")
-            number = writer.register_channel(topic, encoding, one)
-            writer.add_message(number, T0, b"\0", T0)
-        writer.finish()
-    return target
-
-
 @pytest.mark.parametrize("profile", ["", "x"])
 def test_a_file_of_any_profile_is_read_and_a_folder_without_a_storage_identifier(tmp_path, profile):
     drive = write_drive(tmp_path / "drive")
     (file,) = drive.path.glob("*.mcap")
-    other = rewritten(file, tmp_path / "other.mcap", profile, {"/other": "protobuf"})
+    other = with_profile(file, profile, ["protobuf"]).rename(tmp_path / "other.mcap")
     las, count = placed(tmp_path, other)
     assert (count.n_points, count.warnings) == (5000, [])
     assert np.abs(las.xyz - drive.points).max() < 0.02
     notes = {one.name: one.problem for one in summarise_bag(other).topics}
-    assert notes["/other"] == "its messages are encoded protobuf: only messages of ROS are read"
+    assert notes["/protobuf"] == "its messages are encoded protobuf: only messages of ROS are read"
     for storage in ("mcap", "sqlite3"):
         bag = write_drive(tmp_path / storage, storage).path
         meta = bag / "metadata.yaml"
