@@ -42,6 +42,12 @@ REACH = 4
 OFF_LINE = 0.4
 
 
+#: Pulses so far beside a line are on it [spacings across].
+BESIDE = 0.3
+#: Share of the gaps between pulses on a line that is no longer than this, in steps: a window reaches as far.
+_MOST_GAPS, _GAP_IN_STEPS = 0.9, 2.0
+
+
 class Pulses(NamedTuple):
     """Points and what tells which of them follow each other."""
 
@@ -186,20 +192,25 @@ def _spaced(
     # At the rim of a roof there are lines on one side only; so many lines apart are all rim.
     either = _medians(np.fmax(sides[:, 0], sides[:, 1]), group, len(axis))
     across = np.where(np.isnan(both), either, both)
+    _next_on_line(pulses, cells, asking, runs, group, is_probe, axis, across, sides)
+    gap = _medians(np.fmax(sides[:, 0], sides[:, 1]), group, len(axis), _MOST_GAPS)
+    along = np.fmax(along, gap / _GAP_IN_STEPS)  # of pulses in clumps most neighbours are too near
     ratio = np.maximum(along, across) / np.minimum(along, across)
     found = np.flatnonzero((ratio >= min_ratio) & (ratio <= MAX_RATIO))
     return [(int(k), ScanPattern(float(direction[k]), float(along[k]), float(across[k]))) for k in found]
 
 
-def _medians(values: NDArray[Any], group: NDArray[np.int64], n_groups: int) -> NDArray[np.float64]:
-    """Return every group's median of the values that are numbers, NaN where they are too few."""
+def _medians(
+    values: NDArray[Any], group: NDArray[np.int64], n_groups: int, share: float = 0.5
+) -> NDArray[np.float64]:
+    """Return every group's median, or another quantile, of the numbers among the values; NaN of too few."""
     rows = np.flatnonzero(~np.isnan(values))
     order = rows[np.lexsort((values[rows], group[rows]))]
     count = np.bincount(group[order], minlength=n_groups)
     first = np.cumsum(count) - count
     medians = np.full(n_groups, np.nan)
     known = np.flatnonzero(count >= MIN_PROBES // 2)
-    medians[known] = values[order[first[known] + count[known] // 2]]
+    medians[known] = values[order[first[known] + (share * count[known]).astype(np.int64)]]
     return medians
 
 
@@ -255,6 +266,30 @@ def _lines_beside(pulses, cells, asking, runs, group, is_probe, spacing, axis, a
             for side in range(2):
                 if near[side] < np.inf:
                     sides[i, side] = near[side]
+
+
+@kernel
+def _next_on_line(pulses, cells, asking, runs, group, is_probe, axis, across, sides):  # type: ignore[no-untyped-def]
+    """Write each probe's distance to the next pulse on its line, backwards and forwards."""
+    for one in range(len(asking)):
+        for k in range(cells.first[asking[one]], cells.first[asking[one] + 1]):
+            i = cells.rows[k]
+            sides[i, 0], sides[i, 1] = np.nan, np.nan
+            if not is_probe[i] or not across[group[i]] > 0.0:
+                continue
+            cos, sin = axis[group[i]]
+            for row in range(runs.shape[1]):
+                for m in range(runs[one, row, 0], runs[one, row, 1]):
+                    j = cells.rows[m]
+                    dx = pulses.points[j, 0] - pulses.points[i, 0]
+                    dy = pulses.points[j, 1] - pulses.points[i, 1]
+                    ahead = dx * cos + dy * sin
+                    is_on_line = abs(dy * cos - dx * sin) <= BESIDE * across[group[i]]
+                    if ahead == 0.0 or not is_on_line or not _are_mates(pulses, group, i, j):
+                        continue
+                    side = 0 if ahead < 0.0 else 1
+                    if not sides[i, side] <= abs(ahead):
+                        sides[i, side] = abs(ahead)
 
 
 @kernel

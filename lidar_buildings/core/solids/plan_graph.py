@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -52,12 +53,13 @@ def cut_at(
     The face's exterior and holes may be unsound; its plane, z = a·x + b·y + c, is not level.
     """
     (polygon,) = made_valid(np.array([shapely.Polygon(rings[0], rings[1:])], dtype=object))
-    upper = polygon.intersection(_half_plane(rings[0], np.asarray(plane), elevation))
-    return _rings(upper), _rings(polygon.difference(upper))
+    upper, lower = _half_planes(rings[0], np.asarray(plane), elevation)
+    # a difference would leave a hair along an edge that the cut's end lies beside
+    return _rings(polygon.intersection(upper)), _rings(polygon.intersection(lower))
 
 
-def _half_plane(ring: FloatArray, plane: FloatArray, elevation: float) -> shapely.Polygon:
-    """Return a rectangle over what of a ring lies above an elevation; it ends where the plane has that."""
+def _half_planes(ring: FloatArray, plane: FloatArray, elevation: float) -> tuple[Any, Any]:
+    """Return rectangles over what of a ring lies above and below an elevation; both end where it is."""
     steepness = float(np.hypot(*plane[:2]))
     uphill = plane[:2] / steepness
     centre = ring.mean(axis=0)
@@ -66,16 +68,18 @@ def _half_plane(ring: FloatArray, plane: FloatArray, elevation: float) -> shapel
     start = centre + (elevation - (a * x + b * y + c)) / steepness * uphill
     size = 4.0 * float(np.ptp(ring, axis=0).sum() + np.abs(start - centre).sum())
     across = size * np.array([-uphill[1], uphill[0]])
-    return shapely.Polygon(
-        [start - across, start + across, start + across + size * uphill, start - across + size * uphill]
-    )
+    ends = [start - across, start + across]
+    upper, lower = ([*ends, ends[1] + way, ends[0] + way] for way in (size * uphill, -size * uphill))
+    return shapely.Polygon(upper), shapely.Polygon(lower)
 
 
 def _rings(geometry: shapely.Geometry) -> list[_Rings]:
-    return [
-        tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
-        for polygon in polygons_of(geometry)
-    ]
+    return [rings_of(polygon) for polygon in polygons_of(geometry) if not polygon.is_empty]
+
+
+def rings_of(polygon: shapely.Polygon) -> _Rings:
+    """Return a polygon's rings, open."""
+    return tuple(shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors))
 
 
 #: Least height of a roof above the ground [m].

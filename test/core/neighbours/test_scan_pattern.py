@@ -102,6 +102,15 @@ def test_pulses_recorded_twice_are_no_lines():
         assert measure_scan_pattern(twice).is_isotropic, step
 
 
+def test_of_pulses_in_clumps_the_step_reaches_half_way_to_the_next_clump():
+    x, y = np.meshgrid(np.arange(0.0, 20.0), np.arange(0.0, 10.0, 0.5))
+    clumps = x.ravel()[:, None] + np.arange(5) * 0.08 + np.random.default_rng(0).uniform(0, 0.03, (x.size, 5))
+    points = np.column_stack([clumps.ravel(), np.repeat(y.ravel(), 5), np.zeros(clumps.size)])
+    found = measure_scan_pattern(points)
+    assert found.along == pytest.approx(0.34, abs=0.03)
+    assert off(found.direction, 0.0) < 2.0
+
+
 def test_the_order_of_points_does_not_matter_and_the_pattern_turns_with_them():
     points = scanned(0.3, 0.7, turn=0.4)
     time = np.arange(len(points)) * 1e-5

@@ -24,7 +24,7 @@ from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, ext
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
 from lidar_buildings.core.stages.building_model.grading import level_doubts, support_doubts
-from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_tops
+from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
@@ -279,7 +279,7 @@ def _finer_levels(
         ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
         planes, lines = _distinct_planes(roof), (steps, ridges)
         faces = partition_outline(roof.outline, roof.points, planes, lines, roof.spacing, config)
-        faces = with_level_tops(faces, roof.points, roof.spacing)
+        faces = with_level_ends(faces, roof.points, roof.spacing)
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, elevation_on_grid(roof.ground + MIN_HEIGHT))

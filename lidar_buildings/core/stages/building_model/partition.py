@@ -7,14 +7,21 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, sort_rows
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, sets_of_pairs
-from lidar_buildings.core.solids.plan_graph import cut_at
-from lidar_buildings.core.stages.building_model.cell_costs import ABOVE, plane_costs, point_weights
+from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_of
+from lidar_buildings.core.solids.plan_graph import cut_at, rings_of
+from lidar_buildings.core.stages.building_model.cell_costs import (
+    ABOVE,
+    plane_costs,
+    point_weights,
+    range_around,
+)
 from lidar_buildings.core.stages.building_model.cells import (
     Cells,
     cells_of_points,
@@ -76,33 +83,139 @@ def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no
     return parent
 
 
-def with_level_tops(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
-    """
-    Cut off what rises above all points, as where a whole slope of a roof has none.
+#: What a roof may lie above or below the points around, beside what the spacing explains [m].
+_OFF = 0.5
+#: A point so near to its face agrees with it [m]; so many of them tell how far its plane holds.
+_AGREES, _LEAST_POINTS = 0.3, 3
+#: A plane whose points reach no further along its slope, as a standard deviation, has none [spacings].
+_LEAST_REACH = 0.5
+#: Points around a vertex lie within this [spacings].
+_AROUND = 3.0
+#: A plane holds so far beyond the points that agree with it [spacings]; smaller pieces beside them stay [m²].
+_PAST, _LEAST_AREA = 1.5, 0.2
+#: A plane of a lower slope is level.
+_FLAT = 1e-6
 
-    A plane is good where its points are, and for a spacing beyond. There the roof is level, at the height of
-    the highest return.
+
+def with_level_ends(faces: list[RoofFacePatch], points: FloatArray, spacing: float) -> list[RoofFacePatch]:
+    """
+    Cut off what rises above, or sinks below, all points around, as where a slope of a roof has none.
+
+    A plane is good where its points are, and for a spacing beyond. There the roof is level: at the height of
+    the last point, or of what is seen around. A plane that hardly more than one row of points tells has no
+    spacing beyond, as nothing says how steep it is.
     """
     planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
     sizes = np.array([len(ring) for ring in exteriors])
     xy, own = np.concatenate(exteriors), np.repeat(planes, sizes, axis=0)
-    highest = np.maximum.reduceat(np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2], np.cumsum(sizes) - sizes)
-    tops = points[:, 2].max() + ABOVE + spacing * np.hypot(planes[:, 0], planes[:, 1])
-    return [
-        piece
-        for face, high, top in zip(faces, highest.tolist(), tops.tolist(), strict=True)
-        for piece in ([face] if high <= top else _cut_off(face, top))
-    ]
+    z = np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2]
+    slack = spacing * np.array([_steepness(face, points, spacing) for face in faces])
+    low, high = range_around(xy, points, spacing)
+    margin = _OFF + np.repeat(slack, sizes)
+    first = np.cumsum(sizes) - sizes
+    off = np.column_stack(
+        [np.logical_or.reduceat(one, first) for one in (z > high + margin, z < low - margin)]
+    )
+    found: list[RoofFacePatch] = []
+    for face, reach, ends in zip(faces, slack.tolist(), off.tolist(), strict=True):
+        found += _levelled(face, points, spacing, reach, ends) if any(ends) else [face]
+    return found
 
 
-def _cut_off(face: RoofFacePatch, top: float) -> list[RoofFacePatch]:
-    """Return the pieces of a face below an elevation, the first with its points, and level ones."""
-    above, below = cut_at(face.rings, face.plane, top)
-    level, none = np.array([0.0, 0.0, top]), face.rows[:0]
-    return [
-        *(replace(face, rings=rings, rows=none if k else face.rows) for k, rings in enumerate(below)),
-        *(replace(face, rings=rings, plane=level, rows=none) for rings in above),
+def _steepness(face: RoofFacePatch, points: FloatArray, spacing: float) -> float:
+    """Return the slope of a face, 0 where its points do not tell any."""
+    slope = float(np.hypot(*face.plane[:2]))
+    if slope < 1.0 or not len(face.rows):
+        return slope if slope < 1.0 else 0.0
+    along = points[face.rows, :2] @ (face.plane[:2] / slope)
+    return slope if along.std() > _LEAST_REACH * spacing else 0.0
+
+
+def _levelled(
+    face: RoofFacePatch, points: FloatArray, spacing: float, slack: float, is_off: list[bool]
+) -> list[RoofFacePatch]:
+    """Return the pieces of a face up to its highest, down to its lowest own point, and level ones beyond."""
+    low, high = _ends_around(face.rings[0], points, spacing)
+    z = face.rings[0] @ face.plane[:2] + face.plane[2]
+    if not (is_off[0] or ((z > high + _OFF + slack) | (z < low - _OFF - slack)).any()):
+        return [face]
+    own = points[face.rows]
+    z = own[:, :2] @ face.plane[:2] + face.plane[2]
+    agrees = np.abs(own[:, 2] - z) <= _AGREES
+    if np.count_nonzero(agrees) < _LEAST_POINTS:
+        return [_level(face.rings, points, spacing, face)]
+    ends, rest = [], [face.rings]
+    limits = (z[agrees].max() + ABOVE + slack, z[agrees].min() - ABOVE - slack)
+    is_sloping = np.hypot(*face.plane[:2]) > _FLAT
+    for inside, (end, is_beyond) in enumerate(zip(limits[::-1], is_off[::-1], strict=True)):
+        if is_beyond and is_sloping:  # what is above the lower end is inside, and what is below the upper one
+            cuts = [cut_at(rings, face.plane, end) for rings in rest]
+            rest = [rings for cut in cuts for rings in cut[inside]]
+            ends += [(rings, end) for cut in cuts for rings in cut[1 - inside]]
+    kept: list[tuple[FloatArray, ...]] = []
+    for rings in rest:
+        inner, outer = _parted(rings, face.plane, own[agrees, :2], points, spacing, slack)
+        kept += inner
+        ends += [(part, None) for part in outer]
+    pieces = [
+        replace(face, rings=rings, rows=face.rows if not k else face.rows[:0]) for k, rings in enumerate(kept)
     ]
+    return pieces + [_level(rings, points, spacing, face, end, bool(pieces)) for rings, end in ends]
+
+
+def _parted(
+    rings: tuple[FloatArray, ...],
+    plane: FloatArray,
+    seen: FloatArray,
+    points: FloatArray,
+    spacing: float,
+    slack: float,
+) -> tuple[list[tuple[FloatArray, ...]], list[tuple[FloatArray, ...]]]:
+    """Part from a face what lies beside the points that agree with it and has vertices off those around."""
+    z = rings[0] @ plane[:2] + plane[2]
+    low, high = _ends_around(rings[0], points, spacing)
+    off = shapely.multipoints(rings[0][(z > high + _OFF + slack) | (z < low - _OFF - slack)])
+    if off.is_empty:
+        return [rings], []
+    around = shapely.oriented_envelope(shapely.multipoints(seen)).buffer(_PAST * spacing, join_style="mitre")
+    (whole,) = made_valid(np.array([shapely.Polygon(rings[0], rings[1:])], dtype=object))
+    beside = [one for one in polygons_of(whole.difference(around)) if one.area >= _LEAST_AREA]
+    beside = [one for one in beside if shapely.distance(one, off) < GRID]
+    inner = polygons_of(whole.difference(shapely.union_all(beside))) if beside else []
+    if not inner:
+        return [rings], []
+    return [rings_of(one) for one in inner if not one.is_empty], [rings_of(one) for one in beside]
+
+
+def _ends_around(places: FloatArray, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest point within some spacings of each place, infinite without any."""
+    away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:2])
+    is_near = away <= _AROUND * spacing
+    low = np.where(is_near, points[:, 2], np.inf).min(axis=1)
+    high = np.where(is_near, points[:, 2], -np.inf).max(axis=1)
+    is_alone = ~is_near.any(axis=1)
+    return np.where(is_alone, -np.inf, low), np.where(is_alone, np.inf, high)
+
+
+def _level(
+    rings: tuple[FloatArray, ...],
+    points: FloatArray,
+    spacing: float,
+    face: RoofFacePatch,
+    end: float | None = None,
+    is_rest: bool = False,
+) -> RoofFacePatch:
+    """Return a level face, within what is seen around all its vertices, near an elevation if there is one."""
+    low, high = _ends_around(rings[0], points, spacing)
+    lowest, highest = float(low.max()) - _AGREES, float(high.min()) + _AGREES
+    if end is None:
+        known = low[np.isfinite(low)], high[np.isfinite(high)]
+        end = 0.5 * (known[0].min() + known[1].max()) if len(known[0]) else points[:, 2].max() + ABOVE
+        z = min(max(end, lowest), highest) if lowest <= highest else 0.5 * (lowest + highest)
+    else:
+        z = min(max(end, lowest), highest) if lowest <= highest else end
+    rows = face.rows[:0] if is_rest else face.rows
+    return replace(face, rings=rings, plane=np.array([0.0, 0.0, float(z)]), rows=rows)
 
 
 # Those with which `bench.models.run` divides the virtual roofs into their true faces.
