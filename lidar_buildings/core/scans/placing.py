@@ -34,6 +34,7 @@ from lidar_buildings.core.scans.transform_tree import (
     MAX_FRAMES,
     SET_BACK,
     ClockWatch,
+    ScanClock,
     TransformTree,
     frame_name,
     why_no_way,
@@ -50,6 +51,9 @@ NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
 TOO_FAST = "steps from pose to pose faster than scan_assembler.max_speed, one of {:,.0f} m/s"
 CLOCK_SET_BACK = "times that the clock was set back"
 TWO_CLOCKS = "messages of a second, earlier clock, left out: two sources on the same topics"
+_OTHER_CLOCK = (
+    "the clock of scans of {!r} is {:+} s ahead of that of the poses, as GPS or TAI of UTC: corrected"
+)
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
 #: Points that are placed at once: each takes a pose.
@@ -156,6 +160,7 @@ class ScanPlacer:
         self._last: OrderedDict[str, int] = OrderedDict()
         self._clocks = ClockWatch()
         self._topics: OrderedDict[tuple[str, str, str, int], TopicTimes] = OrderedDict()
+        self._clock_of: OrderedDict[str, ScanClock] = OrderedDict()
         self._losses: dict[tuple[str, str], Loss] = {}
         self.odometry_child = ""
         self._mounting = self.config.mounting_pose()
@@ -215,6 +220,11 @@ class ScanPlacer:
         if is_earlier:
             self._set_back(stamp)
         _keep(self._last, frame, stamp, MAX_FRAMES)
+        until = self.tree.known_until(frame, self.target_of(frame))
+        if until:
+            clock = self._clock_of.get(frame) or ScanClock()
+            clock.note(stamp, until)
+            _keep(self._clock_of, frame, clock, MAX_FRAMES)
         if scan.told is None or not len(scan.times):
             self._wait_for_poses(scan)
             return
@@ -230,6 +240,17 @@ class ScanPlacer:
         with self._refusing(len(topic.waiting) + 1):
             for one in topic.take(scan, scan.told):
                 self._wait_for_poses(timed(one, self.left_out))
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is doubtful of poses and clocks, each once."""
+        ahead = {frame: clock.ahead for frame, clock in self._clock_of.items() if clock.ahead}
+        return self.tree.doubts + [_OTHER_CLOCK.format(frame, by) for frame, by in ahead.items()]
+
+    def _ahead(self, frame: str) -> int:
+        """Return by how much scans of a frame are ahead of the poses [ns]."""
+        clock = self._clock_of.get(frame)
+        return 0 if clock is None else clock.ahead * 1_000_000_000
 
     def _end_waiting_for_times(self) -> None:
         """Have no scan wait any longer for others that tell what its times mean."""
@@ -268,7 +289,7 @@ class ScanPlacer:
         while (scan := self._waiting.take_joined(lambda one: is_end or self._is_due(one))) is not None:
             yield self._place(scan)
             if len(scan.times):
-                self.tree.drop_before(int(scan.times.min()) - _KEPT_POSES)
+                self.tree.drop_before(int(scan.times.min()) - self._ahead(scan.frame) - _KEPT_POSES)
 
     def why_waiting(self) -> str:
         """Say what the scan that has waited longest waits for, empty if none waits."""
@@ -276,7 +297,11 @@ class ScanPlacer:
             return ""
         if (target := self.target_of(scan.frame)) == scan.frame:
             return why_no_way(scan.frame, self.tree)
-        late = int(scan.times.max(initial=0)) - (self.tree.known_until(scan.frame, target) or 0)
+        late = (
+            int(scan.times.max(initial=0))
+            - self._ahead(scan.frame)
+            - (self.tree.known_until(scan.frame, target) or 0)
+        )
         return (
             f"scans of {scan.frame!r} wait: they are {late / 1e9:,.1f} s later than the last pose of it; "
             "poses have ended, or are of another clock"
@@ -355,7 +380,12 @@ class ScanPlacer:
             return False  # nothing tells yet where it is
         target = self.target_of(scan.frame)
         until = self.tree.known_until(scan.frame, target)
-        return until is None or (until >= scan.times.max() and not self.tree.is_young(scan.frame, target))
+        if until is None:
+            return True
+        if scan.frame in self._clock_of and self._clock_of[scan.frame].is_doubtful:
+            return False
+        last = int(scan.times.max()) - self._ahead(scan.frame)
+        return until >= last and not self.tree.is_young(scan.frame, target)
 
     def _is_placed(self, scan: Scan) -> bool:
         """Whether a scan needs no pose."""
@@ -381,6 +411,7 @@ class ScanPlacer:
             none = np.zeros(0, dtype=np.intp)
             return PlacedScan(scan.points[none], scan.times[none], {})
         _keep(self._targets, scan.frame, target, MAX_FRAMES)
+        scan = scan._replace(times=scan.times - self._ahead(scan.frame))
         points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
         stamps = self.tree.stamps(scan.frame, target)
         look_up = partial(self.tree.poses, scan.frame, target)

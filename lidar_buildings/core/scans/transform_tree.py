@@ -297,3 +297,42 @@ class ClockWatch:
             return True
         self._set_back.append(self._n)
         return False
+
+
+#: From UTC to the time of GPS and of atoms, since 2017 [s]; scans and poses come with such a delay at most.
+WHOLE_CLOCKS, _DELAY = (18, 37), 1.5
+#: So many scans over so long settle which clock theirs is; it is another one as long as it stays ahead so
+#: evenly, in parts of that time.
+_N_LAGS, _LAG_PERIOD, _EVENLY = 5, 1.0, 0.5
+
+
+class ScanClock:
+    """Finds out whether scans' stamps are whole seconds ahead of the poses', as GPS and TAI are of UTC."""
+
+    def __init__(self) -> None:
+        self._lags: list[tuple[float, float]] = []
+        self.ahead = 0  #: seconds that they are ahead
+        self.is_settled = False
+
+    def note(self, stamp: int, last_pose: int) -> None:
+        """Note the stamp of a scan, and of the last pose that came before it [ns]."""
+        if self.is_settled:
+            return
+        self._lags.append((stamp / 1e9, (stamp - last_pose) / 1e9))
+        stamps, lags = np.array(self._lags).T
+        if len(lags) >= _N_LAGS and np.ptp(stamps) >= _LAG_PERIOD:
+            is_even = np.ptp(lags) < _EVENLY * np.ptp(stamps)
+            self.ahead = _near_clock(float(np.median(lags))) if is_even else 0
+            self.is_settled = True
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether more scans may tell that they are ahead."""
+        return not self.is_settled and bool(self._lags) and _near_clock(self._lags[-1][1]) != 0
+
+
+def _near_clock(lag: float) -> int:
+    """Return the difference of clocks that is near a lag [s], 0 if none is."""
+    return next(
+        (sign * one for one in WHOLE_CLOCKS for sign in (1, -1) if abs(lag - sign * one) <= _DELAY), 0
+    )

@@ -82,7 +82,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
         check_metres(bag_path, file.n_points, file.size)
     left_out = placer.left_out + Counter({FAR: file.n_far})
     messages = placer.messages + Counter({UNREADABLE: bag.unreadable[topics.clouds]})
-    warnings = [*place.warnings, *placer.tree.doubts]
+    warnings = [*place.warnings, *placer.doubts]
     lost = lost_share(left_out, file.n_points)
     if lost > MOST_LOST:
         warnings.append(f"{lost:.1%} of its points are left out: {placer.why_left_out(left_out)}")

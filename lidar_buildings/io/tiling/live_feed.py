@@ -235,7 +235,7 @@ class LiveFeed:
         self._settle_frame(time.monotonic())
         if self._survey is not None and self.recorded is not None:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
-            self.problems |= dict.fromkeys(self._placer.tree.doubts, 1)
+            self.problems |= dict.fromkeys(self._placer.doubts, 1)
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
             if is_ready or (self._n_begun > self.n_flushed and self._survey.is_flushed):
                 self._has_work.set()

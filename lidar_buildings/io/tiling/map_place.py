@@ -17,7 +17,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.placing import Antenna, ScanPlacer, stamp_of
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.track_fit import TrackFit, fit_track
-from lidar_buildings.core.scans.transform_tree import frame_name
+from lidar_buildings.core.scans.transform_tree import WHOLE_CLOCKS, frame_name
 from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up
 
 #: Coordinates of what lies beyond all that a grid can hold [m].
@@ -219,9 +219,8 @@ def _words(pairs: Pairs, fit: TrackFit, crs: str, said: str) -> tuple[str, tuple
 _NO_FIX = -1
 #: The least error that is believed [m].
 _LEAST_ERROR = 0.02
-#: From UTC to the time of GPS, and of atoms, since 2017; how much later than poses, or sooner, fixes come
-#: [s]; and how many fixes settle it.
-_CLOCKS, _DELAY, _N_LAGS = (18, 37), 1.5, 5
+#: How much later than poses, or sooner, fixes come [s]; and how many fixes settle it.
+_DELAY, _N_LAGS = 1.5, 5
 _SECOND = 1_000_000_000
 #: Fixes that wait for their poses.
 _MOST_WAITING = 10_000
@@ -270,7 +269,10 @@ class SatelliteFixes:
         self._waiting.append(fix)
         if len(self._lags) < _N_LAGS and (antenna := Antenna.of(fix.frame, placer)) is not None:
             self._lags.append((fix.stamp - antenna.known_until(placer)) / _SECOND)
-            lag, clocks = float(np.median(self._lags)), (sign * one for one in _CLOCKS for sign in (1, -1))
+            lag, clocks = (
+                float(np.median(self._lags)),
+                (sign * one for one in WHOLE_CLOCKS for sign in (1, -1)),
+            )
             self._clock = next((one for one in clocks if abs(lag - one) <= _DELAY), 0)
 
     def pair(self, placer: ScanPlacer) -> int:

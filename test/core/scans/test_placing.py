@@ -384,3 +384,25 @@ def test_poses_of_two_senders_and_such_as_come_too_seldom_are_told_of():
     smooth = Drive()
     smooth.poses(0.0, 4.0)
     assert smooth.placer.tree.doubts == []
+
+
+@pytest.mark.parametrize("ahead", [18, -18, 37, -37])
+def test_scans_whole_seconds_ahead_of_the_poses_are_set_back(ahead):
+    drive = Drive()
+    for second in np.arange(0.0, 40.0, 0.05):
+        drive.pose(second)
+        if round(second * 20) % 4 == 0 and second >= 0.1:
+            drive.scan(second - 0.1, clock=float(ahead))
+    seconds = drive.end()
+    assert len(seconds) >= 3 * 195
+    assert f"is {ahead:+} s ahead of that of the poses" in drive.placer.doubts[0]
+
+
+@pytest.mark.parametrize("n_before", [18, 18.5])
+def test_poses_that_all_come_first_are_of_no_other_clock(n_before):
+    drive = Drive()
+    drive.poses(0.0, n_before + 2.0)
+    for second in np.arange(2.0, n_before, 0.2):
+        drive.scan(second)
+    assert len(drive.end()) > 3 * 75
+    assert drive.placer.doubts == []
