@@ -34,6 +34,8 @@ ROS_WHEELS = [
 CLUSTER = ["distributed>=2024.8"]
 # what reads https; s3fs, gcsfs, adlfs … are for those who have such stores
 CLOUD = ["fsspec>=2024.6", "universal-pathlib>=0.3", "aiohttp"]
+# PLY and PCD
+FORMATS = ["trimesh>=4", "pypcd4>=1.1"]
 # the build for graphics cards is four times as large; from this release on pictures need no display
 VIEW = ["open3d-cpu>=0.20; platform_machine == 'x86_64'", "open3d>=0.20; platform_machine != 'x86_64'"]
 DOC = ["sphinx>=8", "furo>=2024.8", "myst-parser>=4"]
@@ -41,6 +43,7 @@ TEST = [
     *CLUSTER,
     *CLOUD,
     *DOC,
+    *FORMATS,
     "pytest>=8",
     "pytest-xdist",
     "hypothesis",
@@ -95,6 +98,7 @@ setup(
         "ros": ROS_WHEELS,
         "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
         "cloud": CLOUD,
+        "formats": FORMATS,
         "view": VIEW,
         "terrain": ["startinpy>=0.12"],
         "doc": DOC,

@@ -6,6 +6,7 @@ import argparse
 import json
 import logging
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import ExitStatus, InputError
 from lidar_buildings.core.model.remarks import Remark
-from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file
+from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file, is_point_file
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by, others_within
@@ -161,7 +162,10 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
         return
     for file in files:
         try:
-            if is_bag(file):
+            if is_point_file(file):
+                cloud = _of_points(file)
+                yield "cloud", asdict(cloud), cloud_lines(cloud)
+            elif is_bag(file):
                 from lidar_buildings.io.bags.bag_summary import summarise_bag  # takes time to import
 
                 bag = summarise_bag(file)
@@ -173,6 +177,17 @@ def _looked_at(name: str, problems: list[str]) -> Iterator[tuple[str, dict[str, 
                 yield "cloud", asdict(cloud), cloud_lines(cloud)
         except InputError as error:
             problems.append(str(error))
+
+
+def _of_points(path: Path) -> CloudSummary:
+    """Summarise a file that a run makes LAZ of."""
+    from lidar_buildings.io.bags.point_files import write_points  # takes time to import
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_points(path, Path(folder) / "points.laz")
+        cloud = summarise_cloud(Path(folder) / "points.laz")
+    cloud.path, cloud.format = str(path), path.suffix[1:].upper()
+    return cloud
 
 
 def _named(path: Path) -> list[Path]:

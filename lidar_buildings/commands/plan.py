@@ -127,7 +127,7 @@ def plan_command(options: argparse.Namespace) -> int:
     logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
     request = request_of(options)
     if bags := bags_among(request.inputs):
-        raise InputError(f"{bags[0]}: is a bag: only point clouds can be planned")
+        raise InputError(f"{bags[0]}: is no LAS, LAZ or COPC file: only these can be planned")
     clouds, problems = open_each(request.inputs, read_extent)
     plan = plan_survey(clouds, request.tiling, request.bounds)
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]

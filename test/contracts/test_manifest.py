@@ -46,7 +46,17 @@ ROS_DEPENDENCIES = {
     "launch_ros": None,
 }
 #: Imported where they are installed, and not missed where they are not.
-OPTIONAL = {"dask", "distributed", "open3d", "sensor_msgs_py", "tf2_msgs", "tf2_ros", "upath"}
+OPTIONAL = {
+    "dask",
+    "distributed",
+    "open3d",
+    "pypcd4",
+    "sensor_msgs_py",
+    "tf2_msgs",
+    "tf2_ros",
+    "trimesh",
+    "upath",
+}
 
 
 def manifest():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -36,6 +37,8 @@ class BagConfig(StageConfig):
     )
 
 
+#: Ending of other files of points → the library that reads them.
+LIBRARIES = {".ply": "trimesh", ".pcd": "pypcd4"}
 _ENDINGS = (".mcap", ".db3", ".bag")
 #: What rosbag2 writes into a bag's folder when it is done.
 _METADATA = "metadata.yaml"
@@ -50,8 +53,14 @@ def is_bag(path: str | Path) -> bool:
 
 
 def is_bag_file(path: Path) -> bool:
-    """Whether a file is called as those of bags are."""
-    return path.name.lower().endswith(_ENDINGS)
+    """Whether a file is called as those of bags are, or of points that are made LAZ as those of bags."""
+    return path.name.lower().endswith(_ENDINGS) or is_point_file(path)
+
+
+def is_point_file(path: Path) -> bool:
+    """Whether a file is called as PLY and PCD files are, and what reads it is installed."""
+    library = LIBRARIES.get(path.suffix.lower())
+    return library is not None and find_spec(library) is not None
 
 
 def bags_of(path: str | Path) -> list[Path]:

@@ -13,8 +13,9 @@ from lidar_buildings.core.scans.config import MOST_LOST, ScanConfig
 from lidar_buildings.core.scans.placing import NO_POSE, UNREADABLE, ScanPlacer, lost_share
 from lidar_buildings.core.scans.seen_points import SeenPoints
 from lidar_buildings.io.bags.bag import CLOUD, FIX, ODOMETRY, POINT, TRANSFORMS, VECTOR, Bag, BagMessage
-from lidar_buildings.io.bags.bag_inputs import BagConfig
+from lidar_buildings.io.bags.bag_inputs import BagConfig, is_point_file
 from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame, with_frames
+from lidar_buildings.io.bags.point_files import write_points
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import check_metres
 from lidar_buildings.io.tiling.live_feed import LiveFeed
@@ -46,6 +47,9 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
     cannot be read, a topic is missing, or nothing says where the scans were made; OutputError if the file
     cannot be written.
     """
+    if is_point_file(bag_path):
+        n_points, left_out = write_points(bag_path, path)
+        return PlacedCount(1, n_points, left_out, {}, "", [], 0.0)
     with Bag(bag_path) as bag, atomic_file(path) as temporary:
         topics = choose_topics(bag, choice.topic, choice.odometry)
         frames = with_frames(bag, topics, config).tree

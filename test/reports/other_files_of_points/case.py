@@ -2,13 +2,11 @@ from support.report_cases import Case
 
 
 def case(folder, house):
-    names = ["a.e57", "a.ply", "a.pcd", "a.xyz", "ept.json"]
+    names = ["a.e57", "a.xyz", "ept.json"]
     for name in names:
         (folder / name).write_text("none")
     says = [f"{name}: is " for name in names] + [
         "E57",
-        "PLY",
-        "PCD",
         "points as text",
         "EPT",
         "`pdal translate",
