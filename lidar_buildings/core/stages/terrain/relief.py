@@ -30,7 +30,8 @@ def relief(
 
     Elevations, shape (height, width), the northernmost row first, and the tolerance are in [m]; no triangle
     lies where they are NaN. Return rows and columns of the nodes that are vertices, row by row, and which of
-    these make each triangle, shape (n, 3), counter-clockwise from above.
+    these make each triangle, shape (n, 3), counter-clockwise from above. Triangles that meet in a vertex are
+    neighbours by edges around it, so that the surface is a manifold.
     """
     known = ~np.isnan(elevation)
     inner = np.zeros_like(known)
@@ -57,7 +58,8 @@ def relief(
             break
         mesh.insert(worst)
         tin = mesh.tin()
-    used, triangles = np.unique(_over_known(tin, nodes, within, known), return_inverse=True)
+    kept = _manifold(_over_known(tin, nodes, within, known), nodes)
+    used, triangles = np.unique(kept, return_inverse=True)
     rows, columns = np.divmod(used.astype(np.int64), known.shape[1])
     return rows, columns, triangles.reshape(-1, 3).astype(np.int32)
 
@@ -162,3 +164,51 @@ def _over_known(
     # every triangle holds its corners or shares them: three nodes say nothing
     kept = np.where(in_all > 3, 2 * in_known > in_all, round_middle) & (ux * vy - uy * vx > 0.0)
     return tin.triangles[kept]
+
+
+def _manifold(triangles: NDArray[np.int32], nodes: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Leave out what hangs by a vertex alone: there the largest of the fans of triangles stays."""
+    while len(triangles):
+        edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        shared, n_sides = np.unique(edges, axis=0, return_counts=True)
+        # an open fan has one shared edge fewer than triangles, a closed one as many
+        at_vertex, n = triangles.ravel(), len(nodes)
+        n_fans = np.bincount(at_vertex, minlength=n) - np.bincount(shared[n_sides == 2].ravel(), minlength=n)
+        pinched = np.flatnonzero(n_fans > 1)
+        if not len(pinched):
+            break
+        order = np.argsort(at_vertex, kind="stable")
+        first, end = (np.searchsorted(at_vertex, pinched, side, sorter=order) for side in ("left", "right"))
+        left_out = [
+            _smaller_fans(order[low:high] // 3, int(vertex), triangles, nodes)
+            for vertex, low, high in zip(pinched, first, end, strict=True)
+        ]
+        triangles = np.delete(triangles, np.concatenate(left_out), axis=0)
+    return triangles
+
+
+def _smaller_fans(
+    rows: NDArray[np.intp], vertex: int, triangles: NDArray[np.int32], nodes: NDArray[np.float64]
+) -> list[int]:
+    """Return the triangles around a vertex, of rows, but for those of its largest fan."""
+    turned = {}
+    for row in rows.tolist():
+        corners = triangles[row].tolist()
+        at = corners.index(vertex)
+        turned[corners[at - 2]] = corners[at - 1], row  # by the edge in which its fan comes to it
+    comes_from = {leaves for leaves, _ in turned.values()}
+    fans = []
+    for corner in [corner for corner in turned if corner not in comes_from]:
+        fan = []
+        while corner in turned:
+            corner, row = turned.pop(corner)
+            fan.append(row)
+        fans.append(fan)
+    largest = int(np.argmax([_area(triangles[fan], nodes) for fan in fans]))
+    return [row for number, fan in enumerate(fans) if number != largest for row in fan]
+
+
+def _area(triangles: NDArray[np.int32], nodes: NDArray[np.float64]) -> float:
+    a, b, c = nodes[triangles, :2].transpose(1, 0, 2)
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    return float((ux * vy - uy * vx).sum()) / 2.0

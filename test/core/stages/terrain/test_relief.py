@@ -1,7 +1,11 @@
 """The ground as few triangles: close to all nodes, without cracks between squares, none where unknown."""
 
+from collections import defaultdict
+
 import numpy as np
 import pytest
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
 
 from lidar_buildings.core.stages.terrain.relief import relief
 
@@ -61,6 +65,24 @@ def test_unknown_ground_has_no_triangles_and_level_ground_few():
     rows, columns, triangles = relief(terrain, TOLERANCE)
     assert area_of(rows, columns, triangles).sum() == pytest.approx(64 * 59 - 21 * 21, abs=10)
     assert len(triangles) < 60
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triangles_around_a_vertex_hang_together(seed):
+    random = np.random.default_rng(seed)
+    terrain = hills()
+    terrain[ndimage.gaussian_filter(random.normal(size=terrain.shape), 2.0) > 0.1] = np.nan
+    _, _, triangles = relief(terrain, TOLERANCE)
+    around = defaultdict(list)
+    for a, b, c in triangles.tolist():
+        for vertex, edge in ((a, (b, c)), (b, (c, a)), (c, (a, b))):
+            around[vertex].append(edge)
+    for edges in around.values():
+        rows, columns = np.array(edges).T
+        size = int(max(rows.max(), columns.max())) + 1
+        links = sparse.coo_matrix((np.ones(len(rows)), (rows, columns)), (size, size))
+        own = np.unique([rows, columns])
+        assert len(np.unique(csgraph.connected_components(links)[1][own])) == 1
 
 
 @pytest.mark.parametrize("n_known", [0, 1, 2, 5])
