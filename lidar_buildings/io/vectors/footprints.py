@@ -86,6 +86,7 @@ def _read(source: FootprintSource, frame: MapFrame, _: int) -> FootprintFile:
         "n_read": len(layer.geometries),
         "n_used": len(footprints),
         "n_repaired": repairs.n_repaired,
+        "n_simplified": repairs.n_simplified,
         "left_out": dict(repairs.dropped),
     }
     ids = dict(zip(footprints.building_id.tolist(), names, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -30,8 +31,15 @@ _MIN_WIDTH, _MIN_AREA = 0.05, 0.1
 _MIN_PIECE = 0.01
 #: Two footprints that share so much of what they cover together are the same one, drawn twice.
 _SAME = 0.98
-#: Stands for a geometry that is nowhere on Earth.
+#: Stands for a geometry that was left out.
 _NOWHERE = shapely.Point()
+#: Polygons of more vertices than this are simplified: what is built on one takes time as the square of them.
+#: Of those that cannot be, or only in coarser steps than the last one, so many are the most.
+_SIMPLE, _MOST_VERTICES = 1_000, 5_000
+#: Steps of that [m]: finer than any survey, up to what outlines of surveys are off by.
+_STEPS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
+#: Rings of more vertices are not simplified further: GEOS takes time as the square of those that stay.
+_MOST_SIMPLIFIED = 25_000
 #: How often rounding may spoil a polygon and be tried again.
 _MAX_ROUNDS = 4
 
@@ -45,6 +53,7 @@ class Repairs:
     #: Reason → how many geometries or parts were left out.
     dropped: Mapping[str, int] = field(default_factory=dict)
     n_repaired: int = 0  #: geometries that had to be repaired
+    n_simplified: int = 0  #: polygons that had more vertices than a model can have
 
 
 def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
@@ -52,13 +61,14 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     Make valid polygons of whatever geometries; the parts of a multi-polygon become polygons of their own.
 
     Rings that cross themselves are repaired by structure (GEOS `make_valid`): every area that an outer ring
-    encloses counts, less its holes. Vertices, near the origin, are rounded to a millimetre.
+    encloses counts, less its holes. Vertices, near the origin, are rounded to a millimetre. Polygons of
+    thousands of vertices are simplified (Douglas and Peucker, 1973) in steps as fine as suffice.
     """
     dropped: Counter[str] = Counter()
+    geometries, n_simplified = _simplified(_that_can_be(geometries, dropped), dropped)
     found: list[shapely.Polygon] = []
     rows: list[int] = []
     n_repaired = 0
-    geometries = _that_can_be(geometries, dropped)
     # Of most files all polygons need rounding alone.
     plain = np.full(len(geometries), None, dtype=object)
     whole = np.flatnonzero(shapely.get_type_id(geometries) == shapely.GeometryType.POLYGON)
@@ -78,7 +88,58 @@ def repaired_polygons(geometries: NDArray[Any]) -> Repairs:
     first = _first_of_its_kind(polygons)
     dropped["drawn twice"] += int(np.count_nonzero(~first))
     counted = {name: number for name, number in sorted(dropped.items()) if number}
-    return Repairs(polygons[first], row_of[first], counted, n_repaired)
+    return Repairs(polygons[first], row_of[first], counted, n_repaired, n_simplified)
+
+
+def _simplified(geometries: NDArray[Any], dropped: Counter[str]) -> tuple[NDArray[Any], int]:
+    """Return geometries whose polygons have no more vertices than models can, and how many were changed."""
+    large = np.flatnonzero(shapely.get_num_coordinates(geometries) > _SIMPLE)
+    geometries, n_simplified = geometries.copy(), 0
+    for row in large.tolist():
+        parts = polygons_of(shapely.force_2d(geometries[row]))
+        if not any(shapely.get_num_coordinates(part) > _SIMPLE for part in parts):
+            continue
+        pieces = [_simplified_polygon(part) for part in parts]
+        kept = [piece for piece in pieces if piece is not None]
+        n_simplified += sum(piece is not part for piece, part in zip(pieces, parts, strict=True))
+        dropped["with too many vertices"] += len(pieces) - len(kept)
+        geometries[row] = shapely.MultiPolygon(kept) if kept else _NOWHERE
+    return geometries, n_simplified
+
+
+def _simplified_polygon(polygon: shapely.Polygon) -> shapely.Polygon | None:
+    """Return a polygon of fewer vertices, itself if it has few, None if there is none in the last step."""
+    rings = [np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
+    if sum(map(len, rings)) <= _SIMPLE:
+        return polygon
+    found = None
+    for step in _STEPS:
+        rings = [_thinned(ring, step) for ring in rings]
+        if sum(map(len, rings)) > _MOST_SIMPLIFIED:
+            continue
+        simple = [shapely.simplify(shapely.LinearRing(ring), step, preserve_topology=False) for ring in rings]
+        outer, *holes = (ring.coords if len(ring.coords) >= 4 else None for ring in simple)
+        if outer is None:
+            return found
+        found = shapely.Polygon(outer, [hole for hole in holes if hole is not None])
+        if shapely.get_num_coordinates(found) <= _SIMPLE:
+            return found
+    return found if found is not None and shapely.get_num_coordinates(found) <= _MOST_VERTICES else None
+
+
+def _thinned(ring: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Return a closed ring without the vertices that are no further than a step from the last one before."""
+    kept = [0]
+    (x, y), places = ring[0].tolist(), ring[:, :2].tolist()
+    for row, (east, north) in enumerate(places):
+        if math.hypot(east - x, north - y) > step:
+            kept.append(row)
+            x, y = east, north
+    last = len(ring) - 1  # the first one again
+    kept = [row for row in kept if row < last]
+    if len(kept) < 3:  # all of it lies within a step
+        kept = [0, last // 3, 2 * last // 3]
+    return ring[[*kept, last]]
 
 
 def _that_can_be(geometries: NDArray[Any], dropped: Counter[str]) -> NDArray[Any]:
