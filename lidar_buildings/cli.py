@@ -76,7 +76,7 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.
     from lidar_buildings.commands.versions import check_versions
-    from lidar_buildings.core.model.errors import LidarBuildingsError
+    from lidar_buildings.core.model.errors import LidarBuildingsError, printable
 
     try:
         check_versions()
@@ -100,6 +100,14 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("lidar-buildings: interrupted; run the same command to resume", file=sys.stderr)
         return ExitStatus.INTERRUPTED
+    except Exception as error:
+        if options.debug:
+            traceback.print_exc()
+        what = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")
+        print(
+            f"lidar-buildings: stopped by a defect ({what}): please report it with --debug", file=sys.stderr
+        )
+        return ExitStatus.DEFECT
 
 
 def command_parser() -> argparse.ArgumentParser:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import sys
 import tempfile
 from collections import Counter
@@ -18,14 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import CLASS_NAMES
-from lidar_buildings.core.model.errors import ExitStatus, InputError
+from lidar_buildings.core.model.errors import ExitStatus, InputError, printable
 from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file, is_point_file
+from lidar_buildings.io.clouds.agreement import about_system, in_true_units
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file, named_by, others_within
 from lidar_buildings.io.clouds.las import open_cloud
 from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, xyz_of
+from lidar_buildings.io.files.failures import log_to_terminal
 from lidar_buildings.io.files.locations import located
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
@@ -81,6 +82,7 @@ class CloudSummary:
 def summarise_cloud(path: str | Path) -> CloudSummary:
     """Read a file to its last point and sum it up; InputError if it cannot be read."""
     cloud = open_cloud(path)
+    (cloud,) = in_true_units([cloud], cloud.crs.name)
     found = CloudSummary(
         str(path), _format_of(cloud), cloud.crs.name, [float(one) for one in cloud.units[1:]]
     )
@@ -102,7 +104,7 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
         strips.update(np.unique(columns["point_source_id"]).tolist())
         known = columns["gps_time"][np.isfinite(columns["gps_time"])]
         times += [known.min(), known.max()] if known.any() else []
-    found.remarks = [*cloud.remarks, *doubts.remarks()]
+    found.remarks = [*cloud.remarks, *about_system([cloud]), *doubts.remarks()]
     found.n_strips = len(strips)
     found.returns, found.classes = dict(sorted(returns.items())), dict(sorted(classes.items()))
     found.times = [_time(cloud, one) for one in ((min(times), max(times)) if times else ())]
@@ -138,7 +140,7 @@ def _format_of(cloud: Cloud) -> str:
 
 def inspect_command(options: argparse.Namespace) -> int:
     """Print what every input holds; return 0, or 2 if one could not be read to its end, said on stderr."""
-    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    log_to_terminal()
     problems: list[str] = []
     told: list[dict[str, Any]] = []
     for name in options.input:
@@ -204,8 +206,9 @@ def _named(path: Path) -> list[Path]:
 
 def cloud_lines(found: CloudSummary) -> list[str]:
     """Return the block of a cloud."""
-    lines = [f"{found.path}: {found.format}, {counted(found.n_points, 'point')}"]
-    remarks = [f"  {'look':8} {one.text.removeprefix(f'{found.path}: ')}" for one in found.remarks]
+    path = printable(found.path)
+    lines = [f"{path}: {found.format}, {counted(found.n_points, 'point')}"]
+    remarks = [f"  {'look':8} {one.text.removeprefix(f'{path}: ')}" for one in found.remarks]
     if not found.n_points:
         return [*lines, *remarks]
     system = found.crs.split(",")[0] or "none in the file"

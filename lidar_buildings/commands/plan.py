@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 import math
 import sys
 import time
@@ -21,11 +20,12 @@ from lidar_buildings.core.model.remarks import Remark, gathered
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
-from lidar_buildings.io.clouds.agreement import excess_of
+from lidar_buildings.io.clouds.agreement import about_system, excess_of, in_true_units
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.doubts import sampled_remarks
 from lidar_buildings.io.clouds.find_inputs import open_each
 from lidar_buildings.io.clouds.las import open_cloud, read_extent
+from lidar_buildings.io.files.failures import log_to_terminal
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tile_size import SurveyPlan, plan_survey
 
@@ -124,7 +124,7 @@ def measure_slowness() -> float:
 
 def plan_command(options: argparse.Namespace) -> int:
     """Print what a run of these inputs will take; return 0, or 2 if an input could not be read."""
-    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    log_to_terminal()
     request = request_of(options)
     if bags := bags_among(request.inputs):
         raise InputError(f"{bags[0]}: is no LAS, LAZ or COPC file: only these can be planned")
@@ -133,7 +133,8 @@ def plan_command(options: argparse.Namespace) -> int:
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]
     way = CLUSTER if options.workers else PROCESSES if options.no_ros else GRAPH
     n_workers = options.workers or n_cores()
-    remarks = gathered(chain.from_iterable(map(_remarks_of, clouds[:_LOOKED_AT])))
+    of_files = chain.from_iterable(map(_remarks_of, clouds[:_LOOKED_AT]))
+    remarks = gathered([*of_files, *about_system(in_true_units(clouds, plan.system))])
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
         told = {**_survey(plan), "workers": n_workers, **cost._asdict(), "problems": problems}

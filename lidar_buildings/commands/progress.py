@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tqdm import tqdm
 
+from lidar_buildings.core.model.errors import printable
 from lidar_buildings.io.results.output_config import REPORT_FILE
 from lidar_buildings.io.results.run_summary import RunSummary, counted
 
@@ -104,8 +105,7 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
     ]
     if summary.n_unclassified and (outcome.failed or not summary.problems):
         lines.append(
-            f"{counted(summary.n_unclassified, 'point')} kept their previous class: repeat the command with "
-            f"{again}"
+            f"{counted(summary.n_unclassified, 'point')} kept their previous class: repeat the command{again}"
         )
     if summary.why_no_building and not outcome.failed:
         lines.append(summary.why_no_building)
@@ -113,7 +113,7 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
         lost = ", ".join(f"{n:,} of {name}" for name, n in sorted(bag.lost.items())) or "none"
         lines.append(f"{bag.failure}; messages not recorded: {lost}")
     for line in lines:
-        print(f"lidar-buildings: {line}", file=sys.stderr)
+        print(f"lidar-buildings: {printable(line)}", file=sys.stderr)
 
 
 def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
@@ -127,17 +127,18 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     if record := summary.footprints:
         counts = [f"{record['n_read']:,} read"]
         counts += [f"{record['n_repaired']:,} repaired"] * bool(record["n_repaired"])
+        counts += [f"{record['n_simplified']:,} simplified"] * bool(record["n_simplified"])
         counts += [f"{number:,} {reason} left out" for reason, number in record["left_out"].items()]
         counts += [f"{record['n_outside']:,} outside the points"] * bool(record["n_outside"])
         print(f"footprints: {', '.join(counts)}")
     for remark in summary.remarks:
         print(remark.text)
     for name in summary.files:
-        print(f"  {output / name}")
+        print(f"  {printable(str(output / name))}")
     if bag is not None and not bag.failure:
         print(f"  {bag.path}: {counted(bag.n_messages, 'message')}")
     if REPORT_FILE in summary.files:
-        print(f"open first: {output / REPORT_FILE}")
+        print(f"open first: {printable(str(output / REPORT_FILE))}")
 
 
 def outcome_as_json(output: Path, outcome: RunOutcome, wall: float) -> dict[str, Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import importlib.util
 import json
-import logging
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -21,6 +20,7 @@ from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError, P
 from lidar_buildings.core.scans.config import MOST_LOST
 from lidar_buildings.io.bags.bag_inputs import bags_among, bags_beside_clouds, bags_of
 from lidar_buildings.io.clouds.find_inputs import search_inputs
+from lidar_buildings.io.files.failures import log_to_terminal
 from lidar_buildings.io.files.locations import is_url
 from lidar_buildings.io.results.run_folder import (
     PARTIAL,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:  # what reads and writes files is imported while the processes
 
 def run_command(options: argparse.Namespace) -> int:
     """Run the whole job; return 0, 2 if some input could not be read, 3 if a tile failed, 4 for a look."""
-    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING)
+    log_to_terminal()
     request = request_of(options)
     with sole_use(request.output):
         if request.overwrite:
@@ -56,7 +56,7 @@ def run_command(options: argparse.Namespace) -> int:
 
 
 def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float) -> int:
-    tell_problems(outcome, "--retry-failed" if outcome.failed and options.no_ros else "--overwrite")
+    tell_problems(outcome, " with --retry-failed" if outcome.failed and options.no_ros else "")
     if options.json:
         print(json.dumps(outcome_as_json(request.output, outcome, wall), indent=2))
     elif not options.quiet:

@@ -44,8 +44,12 @@ def read_settings(params: Path | None, assignments: list[str], *, preset: Path |
     """
     settings: Settings = {}
     for path in filter(None, (preset, params)):
-        for stage, given in _read_file(path).items():
-            settings.setdefault(stage, {}).update(given)
+        try:
+            for stage, given in _read_file(path).items():
+                settings.setdefault(stage, {}).update(given)
+        except RecursionError:
+            what = "an anchor refers to itself, or values are nested too deeply"
+            raise InputError(f"{path}: {what}: {_COMPARE}") from None
     for text in assignments:
         stage, name, value = _assignment(text)
         settings.setdefault(stage, {})[name] = value
@@ -92,7 +96,7 @@ def _assignment(text: str) -> tuple[str, str, Any]:
         raise ParameterError(f"--set {text}: {_FORM}")
     try:
         parsed = yaml.safe_load(value)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         raise ParameterError(f"--set {text}: {value!r} is not a value: {_FORM}") from error
     if stage in NODE_CONFIGS and stage not in CONFIGS:
         stage, name = _stage_of("--set", stage, name)

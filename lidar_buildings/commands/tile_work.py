@@ -22,6 +22,7 @@ from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.reference_systems import model_frame
 from lidar_buildings.io.models.cityjson import feature_line
 from lidar_buildings.io.results.tile_products import TileProducts, load_shapes
 from lidar_buildings.io.tiling.tile_grid import Buffer
@@ -205,8 +206,9 @@ def do_tile(work: TileWork, pool: BuildingPool | None = None) -> TileOutcome:
 
 def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | None) -> TileProducts:
     """Gather what a tile's files need."""
+    models = model_frame(frame)
     features = [
-        feature_line(one.model, one.building_id, frame, one.attributes, anchor=one.anchor)
+        feature_line(one.model, one.building_id, models, one.attributes, anchor=one.anchor)
         for one in result.models
     ]
     return TileProducts.from_tiles(

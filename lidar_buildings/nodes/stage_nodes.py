@@ -26,6 +26,7 @@ from lidar_buildings.core.stages.regularisation.config import RegularisationConf
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.segmentation.config import SegmentationConfig
 from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.io.files.reference_systems import model_frame
 from lidar_buildings.io.models.cityjson import feature_id, feature_line, header_line
 from lidar_buildings.nodes.configs import (
     NODE_CONFIGS,
@@ -259,8 +260,8 @@ class ModelBuilder(StageNode):
 
     def on_frame(self, frame: MapFrame) -> None:
         """Publish the header, and build the tiles that came before."""
-        self._frame = frame
-        self._header.publish(String(data=header_line(frame)))
+        self._frame = model_frame(frame)
+        self._header.publish(String(data=header_line(self._frame)))
         self.look_again()
 
     def on_quality(self, message: String) -> None:

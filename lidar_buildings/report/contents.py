@@ -316,7 +316,7 @@ class Contents:
 def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
     """Choose and read what a page shows; with a focus that building, with what is next to it."""
     every = result.buildings
-    worst = [] if focus else worst_buildings(every, result.frame)
+    worst = [] if focus else worst_buildings(every, result.unit)
     near, box = _beside(every, focus) if focus else _in_the_middle(every)
     chosen = list({one.name: one for one in [*near, *(one.building for one in worst)]}.values())
     names = [one.name for one in chosen]
@@ -389,7 +389,7 @@ class Worst(NamedTuple):
     why: str
 
 
-def worst_buildings(buildings: Sequence[ReportedBuilding], frame: MapFrame) -> list[Worst]:
+def worst_buildings(buildings: Sequence[ReportedBuilding], unit: float) -> list[Worst]:
     """
     Return the ten worst, the worst first.
 
@@ -397,10 +397,10 @@ def worst_buildings(buildings: Sequence[ReportedBuilding], frame: MapFrame) -> l
     points say: the share of the outline without support by points, and their distances to the model.
     """
     ordered = sorted(buildings, key=_badness, reverse=True)[:_MOST]
-    return [Worst(one, why_bad(one, frame)) for one in ordered]
+    return [Worst(one, why_bad(one, unit)) for one in ordered]
 
 
-def why_bad(building: ReportedBuilding, frame: MapFrame) -> str:
+def why_bad(building: ReportedBuilding, unit: float) -> str:
     """Say in a few words what speaks against a building."""
     known = building.attributes
     words = [f"{building.quality}: {building.quality_reasons}"] if building.quality_reasons else []
@@ -410,9 +410,9 @@ def why_bad(building: ReportedBuilding, frame: MapFrame) -> str:
     if known.get("coverage") is not None:
         words.append(f"coverage {known['coverage']:.2f}")
     if known.get("rmse") is not None:
-        words.append(f"rmse {known['rmse'] * frame.vertical_unit:.2f} m")
+        words.append(f"rmse {known['rmse'] * unit:.2f} m")
     if known.get("outline_max_offset"):
-        words.append(f"outline off by {known['outline_max_offset'] * frame.horizontal_unit:.2f} m at most")
+        words.append(f"outline off by {known['outline_max_offset'] * unit:.2f} m at most")
     return "; ".join(words)
 
 

@@ -110,7 +110,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "terrain": _relief_facts(contents.terrain),
         "overview": _relief_facts(contents.overview),
         "origin": list(contents.result.frame.origin),
-        "units": contents.result.frame.units.tolist(),
+        "unit": contents.result.unit,
         "class_names": CLASS_NAMES,
     }
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.files.reference_systems import model_frame
 from lidar_buildings.io.models.cityjson import load_feature
 from lidar_buildings.io.results.building_layers import READABLE_ID
 from lidar_buildings.io.results.output_config import FORMAT_FILES
@@ -35,7 +36,7 @@ class ReportedBuilding:
     """A building of a result."""
 
     name: str  #: its readable id
-    #: As the files have them, in the source's units; None where a value is missing.
+    #: As the files have them, in their unit of length; None where a value is missing.
     attributes: dict[str, Any]
     #: After and before regularisation, map frame [m]; None where the result has no such layer.
     outline: shapely.Polygon | None = None
@@ -74,6 +75,11 @@ class Result:
     folder: Path
     run: dict[str, Any]  #: the content of ``run.json``
     frame: MapFrame  #: of all coordinates here
+
+    @property
+    def unit(self) -> float:
+        """Metres in the unit of length of the buildings' attributes."""
+        return model_frame(self.frame).vertical_unit
 
     @cached_property
     def buildings(self) -> list[ReportedBuilding]:

@@ -214,6 +214,6 @@ def _how_long(run: Mapping[str, Any]) -> str:
 
 def _values(result: Result, name: str) -> NDArray[np.float64]:
     """Return an attribute of all buildings that have it, lengths in metres."""
-    units = {"rmse": result.frame.vertical_unit, "outline_sigma": result.frame.horizontal_unit}
+    unit = result.unit if name in ("rmse", "outline_sigma") else 1.0
     found = [one.attributes.get(name) for one in result.buildings]
-    return np.array([value for value in found if value is not None], np.float64) * units.get(name, 1.0)
+    return np.array([value for value in found if value is not None], np.float64) * unit

@@ -83,6 +83,42 @@ def test_a_file_that_is_replaced_after_it_was_read_gets_no_classes_of_other_poin
     ]
 
 
+@pytest.mark.parametrize("moment", ["before it is read", "after it was read"])
+def test_a_run_goes_on_where_it_was_when_a_file_that_was_deleted_is_there_again(
+    command, pair, tmp_path, monkeypatch, moment
+):
+    whole, out, away = tmp_path / "whole", tmp_path / "out", tmp_path / "away.laz"
+    assert command("run", pair, "--output", whole).status == 0
+    original, finish = run_local.OutputFolder, run_local._Tiles.finish
+
+    def folder(*arguments, **keywords):
+        (pair / "b.laz").rename(away)
+        return original(*arguments, **keywords)
+
+    def finished(tiles, *n_left):
+        finish(tiles, *n_left)
+        if not n_left:
+            (pair / "b.laz").rename(away)
+
+    with monkeypatch.context() as patched:
+        if moment == "before it is read":
+            patched.setattr(run_local, "OutputFolder", folder)
+        else:
+            patched.setattr(run_local._Tiles, "finish", finished)
+        spoken = command("run", pair, "--output", out)
+    assert spoken.status == 2
+    assert any("the run is not finished: repeat the command when" in line for line in spoken.out)
+    assert "b.laz was one of them" in command.refused("run", pair, "--output", out)
+    away.rename(pair / "b.laz")
+    spoken = command("run", pair, "--output", out)
+    assert spoken.status == 0
+    n_tiles = json.loads((whole / "run.json").read_text())["n_tiles"]
+    n_again = int(spoken.progress[-1].split()[2])
+    assert 0 < n_again < n_tiles, "the tiles of the other file are not done again"
+    assert contents(out) == contents(whole)
+    assert "contains a finished run" in command.refused("run", pair, "--output", out)
+
+
 def test_points_that_are_there_twice_count_once(command, house, tmp_path, caplog):
     alone, out = tmp_path / "alone", tmp_path / "out"
     assert command("run", house, "--output", alone).status == 0

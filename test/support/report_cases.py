@@ -16,8 +16,13 @@ from pathlib import Path
 from types import ModuleType
 
 import laspy
+import numpy as np
+import pyogrio
+import shapely
 
 GALLERY = Path(__file__).resolve().parents[1] / "reports"
+#: The simulated house's reference system, as GeoJSON has it.
+CRS = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
 #: Lines of a README.
 LINES = ("Source", "Before", "Now")
 
@@ -44,6 +49,23 @@ def rewritten(source: Path, target: Path, change: Callable[[laspy.LasData], lasp
     cloud = laspy.read(source)
     (change(cloud) or cloud).write(target)
     return target
+
+
+def areas_of(output: Path) -> list[float]:
+    """Return the areas of a result's buildings."""
+    return pyogrio.raw.read(output / "buildings.gpkg", layer="outlines", columns=["area"])[3][0].tolist()
+
+
+def true_area(house: Path) -> float:
+    """Return the area of the simulated house [m²]."""
+    shapes = pyogrio.raw.read(house / "truth.gpkg", layer="outlines")[2]
+    return float(shapely.area(shapely.from_wkb(shapes)).sum())
+
+
+def true_middle(house: Path) -> np.ndarray:
+    """Return x and y of the middle of the simulated house."""
+    shapes = pyogrio.raw.read(house / "truth.gpkg", layer="outlines")[2]
+    return shapely.get_coordinates(shapely.centroid(shapely.from_wkb(shapes)))[0]
 
 
 def case_folders() -> list[Path]:

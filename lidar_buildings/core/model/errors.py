@@ -3,8 +3,19 @@
 from enum import IntEnum
 
 
+def printable(text: str) -> str:
+    """Return a text on one line, with escapes for what a terminal would obey or cannot show, as in names."""
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
 class LidarBuildingsError(Exception):
-    """Root of the package's errors; the message says what is wrong and what to do."""
+    """Root of the package's errors; each message says on a line what is wrong and what to do."""
+
+    def __str__(self) -> str:
+        """Return the lines."""
+        return "\n".join(printable(str(line)) for line in self.args)
 
 
 class InputError(LidarBuildingsError):
@@ -24,9 +35,10 @@ class MessageError(InputError):
 
 
 class ExitStatus(IntEnum):
-    """How a process ended; 1 is left to unexpected exceptions."""
+    """How a process ended."""
 
     DONE = 0
+    DEFECT = 1  #: an exception that nobody foresaw
     WRONG_USE = 2  #: wrong usage, unreadable input, or an output that is missing for that
     TILE_FAILED = 3  #: a tile failed; the rest is done
     DOUBTFUL = 4  #: done, but look: a result that the user wants to see before it is used

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from lidar_buildings.core.model.errors import printable
+
 
 @dataclass(frozen=True)
 class Remark:
@@ -17,6 +19,10 @@ class Remark:
 
     code: str  #: what it is about, in lower case with underscores; stable, for scripts
     text: str  #: what, why and what to do, in one line
+
+    def __post_init__(self) -> None:
+        """Escape what names of files may hold."""
+        object.__setattr__(self, "text", printable(self.text))
 
     def __str__(self) -> str:
         """Return the line."""

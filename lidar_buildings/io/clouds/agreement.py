@@ -5,8 +5,9 @@ from __future__ import annotations
 import filecmp
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pyproj
@@ -14,12 +15,22 @@ from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError, LidarBuildingsError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las_crs import described, vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.failures import warn_once
-from lidar_buildings.io.files.reference_systems import is_same_unit, name_of, with_heights
+from lidar_buildings.io.files.reference_systems import (
+    TRUE_SCALE,
+    about_units,
+    is_same_unit,
+    name_of,
+    true_units,
+    with_heights,
+)
+
+_Extent = TypeVar("_Extent", bound=CloudExtent)
 
 #: Most files of a survey: a point's `source` is a uint16.
 MOST_FILES = 65_535
@@ -27,6 +38,8 @@ MOST_FILES = 65_535
 ORIGIN_STEP = 100.0
 #: So far from the origin float32 has steps of a millimetre (2^-10 m) [m].
 REACH = 2.0**14
+#: Decimals of a projection's scale.
+_SCALE_DECIMALS = 4
 #: The widest survey: its origin lies in its middle [m].
 MAX_EXTENT = 2.0 * (REACH - ORIGIN_STEP)
 
@@ -95,6 +108,37 @@ def given_system(crs: str, first: CloudExtent) -> str:
         unit = f"{first.crs.horizontal_unit:.7g} m"
         raise ParameterError(f"crs = {crs!r}: must be projected, with the unit of the inputs, {unit}")
     return given.name
+
+
+def in_true_units(clouds: Sequence[_Extent], crs: str) -> list[_Extent]:
+    """
+    Return clouds of one system with the true length of its unit, where the projection is not true to scale.
+
+    `crs` names the system. The scale is that in the middle of all, the mean of those along x and y, to a part
+    in ten thousand, so that a survey that grows a little keeps it.
+    """
+    filled = [cloud for cloud in clouds if cloud.point_count]
+    if not filled or not crs:
+        return list(clouds)
+    lows, highs = (np.array([getattr(one, name)[:2] for one in filled]) for name in ("mins", "maxs"))
+    middle = (lows.min(axis=0) + highs.max(axis=0)) / 2.0
+    stated = filled[0].crs.horizontal_unit
+    scale = round(float(np.sqrt(true_units(crs, middle[None]).prod())) / stated, _SCALE_DECIMALS)
+    if not abs(scale - 1.0) > TRUE_SCALE or scale <= 0.0:  # not a number where nothing is known
+        return list(clouds)
+    return [replace(one, crs=replace(one.crs, horizontal_unit=stated * scale)) for one in clouds]
+
+
+def about_system(clouds: Sequence[CloudExtent]) -> list[Remark]:
+    """Say what of the units of clouds of `in_true_units` is not as usual."""
+    areas = [(cloud.mins[:2], cloud.maxs[:2]) for cloud in clouds if cloud.point_count]
+    if not areas:
+        return []
+    lows, highs = map(np.array, zip(*areas, strict=True))
+    crs = clouds[0].crs
+    bounds = np.stack([lows.min(axis=0), highs.max(axis=0)]) * crs.horizontal_unit
+    frame = MapFrame(crs.name, (0.0, 0.0, 0.0), crs.horizontal_unit, crs.vertical_unit)
+    return about_units(frame, bounds)
 
 
 def shared_origin(clouds: Sequence[CloudExtent]) -> tuple[float, float]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.cloud import Cloud, laz_backend
 from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader, RawRecord
@@ -26,6 +27,10 @@ _ENTRY = struct.Struct("<2xBB32s124x32s")
 _NAME_AT, _NAME_SIZE = 4, 32
 #: Records that would be wrong in the output: how the input was compressed, and COPC's index.
 _NOT_KEPT = ((b"laszip encoded", 22204), (b"copc", 1), (b"copc", 1000))
+#: Descriptors of waveforms (LAS 1.4, table 26).
+_WAVEFORM_RECORDS = range(100, 356)
+#: Format with waveforms → the same without; waveforms' bytes are the last of the standard ones.
+_WITHOUT_WAVEFORMS = {4: 1, 5: 3, 9: 6, 10: 8}
 #: The oldest version that laspy writes; it differs from LAS 1.0 in its number alone.
 _OLDEST = 1
 
@@ -56,11 +61,21 @@ class OutputFormat(NamedTuple):
     records: tuple[RawRecord, ...]  #: the plain records, byte for byte; the extra bytes record completed
     #: Of an output point: the input's bytes first, whatever they are called, then the new dimensions.
     dtype: np.dtype[Any]
+    left_out: slice  #: bytes of an input's point that an output's lacks
 
 
-def is_kept(record: RawRecord) -> bool:
+def has_far_waveforms(cloud: Cloud) -> bool:
+    """Whether points refer to waveforms in another file, which is not beside the output."""
+    return cloud.header.point_format.id in _WITHOUT_WAVEFORMS and bool(
+        cloud.header.global_encoding.waveform_data_packets_external
+    )
+
+
+def is_kept(record: RawRecord, *, with_waveforms: bool = True) -> bool:
     """Whether a record of the input still holds true in the output."""
-    return (record.user_id, record.record_id) not in _NOT_KEPT
+    is_descriptor = record.user_id == _EXTRA_BYTES[0] and record.record_id in _WAVEFORM_RECORDS
+    is_lost = is_descriptor and not with_waveforms
+    return not is_lost and (record.user_id, record.record_id) not in _NOT_KEPT
 
 
 def output_format(cloud: Cloud) -> OutputFormat:
@@ -68,21 +83,29 @@ def output_format(cloud: Cloud) -> OutputFormat:
     Derive the output's header from the input's.
 
     A dimension that the input has under one of the new names is written over if its type is the same, as
-    `classification` is; otherwise it stays, under another name.
+    `classification` is; otherwise it stays, under another name. References to waveforms in another file do
+    not stay.
     """
     header = copy.deepcopy(cloud.header)
     names, missing = _names(header.point_format)
-    point_format = laspy.PointFormat(header.point_format.id)
+    number, size = header.point_format.id, header.point_format.num_standard_bytes
+    left_out = slice(size, size)
+    if has_far_waveforms(cloud):
+        number = _WITHOUT_WAVEFORMS[number]
+        left_out = slice(laspy.PointFormat(number).num_standard_bytes, size)
+        header.global_encoding.waveform_data_packets_external = False
+        header.start_of_waveform_data_packet_record = 0
+    point_format = laspy.PointFormat(number)
     extra = list(header.point_format.extra_dimensions)
     point_format.dimensions.extend(d._replace(name=names[d.name]) for d in extra)
     for dimension in missing:
         point_format.add_extra_dimension(laspy.ExtraBytesParams(dimension.name, dimension.kind))
-    header.set_version_and_point_format(written_version(header), point_format)
+    header.set_version_and_point_format(written_version(header.version, number), point_format)
     header.system_identifier = header.generating_software = ""  # laspy refuses other than ASCII
     records = _with_entries(cloud, names, missing)
     # of the same size: the true bytes are put in their place afterwards
     header.vlrs[:] = [laspy.VLR("kept", record.record_id, "", record.data) for record in records]
-    return OutputFormat(header, records, point_format.dtype())
+    return OutputFormat(header, records, point_format.dtype(), left_out)
 
 
 def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimension]]:
@@ -101,11 +124,11 @@ def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimen
     return names, missing
 
 
-def written_version(header: laspy.LasHeader) -> laspy.header.Version:
+def written_version(given: laspy.header.Version, point_format: int) -> laspy.header.Version:
     """Return the input's version, or the lowest above it that laspy may write with the point format."""
-    major, minor = header.version.major, max(header.version.minor, _OLDEST)
+    major, minor = given.major, max(given.minor, _OLDEST)
     allowed = laspy.point.dims.VERSION_TO_POINT_FMT
-    while header.point_format.id not in allowed.get(f"{major}.{minor}", ()):
+    while point_format not in allowed.get(f"{major}.{minor}", ()):
         minor += 1
     return laspy.header.Version(major, minor)
 
@@ -117,7 +140,8 @@ def _with_entries(
     own = cloud.header.point_format
     documented = [d for d in own.extra_dimensions if d.description != "Un-registered ExtraBytes"]
     undocumented = cloud.raw.record_size - own.num_standard_bytes - sum(d.num_bytes for d in documented)
-    kept = [record for record in cloud.raw.vlrs if is_kept(record)]
+    with_waveforms = not has_far_waveforms(cloud)
+    kept = [record for record in cloud.raw.vlrs if is_kept(record, with_waveforms=with_waveforms)]
     place = next((i for i, record in enumerate(kept) if record.is_a(*_EXTRA_BYTES)), None)
     data = kept[place].data if place is not None and documented else b""
     data = b"".join(_renamed(data[at : at + _ENTRY.size], names) for at in range(0, len(data), _ENTRY.size))
@@ -159,22 +183,82 @@ ResultRows = Callable[[int, int], NDArray[Any]]
 
 def suffix_for(cloud: Cloud) -> str:
     """Return the output's ending: ``.laz``, or ``.las`` for formats whose waveforms LAZ may not keep."""
-    return ".las" if cloud.header.point_format.id in _WAVEFORM_FORMATS else ".laz"
+    keeps = cloud.header.point_format.id in _WAVEFORM_FORMATS and not has_far_waveforms(cloud)
+    return ".las" if keeps else ".laz"
+
+
+#: Header bounds that points exceed by so much are wrong: headers round to millimetres [m].
+_BOUNDS_TOLERANCE = 1.0
+#: Classes that a provider gives → those that this package gives to the same; and which share of so many
+#: points may get others before that is said.
+_COMPARED = {
+    PointClass.GROUND: (PointClass.GROUND, PointClass.WATER, PointClass.ROAD_SURFACE),
+    PointClass.BUILDING: (PointClass.BUILDING,),
+}
+_OTHER_SHARE, _N_COMPARED = 0.2, 1000
+
+
+class ClassifiedCloud:
+    """What was written: `per_class`, points of each class, shape (256,), and what the input says wrongly."""
+
+    def __init__(self, cloud: Cloud) -> None:
+        self.per_class = np.zeros(256, dtype=np.int64)
+        self._cloud = cloud
+        self._n_given, self._n_same = np.zeros((2, len(_COMPARED)), dtype=np.int64)
+        self._beyond = 0.0  # [m]
+
+    def add(self, chunk: laspy.ScaleAwarePointRecord, classes: NDArray[np.uint8]) -> None:
+        """Take points of the input, and their classes in the output."""
+        self.per_class += np.bincount(classes, minlength=256)
+        given = np.asarray(chunk.classification)
+        for number, (one, same) in enumerate(_COMPARED.items()):
+            own = given == one
+            self._n_given[number] += np.count_nonzero(own)
+            self._n_same[number] += np.count_nonzero(np.isin(classes[own], same))
+        ends = np.array([[chunk.array[name].min(), chunk.array[name].max()] for name in "XYZ"], np.float64)
+        places = np.sort(ends * chunk.scales[:, None] + chunk.offsets[:, None], axis=1)
+        limits, units = self._cloud, self._cloud.units
+        beyond = np.stack([limits.mins - places[:, 0], places[:, 1] - limits.maxs]) * units
+        self._beyond = max(self._beyond, float(beyond.max()))
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What the input says that is not so, or left out of the output."""
+        told, path = [], self._cloud.path
+        if self._beyond > _BOUNDS_TOLERANCE:
+            text = (
+                f"{path}: points lie up to {self._beyond:.1f} m outside the bounds in its header: buildings "
+                "there may be cut where files meet: write the header anew"
+            )
+            told.append(Remark("header_bounds", text))
+        counts = zip(_COMPARED, self._n_given.tolist(), self._n_same.tolist(), strict=True)
+        for one, n_given, n_same in counts:
+            if n_given >= _N_COMPARED and n_given - n_same > _OTHER_SHARE * n_given:
+                share = 100.0 * (n_given - n_same) / n_given
+                text = (
+                    f"{path}: {share:.0f} % of its {n_given:,} points of class {one.value} "
+                    f"({one.name.lower()}) have another class in the result: compare both in places (classes "
+                    "of the input do not count; ground_filter.kept_classes says which do)"
+                )
+                told.append(Remark("other_classes", text))
+        if has_far_waveforms(self._cloud):
+            text = f"{path}: its waveforms are in another file: the classified cloud refers to none"
+            told.append(Remark("waveforms_left_out", text))
+        return tuple(told)
 
 
 def write_classified(
     cloud: Cloud, rows: ResultRows, path: Path, doubts: CloudDoubts | None = None
-) -> NDArray[np.int64]:
+) -> ClassifiedCloud:
     """
-    Write every point of the input in its order, with all its dimensions and records; return points per class.
+    Write every point of the input in its order, with all its dimensions and records.
 
     Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
     file withholds keep their class. `rows` gives the results of a range of points, into which it is written
     that points which `doubts` finds beyond its frame are noise. InputError or OutputError if the input cannot
     be read to its end, or the output not be written.
     """
-    out = output_format(cloud)
-    per_class = np.zeros(256, dtype=np.int64)
+    out, written = output_format(cloud), ClassifiedCloud(cloud)
     with checked_file(path) as file:
         writer = laspy.LasWriter(
             file, out.header, do_compress=path.suffix == ".laz", laz_backend=laz_backend(), closefd=False
@@ -187,22 +271,24 @@ def write_classified(
                 results["classification"][beyond] = PointClass.LOW_NOISE
                 results["height_above_ground"][beyond] = np.nan
             points = _classified(chunk, results, out, cloud)
-            per_class += np.bincount(_classes(points, cloud), minlength=256)
+            written.add(chunk, _classes(points, cloud))
             writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
             first += len(chunk)
         _finish(writer, file, cloud)
         _restore_header(file, cloud.raw, out, writer.header)
         file.flush()
-    return per_class
+    return written
 
 
 def _classified(
     chunk: laspy.ScaleAwarePointRecord, results: NDArray[Any], out: OutputFormat, cloud: Cloud
 ) -> NDArray[Any]:
     points = np.zeros(len(chunk), out.dtype)
-    size = chunk.array.dtype.itemsize
     given = chunk.array.view(np.uint8).reshape(len(points), -1)
-    points.view(np.uint8).reshape(len(points), -1)[:, :size] = given
+    written = points.view(np.uint8).reshape(len(points), -1)
+    first, behind = out.left_out.start, out.left_out.stop
+    written[:, :first] = given[:, :first]
+    written[:, first : given.shape[1] - behind + first] = given[:, behind:]
     known = results["known"].astype(bool)
     decided = known & ~np.asarray(chunk.withheld, dtype=bool)
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:
@@ -229,13 +315,14 @@ def _finish(writer: laspy.LasWriter, file: Any, cloud: Cloud) -> None:
     writer.point_writer.done()
     writer.done = True
     header = writer.header
-    kept = [record for record in cloud.raw.evlrs if is_kept(record)]
+    with_waveforms = not has_far_waveforms(cloud)
+    kept = [record for record in cloud.raw.evlrs if is_kept(record, with_waveforms=with_waveforms)]
     starts = {}
     with open_binary(cloud.path) as source:
         for record in kept:
             starts[record.start - EVLR_HEADER] = file.seek(0, 2)
             _copy(source, file, record.start - EVLR_HEADER, EVLR_HEADER + record.size)
-        waveforms = cloud.raw.waveform_start
+        waveforms = cloud.raw.waveform_start if with_waveforms else 0
         if waveforms and waveforms not in starts:  # LAS 1.3: an extended record that no count announces
             starts[waveforms] = file.seek(0, 2)
             _copy(source, file, waveforms, cloud.path.stat().st_size - waveforms)

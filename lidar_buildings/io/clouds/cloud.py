@@ -7,10 +7,10 @@ import multiprocessing
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import laspy
 import lazrs
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.find_inputs import InputFile, check_unchanged
 from lidar_buildings.io.clouds.las_crs import SourceCrs
@@ -109,6 +110,7 @@ def _open_chunks(path: Path, header: laspy.LasHeader) -> Iterator[tuple[ChunkRea
         yield ChunkReader(file, header), captured_panics
 
 
+_Extent = TypeVar("_Extent", bound="CloudExtent")
 #: Points read at a time: about 60 MB with all that is made of them.
 CHUNK = 500_000
 
@@ -132,6 +134,11 @@ class CloudExtent:
         """Number of points."""
         return self.raw.point_count
 
+    def in_frame(self: _Extent, frame: MapFrame) -> _Extent:
+        """Return the cloud with the units of its survey's frame."""
+        units = {"horizontal_unit": frame.horizontal_unit, "vertical_unit": frame.vertical_unit}
+        return replace(self, crs=replace(self.crs, **units))
+
     @property
     def units(self) -> NDArray[np.float64]:
         """Metres per source unit, per axis."""
@@ -148,7 +155,9 @@ class Cloud(CloudExtent):
     @property
     def input_file(self) -> InputFile:
         """What a run notes of it."""
-        return InputFile(self.path, self.point_count, self.state, self.kept, self.remarks)
+        (west, south, _), (east, north, _) = (bounds * self.units for bounds in (self.mins, self.maxs))
+        area = (float(west), float(south), float(east), float(north)) if self.point_count else None
+        return InputFile(self.path, self.point_count, self.state, self.kept, self.remarks, area)
 
     @property
     def point_count(self) -> int:

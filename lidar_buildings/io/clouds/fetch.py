@@ -108,7 +108,9 @@ def write_part(cloud: Cloud, bounds: Sequence[float], path: Path) -> int:
     if cloud.header.point_format.id in _WITH_WAVEFORMS:
         raise InputError(f"{cloud.path}: has waveforms: crop it with another tool, or remove --bounds")
     header = copy.deepcopy(cloud.header)
-    header.set_version_and_point_format(written_version(header), header.point_format)
+    header.set_version_and_point_format(
+        written_version(header.version, header.point_format.id), header.point_format
+    )
     header.partial_reset()
     header.vlrs[:] = [one for one in header.vlrs if one.user_id not in ("copc", "laszip encoded")]
     kept = [one for one in cloud.raw.evlrs if is_kept(one) and one.data]

@@ -37,6 +37,17 @@ class InputFile(NamedTuple):
     state: tuple[int, int] | None = None
     kept: Path | None = None  #: where its points are decoded, once they have been read
     remarks: tuple[Remark, ...] = ()  #: what its header or first points say that can hardly be so
+    #: Least x and y, greatest x and y [m], None where it is not known, or the file holds no point.
+    area: tuple[float, float, float, float] | None = None
+
+    @property
+    def is_away(self) -> bool:
+        """Whether it is not there, or cannot be opened, as a file that was deleted."""
+        try:
+            state_of(self.path)
+        except OSError:
+            return True
+        return False
 
 
 def check_unchanged(file: InputFile) -> None:
@@ -85,7 +96,7 @@ def find_inputs(inputs: Inputs) -> list[Path]:
     """Expand inputs as `search_inputs`; InputError if any of them names nothing."""
     files, problems = search_inputs(inputs)
     if problems:
-        raise InputError("\n".join(problems))
+        raise InputError(*problems)
     return files
 
 
@@ -118,7 +129,7 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
         except InputError as error:
             problems.append(str(error))
     if not found:
-        raise InputError("\n".join(problems))
+        raise InputError(*problems)
     return list(found.values()), problems
 
 
@@ -169,5 +180,5 @@ def open_each(inputs: Inputs, open_one: Callable[[Path], _Opened]) -> tuple[list
         except InputError as error:
             problems.append(str(error))
     if not opened:
-        raise InputError("\n".join(problems))
+        raise InputError(*problems)
     return opened, problems

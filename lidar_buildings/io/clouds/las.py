@@ -65,8 +65,10 @@ def open_cloud(path: str | Path) -> Cloud:
         n_points = header.point_count
         if n_points > MOST_POINTS:
             raise InputError(f"{path}: contains {n_points} points, more than {MOST_POINTS}: split it")
-        crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=bool(header.global_encoding.wkt), label=str(path))
-        cloud = Cloud(path, raw, crs, np.full(3, np.nan), np.full(3, np.nan), state, header)
+        place = np.median(xyz_of(first)[:, :2], axis=0) if n_points else None
+        prefers_wkt = bool(header.global_encoding.wkt)
+        crs, remarks = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path), place=place)
+        cloud = Cloud(path, raw, crs, np.full(3, np.nan), np.full(3, np.nan), state, header, remarks=remarks)
         if not cloud.point_count:
             warn_once(f"{path}: contains no points: export it again unless this is intended")
             return cloud
@@ -132,10 +134,11 @@ def chunks_within(
 def frame_of(clouds: list[Cloud], crs: str = "") -> MapFrame:
     """Return the frame of clouds; InputError if they differ in system or unit, or lie too far apart."""
     first = agreement.agreed_system(clouds)
-    x, y = agreement.shared_origin(clouds)
     agreement.say_what_is_assumed(clouds, first)
     name = agreement.given_system(crs, first) if crs else first.crs.name
-    return MapFrame(name, (x, y, 0.0), first.crs.horizontal_unit, first.crs.vertical_unit)
+    scaled = agreement.in_true_units(clouds, name)
+    x, y = agreement.shared_origin(scaled)
+    return MapFrame(name, (x, y, 0.0), scaled[0].crs.horizontal_unit, first.crs.vertical_unit)
 
 
 def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -190,9 +193,10 @@ def read_extent(path: Path) -> CloudExtent:
     with reported(path):
         raw = read_raw_header(path)
         prefers_wkt = raw.minor_version >= 4 and bool(raw.global_encoding & 0x10)
-        crs = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path))
         bounds = np.array(_BOUNDS.unpack_from(raw.block, _BOUNDS_AT)).reshape(3, 2)
         maxs, mins = bounds.T if raw.point_count else np.full((2, 3), np.nan)
+        place = (mins + maxs)[:2] / 2.0 if raw.point_count else None
+        crs, remarks = source_crs(raw.vlrs + raw.evlrs, prefer_wkt=prefers_wkt, label=str(path), place=place)
         if raw.point_count:
             crs = metric_crs(path, crs, raw.point_count, mins, maxs)
         width = (maxs - mins)[:2] * crs.horizontal_unit
@@ -200,4 +204,4 @@ def read_extent(path: Path) -> CloudExtent:
             raise InputError(
                 f"{path}: the bounds in its header are impossible: export it again (a run recomputes them)"
             )
-        return CloudExtent(path, raw, crs, mins, maxs, state_of(path))
+        return CloudExtent(path, raw, crs, mins, maxs, state_of(path), remarks=remarks)

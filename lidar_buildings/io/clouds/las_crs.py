@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pyproj
 from numpy.typing import NDArray
-from pyproj.exceptions import CRSError
+from pyproj.exceptions import CRSError, ProjError
 
 from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.las_records import RawRecord
 from lidar_buildings.io.files.failures import warn_once
 from lidar_buildings.io.files.reference_systems import (
@@ -25,6 +26,7 @@ from lidar_buildings.io.files.reference_systems import (
     is_same_unit,
     name_of,
     unbound,
+    unit_name,
 )
 
 #: Records whose meaning is kept: files of a survey say the same, and to understand it takes most of the time
@@ -37,6 +39,8 @@ _WKT, _GEO_KEYS = 2112, 34735
 _MODEL_TYPE, _GEODETIC_CRS, _PROJECTED_CRS = 1024, 2048, 3072
 _LINEAR_UNITS, _VERTICAL_CRS, _VERTICAL_UNITS = 3076, 4096, 4099
 _GEOGRAPHIC_MODEL = 2
+#: Systems that put a point this close together are one [degrees]: about 10 m, less than datums differ by.
+_SAME_PLACE = 1e-4
 #: Range of keys that are EPSG codes; 32767 means user-defined.
 _EPSG_CODES = range(1024, 32767)
 #: Metres per unit, by EPSG code: metre, international foot, US survey foot.
@@ -54,30 +58,104 @@ class SourceCrs:
     vertical_unit: float = 1.0
     is_projected: bool = True  #: false for longitude and latitude, and for geocentric coordinates
     doubt: str = ""  #: why the file's own statement was not believed
+    states_heights: bool = False  #: whether it says in which unit z is
 
 
-def source_crs(records: Sequence[RawRecord], *, prefer_wkt: bool, label: str) -> SourceCrs:
+def source_crs(
+    records: Sequence[RawRecord], *, prefer_wkt: bool, label: str, place: NDArray[np.float64] | None = None
+) -> tuple[SourceCrs, tuple[Remark, ...]]:
     """
     Read the reference system from a file's plain and extended records; `label` names it in the log.
 
     A record that cannot be understood is no reason to refuse the points: it is logged, and the other kind of
-    record or an unknown system in metres takes its place.
+    record or an unknown system in metres takes its place. Where both kinds can be understood and say
+    different things, the one counts in whose area `place`, shape (2,), lies, then the preferred one; which
+    it was is said in a remark.
     """
-    readers = [(_WKT, _from_wkt), (_GEO_KEYS, _from_geo_keys)]
-    for record_id, reader in readers if prefer_wkt else reversed(readers):
+    stated: dict[str, SourceCrs] = {}
+    readers = [("WKT", _WKT, _from_wkt), ("GeoTIFF keys", _GEO_KEYS, _from_geo_keys)]
+    for kind, record_id, reader in readers if prefer_wkt else reversed(readers):
         for record in records:
-            if not record.is_a(_PROJECTION, record_id):
+            if kind in stated or not record.is_a(_PROJECTION, record_id):
                 continue
             try:
-                found = reader(record.data)
+                stated[kind] = reader(record.data)
             except (CRSError, ValueError, struct.error, LookupError) as error:
                 reason = " ".join(str(error).split())[:200]
                 warn_once(f"{label}: its coordinate reference system is not understood ({reason})")
-                continue
-            if found.doubt:
-                warn_once(f"{label}: {found.doubt}")
-            return found
-    return SourceCrs()
+    if not stated:
+        return SourceCrs(), ()
+    found, remarks = _better(stated, label, place) if len(stated) > 1 else (next(iter(stated.values())), ())
+    if found.doubt:
+        warn_once(f"{label}: {found.doubt}")
+    return found, remarks
+
+
+def _better(
+    stated: dict[str, SourceCrs], label: str, place: NDArray[np.float64] | None
+) -> tuple[SourceCrs, tuple[Remark, ...]]:
+    """Return what to believe of two statements, the preferred one first, and what is odd about them."""
+    (first, one), (second, other) = stated.items()
+    if not _is_same(one, other, place):
+        fits = [_is_in_area(crs, place) for crs in (one, other)]
+        is_other = fits == [False, True] or not one.name
+        why = ", as the points lie in its area" if fits[0] != fits[1] else ""
+        said = f"is in {_words(one)} by its {first}, in {_words(other)} by its {second}"
+        taken = (other, second) if is_other else (one, first)
+        return taken[0], (_remark(f"{label}: {said}: taking the {taken[1]}{why}"),)
+    if (
+        one.states_heights
+        and other.states_heights
+        and not is_same_unit(one.vertical_unit, other.vertical_unit)
+    ):
+        units = [f"{unit_name(crs.vertical_unit)} by its {kind}" for kind, crs in stated.items()]
+        return one, (_remark(f"{label}: has z in {units[0]}, in {units[1]}: taking the {first}"),)
+    # what says more counts
+    named = one if one.name else other
+    of_heights = other if other.states_heights and not one.states_heights else one
+    return replace(
+        named, vertical_unit=of_heights.vertical_unit, states_heights=of_heights.states_heights
+    ), ()
+
+
+def _remark(text: str) -> Remark:
+    return Remark("two_reference_systems", f"{text}; export the file again if that is wrong")
+
+
+def _words(crs: SourceCrs) -> str:
+    name = crs.name.split(",")[0] if crs.name else "no named system"
+    return f"{name} (unit {unit_name(crs.horizontal_unit)})"
+
+
+def _is_same(one: SourceCrs, other: SourceCrs, place: NDArray[np.float64] | None) -> bool:
+    """Whether two statements are the same in plan; one that names no system says its unit alone."""
+    if not is_same_unit(one.horizontal_unit, other.horizontal_unit):
+        return False
+    if place is None or not (one.name and other.name) or one.name == other.name:
+        return True
+    there = np.array([_degrees(crs, place) for crs in (one, other)])
+    return bool(np.abs(there[0] - there[1]).max() < _SAME_PLACE)  # false of what is not finite
+
+
+def _is_in_area(crs: SourceCrs, place: NDArray[np.float64] | None) -> bool:
+    """Whether a place lies in the area in which a system is used, as far as that is known."""
+    area = pyproj.CRS(crs.name).area_of_use if crs.name else None
+    if place is None or area is None:
+        return False
+    east, north = _degrees(crs, place)
+    is_wrapped = area.west > area.east
+    is_between = east >= area.west or east <= area.east if is_wrapped else area.west <= east <= area.east
+    return bool(is_between and area.south <= north <= area.north)
+
+
+def _degrees(crs: SourceCrs, place: NDArray[np.float64]) -> tuple[float, float]:
+    """Return longitude and latitude of a place in a system, not finite where there is no such place."""
+    try:
+        transformer = pyproj.Transformer.from_crs(crs.name, "EPSG:4326", always_xy=True)
+    except ProjError:
+        return np.nan, np.nan
+    east, north = transformer.transform(*place.tolist())
+    return east, north
 
 
 def metric_crs(
@@ -143,7 +221,8 @@ def described(crs: Any) -> SourceCrs:
     vertical_axes = axes[2:3] if vertical is None else vertical.axis_info
     vertical_unit = vertical_axes[0].unit_conversion_factor if vertical_axes else horizontal_unit
     is_projected = not (horizontal.is_geographic or horizontal.is_geocentric)
-    return SourceCrs(name_of(horizontal), float(horizontal_unit), float(vertical_unit), is_projected)
+    units = float(horizontal_unit), float(vertical_unit)
+    return SourceCrs(name_of(horizontal), *units, is_projected, states_heights=bool(vertical_axes))
 
 
 @lru_cache(maxsize=_KEPT)
@@ -153,7 +232,8 @@ def _from_geo_keys(data: bytes) -> SourceCrs:
         raise ValueError("its GeoTIFF directory contains no keys")
     crs = _horizontal_from_keys(keys)
     vertical = _vertical_unit_from_keys(keys)
-    return replace(crs, vertical_unit=vertical or crs.vertical_unit)
+    states_heights = crs.states_heights or vertical is not None
+    return replace(crs, vertical_unit=vertical or crs.vertical_unit, states_heights=states_heights)
 
 
 def _keys_in(data: bytes) -> dict[int, int]:

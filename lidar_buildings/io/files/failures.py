@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import tempfile
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, printable
 
 #: One redirection of the process's standard error at a time.
 _one_redirection = threading.Lock()
@@ -85,14 +87,24 @@ def captured_stderr(drops: Callable[[BaseException], bool]) -> Iterator[None]:
                     os.write(_STANDARD_ERROR, block)
 
 
-_log = logging.getLogger("lidar_buildings.io")
+_PACKAGE = "lidar_buildings"
+_log = logging.getLogger(f"{_PACKAGE}.io")
 #: What was said.
 SAID: set[str] = set()
 
 
 def warn_once(text: str) -> None:
     """Log a warning unless the same one was logged before."""
-    _log.warning("%s", text)
+    _log.warning("%s", printable(text))
+
+
+def log_to_terminal() -> None:
+    """Print what this package logs, a line each; what libraries log and warn of is no message for users."""
+    handler = logging.StreamHandler()
+    handler.addFilter(lambda record: record.name.partition(".")[0] == _PACKAGE)
+    logging.basicConfig(format="lidar-buildings: %(message)s", level=logging.WARNING, handlers=[handler])
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
 
 
 def _is_new(record: logging.LogRecord) -> bool:

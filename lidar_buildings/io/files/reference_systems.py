@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,9 +16,12 @@ from pyproj.exceptions import CRSError, ProjError
 from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.model.errors import InputError, MessageError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.remarks import Remark
 
 #: Metres per unit: international foot and US survey foot (ISO 19111, EPSG units 9002 and 9003).
 FOOT, US_SURVEY_FOOT = 0.3048, 1200.0 / 3937.0
+#: Metres per unit → its name in files and messages.
+_UNIT_NAMES = {1.0: "metre", FOOT: "foot", US_SURVEY_FOOT: "US survey foot"}
 #: Two units this close are the same: a US survey foot is 6e-7 m longer than a foot.
 _SAME_UNIT = 1e-7
 #: Nobody measures in smaller units, or in larger ones than its inverse [m].
@@ -24,6 +29,12 @@ _SMALLEST_UNIT = 1e-6
 #: So many points that rise by so many times what they lie apart in plan are in degrees; of such a survey
 #: that is a thousand times as much and more.
 _N_CLOUD, _STEEP = 100, 100.0
+#: A projection that changes lengths by less than this is true to scale: zones of UTM stay below.
+TRUE_SCALE = 1e-3
+#: Lengths are compared over this many units, or metres where a unit is longer.
+_SCALE_BASE = 50.0
+#: Frames and systems whose units are remembered.
+_KEPT = 16
 
 
 #: WGS 84 with ellipsoidal heights, and geocentric.
@@ -42,6 +53,12 @@ def east_north_up(longitude: float, latitude: float) -> NDArray[np.float64]:
 def is_same_unit(one: float, other: float) -> bool:
     """Whether two units, in metres, are the same."""
     return abs(one - other) < _SAME_UNIT
+
+
+def unit_name(metres: float) -> str:
+    """Return what a unit of length is called: ``"US survey foot"``, ``"0.5 m"`` where it has no name."""
+    named = (name for unit, name in _UNIT_NAMES.items() if is_same_unit(unit, metres))
+    return next(named, f"{metres:g} m")
 
 
 def unbound(crs: Any) -> Any:
@@ -85,6 +102,93 @@ def is_in_degrees(crs: str) -> bool:
         return bool(crs) and bool(horizontal_part(crs).is_geographic)
     except CRSError:
         return False
+
+
+@lru_cache(_KEPT)
+def stated_unit(crs: str) -> float | None:
+    """Return how many metres a unit of x and y is, as a reference system states it; None without one."""
+    try:
+        return float(horizontal_part(crs).axis_info[0].unit_conversion_factor) if crs else None
+    except (CRSError, IndexError):
+        return None
+
+
+@lru_cache(_KEPT)
+def model_frame(frame: MapFrame) -> MapFrame:
+    """
+    Return the frame of files that have one unit of length, which is its vertical unit.
+
+    That is the unit that the reference system states for x and y, also where the source's heights have
+    another one, and where the projection is not true to scale: there x and y alone are as in the source.
+    """
+    return replace(frame, vertical_unit=stated_unit(frame.crs) or frame.horizontal_unit)
+
+
+def about_units(frame: MapFrame, bounds: NDArray[np.float64] | None = None) -> list[Remark]:
+    """
+    Say in a line each what of a frame's units is not as usual.
+
+    `bounds` are least and greatest x and y of the survey in the map frame, shape (2, 2) [m].
+    """
+    remarks, unit, system = [], model_frame(frame).vertical_unit, frame.crs.split(",")[0]
+    scale = frame.horizontal_unit / unit
+    if not is_same_unit(scale, 1.0):
+        text = (
+            f"{system} is not true to scale here: 1 of x and y is {scale:.4f} {unit_name(unit)} on the "
+            "ground: lengths, areas and volumes are true, coordinates stay as in the input"
+        )
+        remarks.append(Remark("not_true_to_scale", text))
+    if bounds is not None and len(off := _scale_errors(frame, bounds)) and off.max() > TRUE_SCALE:
+        text = (
+            f"the scale of {system} varies over the survey: lengths are up to {100.0 * off.max():.2g} % off: "
+            "transform it to a system made for this place, or split it"
+        )
+        remarks.append(Remark("scale_varies", text))
+    if not is_same_unit(unit, frame.vertical_unit):
+        one, other = unit_name(unit), unit_name(frame.vertical_unit)
+        text = (
+            f"x and y are in units of 1 {one}, z of 1 {other}: models and attributes have 1 {one} for all, "
+            f"clouds and rasters keep z in 1 {other}"
+        )
+        remarks.append(Remark("mixed_units", text))
+    return remarks
+
+
+def _scale_errors(frame: MapFrame, bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much lengths along x and y are off at the corners and in the middle of map bounds."""
+    (west, south), (east, north) = (bounds + frame.origin[:2]) / frame.horizontal_unit
+    x, y = np.meshgrid(np.linspace(west, east, 3), np.linspace(south, north, 3))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    units = true_units(frame.crs, places) if frame.crs else np.empty(0)
+    return np.abs(units[np.isfinite(units)] / frame.horizontal_unit - 1.0)
+
+
+def true_units(crs: str, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return how many metres on the ellipsoid a unit of x, and of y, is at places of a projected system.
+
+    `places` are in the system's own units, shape (n, 2), as is what is returned; NaN where the system says
+    nothing of the Earth, or knows no such place.
+    """
+    unknown = np.full((len(places), 2), np.nan)
+    try:
+        system = horizontal_part(crs)
+        geodetic, ellipsoid = system.geodetic_crs, system.get_geod()
+        if not system.is_projected or geodetic is None or ellipsoid is None:
+            return unknown
+        to_geodetic = pyproj.Transformer.from_crs(system, geodetic, always_xy=True)
+    except (CRSError, ProjError):
+        return unknown
+    half = _SCALE_BASE / max(float(system.axis_info[0].unit_conversion_factor), 1.0) / 2.0
+    ends = places[:, None] + half * np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
+    to_degrees = np.degrees(geodetic.axis_info[0].unit_conversion_factor)
+    longitude, latitude = to_geodetic.transform(ends[..., 0], ends[..., 1])
+    known = np.isfinite(longitude) & np.isfinite(latitude)
+    east, north = (np.where(known, one, 0.0) * to_degrees for one in (longitude, latitude))
+    first, second = (slice(None), slice(0, None, 2)), (slice(None), slice(1, None, 2))
+    *_, metres = ellipsoid.inv(east[first], north[first], east[second], north[second])
+    is_known = known[first] & known[second] & (metres > 0.0)
+    return np.where(is_known, metres / (2.0 * half), np.nan)
 
 
 def check_place(frame: MapFrame) -> None:

@@ -159,7 +159,7 @@ def dxf_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     Entities are written one by one, as ezdxf would write them: it holds a whole drawing in memory. The file
     appears when the block ends well; OutputError if it cannot be written.
     """
-    before, after = _around(heading.frame.horizontal_unit)
+    before, after = _around(heading.frame.vertical_unit)
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
         file.write(before.encode("ascii"))
         drawing = _Drawing(file, heading.frame)

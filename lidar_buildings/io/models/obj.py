@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.triangulation import triangles_of
 from lidar_buildings.io.files.atomic_files import atomic_file
+from lidar_buildings.io.files.reference_systems import unit_name
 from lidar_buildings.io.models.survey_building import (
     MATERIALS,
     TERRAIN,
@@ -46,6 +47,7 @@ def obj_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
         file.write(
             "# The finest solid of each building, and the terrain; z is up.\n"
             f"# Reference system: {' '.join(heading.frame.crs.split()) or 'unknown'}\n"
+            f"# Unit of x, y and z: {unit_name(heading.frame.vertical_unit)}\n"
             f"# Offset to add to all coordinates: {offset}\n"
             f"mtllib {materials.name}\n"
         )

@@ -55,8 +55,7 @@ FACE_FIELDS: dict[str, type] = {
     "area": float,
 } | dict.fromkeys(_PLANE, float)
 _ELEVATIONS = {name for name in BUILDING_FIELDS if "_elevation" in name}
-_HEIGHTS = {"height", "rmse", "plane_sigma"}
-_LENGTHS = {"point_spacing", "outline_sigma", "outline_max_offset"}
+_LENGTHS = {"height", "rmse", "plane_sigma", "point_spacing", "outline_sigma", "outline_max_offset"}
 #: Decimals that are written: a tenth of a millimetre or finer, and no noise of the last bit.
 _DECIMALS = 4
 #: Of slopes [m/m], which are multiplied by coordinates of 10⁷ m.
@@ -64,13 +63,13 @@ _DECIMALS_OF_SLOPES = 12
 
 
 def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
-    """Return attributes as the source measures lengths and elevations; None for numbers not finite."""
+    """Return attributes in the unit of a `model_frame`, which is `frame`; None for numbers not finite."""
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
 
 
 def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
     """
-    Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`.
+    Return what the geometry of a roof's face tells, by the names of `FACE_FIELDS`, in a `model_frame`.
 
     In the source's coordinates and units the face's plane is z = plane_a x + plane_b y + plane_c.
     """
@@ -91,14 +90,12 @@ def _converted(name: str, value: Any, frame: MapFrame) -> Any:
         return None
     if name in _ELEVATIONS:
         value = (value + frame.origin[2]) / frame.vertical_unit
-    elif name in _HEIGHTS:
-        value /= frame.vertical_unit
     elif name in _LENGTHS:
-        value /= frame.horizontal_unit
+        value /= frame.vertical_unit
     elif name == "area":
-        value /= frame.horizontal_unit**2
+        value /= frame.vertical_unit**2
     elif name == "volume":
-        value /= frame.horizontal_unit**2 * frame.vertical_unit
+        value /= frame.vertical_unit**3
     return round(value, _DECIMALS)
 
 
@@ -150,5 +147,6 @@ class ModelHeading(NamedTuple):
     title: str = ""
     crs: str = ""  #: the reference system together with the vertical one, where that is known
     earth: EarthFrame | None = None  #: where the map frame lies on the earth, where that is known
-    frame: MapFrame = MapFrame()  #: of all coordinates of buildings and terrain
+    #: Of all coordinates of buildings and terrain: a `model_frame`.
+    frame: MapFrame = MapFrame()
     extent: NDArray[np.float64] | None = None  #: of all solids, shape (2, 3), None if there are none [m]

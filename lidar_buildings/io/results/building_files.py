@@ -25,7 +25,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, writing
-from lidar_buildings.io.files.reference_systems import reprojected
+from lidar_buildings.io.files.reference_systems import is_same_unit, model_frame, reprojected, unit_name
 from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OUTPUT_FORMATS, TILES, OutputConfig
@@ -41,7 +41,12 @@ def model_heading(
     names = output_names(inputs)
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     title = f"Buildings of {names[0]}{more}" if names else ""
-    heading = ModelHeading(title, crs)
+    models = model_frame(frame)
+    if not is_same_unit(models.vertical_unit, frame.vertical_unit):
+        title, heights = f"{title}; x, y and z in {unit_name(models.vertical_unit)}", models.crs
+    else:
+        heights = crs
+    heading = ModelHeading(title, heights, frame=models)
     if TILES not in files.formats:
         return heading, []
     try:

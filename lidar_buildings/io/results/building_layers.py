@@ -124,7 +124,7 @@ def _roof_lines(
     building: SurveyBuilding, frame: MapFrame
 ) -> Iterator[tuple[dict[str, Any], shapely.LineString]]:
     ends = np.array([line.ends for line in building.lines]).reshape(-1, 2, 3)
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / frame.horizontal_unit
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / frame.vertical_unit
     places = frame.to_source(ends.reshape(-1, 3)).reshape(-1, 2, 3)
     columns = [*np.sort(places[:, :, 2]).T, lengths]
     numbers = np.round(np.column_stack(columns), _DECIMALS).tolist()

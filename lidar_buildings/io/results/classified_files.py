@@ -112,7 +112,8 @@ class WrittenCloud(NamedTuple):
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
     n_facade: int = 0  #: points of façades
-    remarks: tuple[Remark, ...] = ()  #: what its points say that can hardly be so
+    #: What the input says that can hardly be so, or what its output lacks.
+    remarks: tuple[Remark, ...] = ()
 
 
 def write_clouds(
@@ -150,17 +151,17 @@ def _write_cloud(job: _Job) -> WrittenCloud:
     folder, number, file, name, fragments, without, frame = job
     try:
         check_unchanged(file)
-        cloud = replace(open_cloud(file.path), kept=file.kept)
+        cloud = replace(open_cloud(file.path).in_frame(frame), kept=file.kept)
         if cloud.point_count != file.point_count:
             raise changed(cloud.path)
         output = f"{CLASSIFIED}/{name}{suffix_for(cloud)}"
         with PointResults(folder / PARTIAL / f"{number}.results", cloud.point_count) as results:
             results.fill(fragments, number, without=without)
             doubts = CloudDoubts(cloud, frame, file.path.name)
-            per_class = write_classified(cloud, results.rows, folder / output, doubts)
+            written = write_classified(cloud, results.rows, folder / output, doubts)
             is_own = folder / PARTIAL in file.path.parents  # of a bag
-            remarks = () if is_own else tuple(doubts.remarks())
+            remarks = () if is_own else (*doubts.remarks(), *written.remarks)
             known, facade = results.count("known"), results.count("facade")
-            return WrittenCloud(output, "", per_class, known, facade, remarks)
+            return WrittenCloud(output, "", written.per_class, known, facade, remarks)
     except InputError as error:
         return WrittenCloud(problem=str(error))

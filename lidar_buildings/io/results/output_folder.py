@@ -23,9 +23,11 @@ from lidar_buildings.io.clouds.agreement import crs_with_heights
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.locations import state_of
+from lidar_buildings.io.files.reference_systems import about_units, model_frame
 from lidar_buildings.io.results.classified_files import write_clouds
 from lidar_buildings.io.results.output_config import OUTPUT_FORMATS, REPORT, REPORT_FILE, OutputConfig
 from lidar_buildings.io.results.run_folder import (
+    FINISHED,
     PARTIAL,
     RUN,
     Share,
@@ -42,7 +44,14 @@ from lidar_buildings.io.results.run_summary import (
     unlikely_shares,
 )
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
-from lidar_buildings.io.results.tile_products import TileProducts, load_outlines, load_shapes, load_stamp
+from lidar_buildings.io.results.tile_products import (
+    TileProducts,
+    load_outlines,
+    load_raster_window,
+    load_shapes,
+    load_stamp,
+)
+from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 if TYPE_CHECKING:  # what reads them takes time to import
     from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -50,6 +59,8 @@ if TYPE_CHECKING:  # what reads them takes time to import
 _ENDING = ".npz"
 #: File among the tiles in which the models' lines wait for their turn.
 _LINES = "features.jsonl"
+#: A tile's stages see points so far from it at most, unless a parameter was changed [m].
+_REACH = 200.0
 #: Last stage of a run that ends before there are outlines, or before there are models.
 _WITHOUT_OUTLINES = STAGES[: STAGES.index("boundary_tracing")]
 _WITHOUT_MODELS = STAGES[: STAGES.index("building_model")]
@@ -145,8 +156,10 @@ class OutputFolder:
         """
         Make the files from the tiles on disk; ``run.json`` comes last, then the tiles are deleted.
 
-        Tiles of a live run and of one with failed tiles stay. Each file replaces its predecessor when it is
-        complete. The result does not depend on the order in which the tiles came.
+        Tiles of a live run stay, and those of one that is not finished, as tiles failed or an input is no
+        longer there: the same run goes on with them, and makes anew what lacks that input's points. Each file
+        replaces its predecessor when it is complete. The result does not depend on the order in which the
+        tiles came.
 
         `run_info` is what else ``run.json`` holds; its ``problems`` stand before those met here, where the
         inputs in `told_of` are not reported again, and its ``remarks`` before those of the inputs and those
@@ -175,6 +188,13 @@ class OutputFolder:
             buildings, counts, remarks = self._write_buildings(fragments, pieces, crs)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs = [one.output for one in clouds]
+        missing = [
+            file for file, one in zip(self.inputs, clouds, strict=True) if one.output is None and file.is_away
+        ]
+        is_finished = not (has_failed or missing)
+        if missing:
+            text = f"the run is not finished: repeat the command when {missing[0].path} is there again"
+            remarks.append(Remark("not_finished", text))
         of_inputs = [remark for one in self.inputs for remark in one.remarks]
         of_bags = [Remark("bag", f"{bag['bag']}: {text}") for bag in self._bags for text in bag["warnings"]]
         files = [*filter(None, outputs), *buildings]
@@ -211,14 +231,19 @@ class OutputFolder:
             {"path": str(file.path), "point_count": file.point_count, "output": output}
             for file, output in zip(self.inputs, outputs, strict=True)
         ]
-        own = {"inputs": named, "until": self.until, "frame": asdict(self.frame)}
+        own = {"inputs": named, "until": self.until, "frame": asdict(self.frame), FINISHED: is_finished}
         run = run_record(own, summary, info)
         if write_report and report:
             write_report(self.path, run)
         with atomic_file(self.path / RUN) as temporary:
             temporary.write_text(json.dumps(run, indent=2, default=str) + "\n", encoding="utf-8")
-        if self.is_live or has_failed or self._use is Use.UPDATE:
+        if self.is_live or not is_finished or self._use is Use.UPDATE:
             remove_files(self.path, outdated)
+            areas = [Rectangle(*file.area) for file in missing if file.area]
+            for fragment in fragments if areas else ():
+                if _may_reach(fragment, areas):
+                    fragment.unlink()
+                    self.on_disk.pop(int(fragment.stem), None)
             (self._partial / _LINES).unlink(missing_ok=True)
         else:
             shutil.rmtree(self._partial)
@@ -249,12 +274,13 @@ class OutputFolder:
         files = replace(self._files, formats=formats)
         heading, remarks = model_heading(self.inputs, self.frame, crs, files)
         with SurveyBuildings(
-            self._partial / _LINES, self.frame, without=pieces, footprint_id=names
+            self._partial / _LINES, model_frame(self.frame), without=pieces, footprint_id=names
         ) as buildings:
             for fragment in fragments:
                 buildings.add(load_shapes(fragment))
             total = sum(file.point_count for file in self.inputs)
             remarks += unlikely_building(*reversed(buildings.largest), total)
+            remarks += about_units(self.frame, buildings.bounds)
             coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod != LOD22]
             if coarse:
                 text = f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why"
@@ -264,3 +290,14 @@ class OutputFolder:
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
             return *write(self.path, buildings, formats, heading, terrain), remarks
+
+
+def _may_reach(fragment: Path, areas: Sequence[Rectangle]) -> bool:
+    """Whether a saved tile may have seen points of some areas; one without rasters may."""
+    window = load_raster_window(fragment)
+    if window is None or not window.width or not window.height:
+        return True
+    west, north = window.corner
+    width, height = window.width * window.resolution, window.height * window.resolution
+    own = Rectangle(west, north - height, west + width, north).grown(_REACH)
+    return any(own.touches(area) for area in areas)

@@ -41,6 +41,8 @@ _POINTS, LOCK = "points", "lock"
 #: What in it is there for the run that begins.
 _NOT_OF_RUN = (PLACED, _POINTS, LOCK)
 RUN = "run.json"
+#: What in it says whether the run is finished.
+FINISHED = "is_finished"
 CLASSIFIED = "classified"
 #: Folder with the files of buildings where there are too many for one each.
 BLOCKS = "blocks"
@@ -82,8 +84,8 @@ def claim_folder(
                 _clear(path)
         elif _holds_run(path) and not _is_same(path, identity) and (not is_live or has_tiles):
             raise OutputError(
-                f"{path}: contains an unfinished run with other inputs or parameters: give the same "
-                "to resume it, --overwrite to start over, or another folder"
+                f"{path}: contains an unfinished run with other inputs or parameters{_away(path, inputs)}: "
+                "give the same to resume it, --overwrite to start over, or another folder"
             )
         (path / PARTIAL).mkdir(exist_ok=True)
         try:
@@ -99,7 +101,7 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
         path.mkdir(parents=True, exist_ok=True)
         if overwrite:
             return
-        if (path / RUN).exists() and not (is_live and _holds_run(path)):
+        if (path / RUN).exists() and not (_holds_run(path) and (is_live or not _is_finished(path))):
             raise OutputError(
                 f"{path}: contains a finished run: give --overwrite to replace it, or another folder"
             )
@@ -127,6 +129,10 @@ def _holds_run(path: Path) -> bool:
     return any(one.name not in _NOT_OF_RUN for one in (path / PARTIAL).glob("*"))
 
 
+def _is_finished(path: Path) -> bool:
+    return bool((_read(path / RUN) or {}).get(FINISHED, True))
+
+
 def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:
     """Refuse to go on with a run of other parameters, or of other inputs where tiles are to be retried."""
     earlier, new = _read(path / PARTIAL / _IDENTITY), json.loads(json.dumps(identity))
@@ -144,6 +150,13 @@ def _check_use(path: Path, identity: dict[str, Any], use: Use) -> None:
                 f"{path}: {use.value}: its run used other {_WORDS.get(name, name)}: give the same, "
                 "or --overwrite to start over"
             )
+
+
+def _away(path: Path, inputs: Sequence[InputFile]) -> str:
+    """Name an input of the run in a folder that is none of some."""
+    now = {file.path.resolve() for file in inputs}
+    away = [one for one in inputs_of_run(path) if one not in now]
+    return f" ({away[0]} was one of them)" if away else ""
 
 
 def _is_same(path: Path, identity: dict[str, Any]) -> bool:

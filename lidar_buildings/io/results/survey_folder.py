@@ -123,7 +123,8 @@ class SurveyFolder:
             if not self.folder.inputs:
                 where = f"{placed}/{PLACED_CLOUDS}" if placed else "no folder named"
                 problems.append(f"no classified clouds: the source's clouds are not on this host ({where})")
-        return self.folder.finalise({**run_info, "problems": problems}, share, write_report=write_report)
+        info, has_failed = {**run_info, "problems": problems}, bool(run_info.get("failed_tiles"))
+        return self.folder.finalise(info, share, has_failed=has_failed, write_report=write_report)
 
     def _claim(self, inputs: Sequence[str], frame: MapFrame | None = None) -> None:
         config = self._config
@@ -132,7 +133,7 @@ class SurveyFolder:
         written = {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
         self.folder = OutputFolder(
             config.output,
-            [cloud.input_file for cloud in clouds],
+            [cloud.in_frame(frame).input_file for cloud in clouds],
             frame,
             overwrite=config.overwrite and self.folder is None,
             until=config.until,

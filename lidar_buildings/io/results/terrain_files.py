@@ -28,7 +28,7 @@ from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.stages.terrain.window import RasterWindow, enclosing
 from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.files.failures import captured_stderr
-from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
+from lidar_buildings.io.files.reference_systems import unit_name
 from lidar_buildings.io.models.survey_building import TerrainMesh
 from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
 from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
@@ -173,8 +173,6 @@ RASTERS = {
     DSM: "elevation of the surface",
     NDSM: "height of the surface above the ground",
 }
-#: Metres per unit → its name in the files.
-_UNITS = {1.0: "metre", FOOT: "foot", US_SURVEY_FOOT: "US survey foot"}
 #: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
@@ -230,12 +228,8 @@ def write_rasters(
 
 def _layout(window: RasterWindow, frame: MapFrame, crs: str) -> RasterLayout:
     west, north = (edge / frame.horizontal_unit for edge in window.corner)
-    unit = next(
-        (name for metres, name in _UNITS.items() if is_same_unit(metres, frame.vertical_unit)),
-        f"{frame.vertical_unit:g} m",
-    )
     cell = window.resolution / frame.horizontal_unit
-    return RasterLayout(window.width, window.height, west, north, cell, crs, unit)
+    return RasterLayout(window.width, window.height, west, north, cell, crs, unit_name(frame.vertical_unit))
 
 
 def reached_squares(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.io.clouds.agreement import agreed_system, shared_origin
+from lidar_buildings.io.clouds.agreement import agreed_system, in_true_units, shared_origin
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.copc import read_nodes
 from lidar_buildings.io.tiling.tile_grid import BUFFER_SHARES, MOST_TILES, Rectangle
@@ -176,6 +176,8 @@ def plan_survey(
     InputError if a run would not take these files together.
     """
     system = agreed_system(clouds)
+    clouds = in_true_units(clouds, system.crs.name)
+    system = replace(system, crs=replace(system.crs, horizontal_unit=clouds[0].crs.horizontal_unit))
     shared_origin(clouds)
     filled = [cloud for cloud in clouds if cloud.point_count]
     files = bounds_of([area for cloud in filled if (area := Rectangle.of_cloud(cloud)) is not None])

@@ -164,6 +164,7 @@ class TileSource:
             raise InputError(why)
         self.unreadable: set[int] = set()
         self.frame: MapFrame = frame_of(self._clouds, crs)
+        self._clouds = [cloud.in_frame(self.frame) for cloud in self._clouds]
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = shapely.STRtree([area and shapely.box(*area) for area in self._areas])
@@ -275,7 +276,7 @@ class TileSource:
             self._plan_tiles_near(self._areas[source])
             yield True
         if len(self.unreadable) == len(self._clouds):
-            raise InputError("\n".join(self.problems))
+            raise InputError(*self.problems)
         for tile in sorted(self._waiting):
             self._plan(tile)
         yield True

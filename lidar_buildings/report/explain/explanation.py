@@ -193,7 +193,7 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
 def explain_building(result: Result, building: ReportedBuilding) -> str:
     """Say why a building has its outline and its roof; InputError if a cloud cannot be read."""
     known, frame = building.attributes, result.frame
-    spacing = (known.get("point_spacing") or 0.0) * frame.horizontal_unit or _SPACING
+    spacing = (known.get("point_spacing") or 0.0) * result.unit or _SPACING
     limits = Limits(result.run, spacing)
     sections: dict[str, list[Finding]] = {}
     sections["Outline"] = list(outline_findings(building, spacing, limits))
@@ -214,7 +214,7 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
             solid = None if line is None else parse_feature(line).solid
             sections["Roof"] = list(roof_findings(roof, solid, spacing, frame, limits))
             if result.has(GPKG):
-                sections["Roof"] += line_findings(result.folder / GPKG, building.name, frame.horizontal_unit)
+                sections["Roof"] += line_findings(result.folder / GPKG, building.name, result.unit)
         sections["Not of it"] = list(rejected_beside(site, building.building_id, building.shape, limits)) or [
             Finding("Nothing high was rejected within or around the outline.")
         ]

@@ -117,7 +117,7 @@ class Scene {
     const known = this.facts.attributes[row];
     if (mode === "quality") return rgb(standingColour(known));
     if (mode === "type") return rgb(PALETTE[this.types.indexOf(known.roof_type ?? "unknown") % PALETTE.length]);
-    if (mode === "rmse") return known.rmse == null ? NONE : GOODNESS((known.rmse * this.facts.units[2]) / FAR);
+    if (mode === "rmse") return known.rmse == null ? NONE : GOODNESS((known.rmse * this.facts.unit) / FAR);
     const [x, y, z] = this.normal(triangle), slope = Math.atan2(Math.hypot(x, y), z) * 180 / Math.PI;
     if (mode === "slope") return SLOPES(slope / 60);
     return slope < 3 ? NONE : rgb(PALETTE[Math.round(((Math.atan2(x, y) / Math.PI + 2) % 2) * 4) % 8]);
@@ -211,7 +211,7 @@ class Scene {
 
   ringElevation(known, kind, [x, y]) {
     const wanted = kind === OUTLINE ? known.ground_elevation : known.roof_elevation_min;
-    if (wanted != null) return wanted * this.facts.units[2] - this.facts.origin[2] + 0.2;
+    if (wanted != null) return wanted * this.facts.unit - this.facts.origin[2] + 0.2;
     return (elevationAt(this.data.terrain, this.facts.terrain, x, y) ?? this.bounds[0][2]) + 0.2;
   }
 

@@ -115,7 +115,7 @@ def _outlines(contents: Contents, attribute: str) -> Coloured:
     ends = [np.empty((0, 2, 3))]
     for building in contents.buildings:
         told = building.attributes.get(attribute)
-        z = lowest if told is None else told * frame.vertical_unit - frame.origin[2]
+        z = lowest if told is None else told * contents.result.unit - frame.origin[2]
         for ring in shapely.get_rings(building.shape) if building.shape is not None else ():
             places = np.insert(shapely.get_coordinates(ring), 2, z + _LIFT, axis=1)
             ends.append(np.stack([places[:-1], places[1:]], axis=1))

@@ -35,9 +35,9 @@ def classified(path, results=None, name="out.laz"):
     cloud = open_cloud(path)
     results = results_for(cloud.point_count) if results is None else results
     output = path.with_name(name)
-    counts = write_classified(cloud, lambda first, last: results[first:last], output)
+    written = write_classified(cloud, lambda first, last: results[first:last], output)
     assert sorted(p.name for p in path.parent.glob(".*")) == [], "no temporary file is left"
-    return laspy.read(output), results, counts
+    return laspy.read(output), results, written
 
 
 def assert_kept(before, after, but=()):
@@ -70,11 +70,11 @@ def assert_new(after, results):
 @pytest.mark.parametrize("ending", [".las", ".laz"])
 def test_every_dimension_of_every_format_is_kept(tmp_path, version, point_format, ending):
     before = cloud_files.random_cloud(700, point_format=point_format, version=version)
-    after, results, counts = classified(cloud_files.saved(before, tmp_path / f"a{ending}"))
+    after, results, written = classified(cloud_files.saved(before, tmp_path / f"a{ending}"))
     assert_kept(before, after)
     assert_new(after, results)
     assert str(after.header.version) == version
-    assert np.array_equal(counts, np.bincount(after.classification, minlength=256))
+    assert np.array_equal(written.per_class, np.bincount(after.classification, minlength=256))
 
 
 @pytest.mark.parametrize("point_format", [9, 10])
@@ -255,6 +255,47 @@ def test_waveforms_inside_the_file_move_with_it(tmp_path):
     assert_kept(before, after)
     moved = read_raw_header(tmp_path / "out.laz").waveform_start
     assert (tmp_path / "out.laz").read_bytes()[moved:] == waveforms
+
+
+@pytest.mark.parametrize(("point_format", "plain"), [(4, 1), (5, 3), (9, 6), (10, 8)])
+def test_references_to_waveforms_in_another_file_are_left_out_and_the_rest_is_kept(
+    tmp_path, point_format, plain
+):
+    before = cloud_files.random_cloud(300, point_format=point_format)
+    before.add_extra_dim(laspy.ExtraBytesParams("own", "uint16"))
+    before.own = np.arange(300)
+    before.header.global_encoding.waveform_data_packets_external = True
+    before.header.vlrs.append(laspy.VLR("LASF_Spec", 100, "waveform", bytes(26)))
+    after, results, written = classified(cloud_files.saved(before, tmp_path / "a.las"))
+    assert suffix_for(open_cloud(tmp_path / "a.las")) == ".laz"
+    assert after.header.point_format.id == plain
+    assert not after.header.global_encoding.waveform_data_packets_external
+    assert not any(one.record_id == 100 for one in after.header.vlrs)
+    for name in {*laspy.PointFormat(plain).dimension_names, "own"} - {"classification"}:
+        assert np.array_equal(np.asarray(before[name]), np.asarray(after[name])), name
+    assert_new(after, results)
+    assert [one.code for one in written.remarks] == ["waveforms_left_out"]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_a_provider_whose_buildings_are_others_is_named(tmp_path, share):
+    before = cloud_files.random_cloud(5000, point_format=6)
+    before.classification[:], before.withheld[:] = 6, 0
+    results = results_for(5000)
+    results["classification"] = np.where(np.arange(5000) < share * 5000, 5, 6)
+    _, _, written = classified(cloud_files.saved(before, tmp_path / "a.laz"), results)
+    assert [one.code for one in written.remarks] == (["other_classes"] if share > 0.2 else [])
+    assert all("30 % of its 5,000 points of class 6 (building)" in one.text for one in written.remarks)
+
+
+def test_points_outside_the_bounds_of_the_header_are_told(tmp_path):
+    cloud = cloud_files.random_cloud(5000)
+    cloud.x[:200] = 85_050.0  # where a file begins nothing is wrong
+    path = cloud_files.saved(cloud, tmp_path / "a.las")
+    cloud_files.patched(path, 179, struct.pack("<d", float(cloud.x.max()) - 7.0))
+    _, _, written = classified(path)
+    assert [one.code for one in written.remarks] == ["header_bounds"]
+    assert "up to 7.0 m outside" in written.remarks[0].text
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path):
