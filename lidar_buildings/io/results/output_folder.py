@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
+import shapely
 
 from lidar_buildings import __version__
 from lidar_buildings.core.model.ids import tile_of
@@ -51,7 +52,6 @@ from lidar_buildings.io.results.tile_products import (
     load_shapes,
     load_stamp,
 )
-from lidar_buildings.io.tiling.tile_grid import Rectangle
 
 if TYPE_CHECKING:  # what reads them takes time to import
     from lidar_buildings.io.vectors.footprints import FootprintFile
@@ -239,7 +239,7 @@ class OutputFolder:
             temporary.write_text(json.dumps(run, indent=2, default=str) + "\n", encoding="utf-8")
         if self.is_live or not is_finished or self._use is Use.UPDATE:
             remove_files(self.path, outdated)
-            areas = [Rectangle(*file.area) for file in missing if file.area]
+            areas = [shapely.box(*file.area) for file in missing if file.area]
             for fragment in fragments if areas else ():
                 if _may_reach(fragment, areas):
                     fragment.unlink()
@@ -292,12 +292,12 @@ class OutputFolder:
             return *write(self.path, buildings, formats, heading, terrain), remarks
 
 
-def _may_reach(fragment: Path, areas: Sequence[Rectangle]) -> bool:
+def _may_reach(fragment: Path, areas: Sequence[shapely.Polygon]) -> bool:
     """Whether a saved tile may have seen points of some areas; one without rasters may."""
     window = load_raster_window(fragment)
     if window is None or not window.width or not window.height:
         return True
     west, north = window.corner
     width, height = window.width * window.resolution, window.height * window.resolution
-    own = Rectangle(west, north - height, west + width, north).grown(_REACH)
-    return any(own.touches(area) for area in areas)
+    own = shapely.box(west, north - height, west + width, north)
+    return bool(shapely.dwithin(own, areas, _REACH).any())
