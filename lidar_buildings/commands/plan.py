@@ -127,7 +127,9 @@ def plan_command(options: argparse.Namespace) -> int:
     log_to_terminal()
     request = request_of(options)
     if bags := bags_among(request.inputs):
-        raise InputError(f"{bags[0]}: is no LAS, LAZ or COPC file: only these can be planned")
+        raise InputError(
+            f"{bags[0]}: is a bag, or is made LAZ as bags are: only LAS, LAZ and COPC can be planned"
+        )
     clouds, problems = open_each(request.inputs, read_extent)
     plan = plan_survey(clouds, request.tiling, request.bounds)
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]
