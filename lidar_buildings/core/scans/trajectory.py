@@ -26,8 +26,8 @@ _RECENT, _USUAL_SHARE = 21, 0.9
 _STEPS_FILLED = 3.0
 #: Poses that lie so far from what their neighbours say of them are to be told of [m], [deg].
 _ROUGH, _ROUGH_TURN = 0.2, math.radians(0.5)
-#: Poses that are compared with their neighbours: at least, and as the last ones.
-_FEW, _MOST_OFF = 3, 1_000
+#: Poses that are compared with their neighbours: at least, and at most the last ones.
+_LEAST_OFF, _MOST_OFF = 19, 1_000
 
 
 class Poses(NamedTuple):
@@ -114,6 +114,7 @@ class Trajectory:
         self._new: list[tuple[int, Pose]] = []
         self._recent = np.empty(0, dtype=np.int64)
         self._off: deque[tuple[float, float]] = deque(maxlen=_MOST_OFF)
+        self._n_to_compare = 0
         self.last: int | None = None
         self.n_jumps, self.first_jump = 0, 0.0
 
@@ -161,7 +162,7 @@ class Trajectory:
     def roughness(self) -> tuple[float, float] | None:
         """How far poses are from what their neighbours say of them [m] and [rad]; None if that is little."""
         self._sort_in()
-        if len(self._off) < _RECENT:
+        if len(self._off) < _LEAST_OFF:
             return None
         place, turn = np.median(np.array(self._off), axis=0).tolist()
         return (place, turn) if place > _ROUGH or turn > _ROUGH_TURN else None
@@ -244,24 +245,29 @@ class Trajectory:
         self._stamps, self._poses = stamps[kept], np.concatenate([self._poses, poses])[kept]
         self._recent = np.unique(np.concatenate([self._recent, new]))[-_RECENT:]
         self._new.clear()
-        self._look_at_steps(int(np.searchsorted(self._stamps, new.min())))
+        self._count_jumps(int(np.searchsorted(self._stamps, new.min())))
+        self._n_to_compare += len(new)
+        self._compare()
 
-    def _look_at_steps(self, first: int) -> None:
-        """Count the steps to the first new pose, and from there, that are too fast; note the roughness."""
-        begin = max(first - 2, 0)
-        stamps, places = self._stamps[begin:], self._poses[begin:, :3]
-        span = np.diff(stamps) / _NANOSECONDS
-        speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / span
+    def _count_jumps(self, first: int) -> None:
+        """Count the steps to the first new pose, and from there, that are too fast."""
+        begin = max(first - 1, 0)
+        span = np.diff(self._stamps[begin:]) / _NANOSECONDS
+        speed = np.linalg.norm(np.diff(self._poses[begin:, :3], axis=0), axis=1) / span
         is_jump = (span <= self.filled) & (speed > self._max_speed)
-        is_jump[: max(first - 1 - begin, 0)] = False  # counted before
         if is_jump.any():
             self.first_jump = self.first_jump or float(speed[is_jump][0])
             self.n_jumps += int(np.count_nonzero(is_jump))
-        if len(span) < _FEW:
+
+    def _compare(self) -> None:
+        """Note how far the last poses are from what their neighbours say, some at a time."""
+        if min(self._n_to_compare, len(self._stamps)) < _RECENT:
             return
+        begin, self._n_to_compare = max(len(self._stamps) - self._n_to_compare - 2, 0), 0
+        places, turned = self._poses[begin:, :3], Rotation.from_quat(self._poses[begin:, 3:])
+        span = np.diff(self._stamps[begin:]) / _NANOSECONDS
         share = (span[:-1] / (span[:-1] + span[1:]))[:, None]
         away = places[1:-1] - places[:-2] - share * (places[2:] - places[:-2])
-        turned = Rotation.from_quat(self._poses[begin:, 3:])
         turn = (turned[:-2].inv() * turned[2:]).as_rotvec()
         off = (turned[:-2] * Rotation.from_rotvec(share * turn)).inv() * turned[1:-1]
         self._off.extend(zip(np.linalg.norm(away, axis=1), off.magnitude(), strict=True))
