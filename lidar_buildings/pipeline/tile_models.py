@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.classes import Facade
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
@@ -16,6 +17,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.grading import BESIDE, beside_doubts
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
 from lidar_buildings.core.stages.footprints.footprints import remark_on_points
@@ -70,7 +72,23 @@ def build_models(
         return BuildingModel({}, known, BuildingStatus.FAILED, reason, doubts)
 
     models = map_buildings(pool, jobs, list(map(len, buildings)), failed, "no model was built")
-    return tuple(map(_with_attributes, buildings, ordered, models))
+    beside = _points_beside(tile, ordered)
+    return tuple(map(_with_attributes, buildings, ordered, models, beside))
+
+
+def _points_beside(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list[FloatArray]:
+    """Return the roof points about each footprint that no footprint has; none about a traced outline."""
+    beside = [np.empty((0, 3))] * len(outlines)
+    if tile.building_id is None or all(one.ground_elevation is None for one in outlines):
+        return beside
+    free = tile.points[tile.is_roof & (tile.building_id == 0)]
+    free = free[np.argsort(free[:, 0], kind="stable")]
+    for k, one in enumerate(outlines):
+        if one.ground_elevation is not None and len(one.outline.exterior):
+            low, high = one.outline.exterior.min(axis=0) - BESIDE, one.outline.exterior.max(axis=0) + BESIDE
+            rows = slice(*np.searchsorted(free[:, 0], (low[0], high[0])))
+            beside[k] = free[rows][(free[rows, 1] >= low[1]) & (free[rows, 1] <= high[1])]
+    return beside
 
 
 def _is_closed(building: PointTile, one: BuildingOutline) -> bool:
@@ -94,6 +112,7 @@ def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig)
         plane_id=plane_id,
         ground_elevation=ground,
         is_roof_seen=not is_closed,
+        is_traced=one.ground_elevation is None,
     )
 
 
@@ -105,7 +124,9 @@ def _outline_doubts(quality: OutlineQuality | None) -> Iterator[Doubt]:
     yield Doubt(cause, quality.reason or quality.status.value)
 
 
-def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingModel) -> TileModel:
+def _with_attributes(
+    building: PointTile, one: BuildingOutline, model: BuildingModel, beside: FloatArray
+) -> TileModel:
     is_closed = _is_closed(building, one)
     remark = "" if is_closed else remark_on_points(building)
     reason = "; ".join(text for text in (remark, model.reason) if text)
@@ -119,7 +140,10 @@ def _with_attributes(building: PointTile, one: BuildingOutline, model: BuildingM
             attributes["status"] = quality.status.value
     if is_closed:  # its ring was drawn, not traced
         attributes.update(outline_sigma=None, outline_max_offset=None)
-    attributes.update(grade_attributes([*model.doubts, *_outline_doubts(one.quality)]))
+    outside = beside_doubts(
+        one.outline, model.solids.get(model.attributes["lod"]), beside, model.attributes["point_spacing"]
+    )
+    attributes.update(grade_attributes([*model.doubts, *outside, *_outline_doubts(one.quality)]))
     ring = one.outline.exterior
     west = ring.min(axis=0) if len(ring) else np.zeros(2)
     if len(building):

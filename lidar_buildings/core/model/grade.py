@@ -29,10 +29,20 @@ class Cause(str, Enum):
     TRACED_OUTLINE = "traced_outline"
     #: The finest level of detail is coarser than LoD2.2.
     COARSE_LEVEL = "coarse_level"
-    #: The roof lies off its points.
+    #: The roof lies off its points, which are one surface.
     OFF_POINTS = "off_points"
-    #: Parts of the outline have no points.
+    #: The roof's points are scattered about it, as those of branches and of noise.
+    SCATTERED = "scattered"
+    #: Large parts of the outline have no points.
     NO_POINTS = "no_points"
+    #: The outline lies beyond the points, all round.
+    TOO_WIDE = "too_wide"
+    #: The roof goes on beside the footprint.
+    TOO_NARROW = "too_narrow"
+    #: Points are too far apart to tell where a building of this size ends.
+    SPARSE = "sparse"
+    #: A corner of the roof rises above, or sinks below, all points near.
+    SPIKE = "spike"
 
 
 @dataclass(frozen=True)

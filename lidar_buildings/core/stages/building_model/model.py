@@ -23,7 +23,7 @@ from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
-from lidar_buildings.core.stages.building_model.grading import level_doubts, support_doubts
+from lidar_buildings.core.stages.building_model.grading import doubts_of, evidence_of, level_doubts
 from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
@@ -169,6 +169,7 @@ class _Roof:
     spacing: float
     topology: RoofTopology
     has_extent: bool
+    is_traced: bool | None
 
 
 def build_model(
@@ -180,6 +181,7 @@ def build_model(
     ground_elevation: float | None = None,
     point_spacing: float | None = None,
     is_roof_seen: bool = True,
+    is_traced: bool | None = None,
 ) -> BuildingModel:
     """
     Build a building's model at the levels of detail 1.2, 1.3 and 2.2 (Biljecki et al. 2016).
@@ -198,6 +200,8 @@ def build_model(
     - `point_spacing`, optional: Measured from the points if not given [m].
     - `is_roof_seen`: Whether the points show the roof; else they are the tops of walls with at most a part of
       it, and LoD1.2 is all that is built.
+    - `is_traced`, optional: Whether the outline was traced from the points, so that it is no better than they
+      are; told by how near they come to it if not given.
 
     ValueError if an array has another shape, or a value is not finite.
     """
@@ -217,7 +221,7 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
-    known = (spacing, ground_elevation, attributes, config)
+    known = (spacing, ground_elevation, is_traced, attributes, config)
     return _model(points, plane_id if is_roof_seen else None, outline, *known)
 
 
@@ -239,6 +243,7 @@ def _model(
     outline: Outline,
     spacing: float,
     ground_elevation: float | None,
+    is_traced: bool | None,
     attributes: dict[str, Any],
     config: BuildingModelConfig,
 ) -> BuildingModel:
@@ -259,7 +264,7 @@ def _model(
         return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points))
+        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points), is_traced)
         levels, faces, why = _finer_levels(roof, lowest, config)
         return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
     except Exception as error:
@@ -322,7 +327,8 @@ def _finished(
         whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
         faces = {LOD12: [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]}
     quality = measure_model(faces[finest], solids[finest], roof.points, roof.outline, roof.spacing)
-    doubts = [*level_doubts(finest, roof.has_extent), *support_doubts(quality)]
+    evidence = evidence_of(faces[finest], roof.points, roof.outline, roof.spacing, quality.support)
+    doubts = [*level_doubts(finest, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
@@ -140,20 +141,35 @@ _EMPTY_DISTANCE = 2.0
 _AGREES = 0.3
 #: A point so near to the plane of its face is measured against that only [m].
 _NEAR = 0.05
+#: Where the median of the points near a spot is farther off in height, the model is off there [m]; those
+#: count that lie within this share of the distance above, and at most so many.
+_OFF, _DECIDES, _MOST_NEAR = 0.5, 0.75, 64
+#: Points whose heights spread by a smaller share of that (half of the range between the quartiles) are one
+#: surface.
+_COHERENT = 0.35
 #: Most spots at which an outline is probed.
 _MAX_SPOTS = 10_000
 #: Most cells along each side in which points are sorted.
 _MAX_CELLS = 500
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModelQuality:
     """Agreement of one level of detail with the points."""
 
     #: Root mean square of the points' distances to the surface of the solid, walls included [m].
     rmse: float | None
-    coverage: float  #: share of the outline's area with a point near that agrees with the model
-    no_data_share: float  #: share of the outline's area without any point near
+    support: Support
+
+    @property
+    def coverage(self) -> float:
+        """Share of the outline's area with a point near that agrees with the model."""
+        return self.support.share(self.support.is_covered)
+
+    @property
+    def no_data_share(self) -> float:
+        """Share of the outline's area without any point near."""
+        return self.support.share(self.support.state == EMPTY)
 
 
 def measure_model(
@@ -165,55 +181,81 @@ def measure_model(
     Points over none of the faces are measured against the nearest one.
     """
     rows, planes = np.concatenate([face.rows for face in faces]), np.array([face.plane for face in faces])
-    misfit = _off_planes(points, rows, np.cumsum([len(face.rows) for face in faces]), planes)
+    misfit, above = _off_planes(points, rows, np.cumsum([len(face.rows) for face in faces]), planes)
     far = np.flatnonzero(misfit > _NEAR)
     misfit[far] = distance_to_surface(points[far], solid, misfit[far])
     rmse = math.sqrt((misfit * misfit).sum() / len(misfit)) if len(points) else None
-    covered, no_data = outline_coverage(
-        outline, points[:, :2], misfit <= _AGREES, spacing, _EMPTY_DISTANCE * spacing
-    )
-    return ModelQuality(rmse, covered, no_data)
+    return ModelQuality(rmse, outline_support(outline, points[:, :2], misfit <= _AGREES, above, spacing))
 
 
 @kernel
 def _off_planes(points, rows, ends, planes):  # type: ignore[no-untyped-def]
-    """Return points' distances to planes; the rows of the points over plane k end at ``ends[k]``."""
+    """Return points' distances to planes, and heights above; the points over plane k end at ``ends[k]``."""
     # The plane goes on beside the outline, the roof does not.
-    distance, first = np.full(len(points), np.inf), 0
+    distance, above, first = np.full(len(points), np.inf), np.full(len(points), np.nan), 0
     for k in range(len(planes)):
         a, b, c = planes[k]
         length = math.sqrt(1.0 + a * a + b * b)
         for i in rows[first : ends[k]]:
-            distance[i] = abs(points[i, 2] - (a * points[i, 0] + b * points[i, 1]) - c) / length
+            above[i] = points[i, 2] - (a * points[i, 0] + b * points[i, 1]) - c
+            distance[i] = abs(above[i]) / length
         first = ends[k]
-    return distance
+    return distance, above
 
 
-def outline_coverage(
-    outline: Outline, xy: FloatArray, agrees: BoolArray, spacing: float, reach: float
-) -> tuple[float, float]:
+#: What the points near a spot of an outline say of the model: it is no spot of the outline; there are none;
+#: it fits; they lie off it as one surface does; they lie off it here and there, as branches do.
+BESIDE, EMPTY, FITS, OFF, ROUGH = range(5)
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """What the points say of the model on a grid of spots over the outline."""
+
+    state: NDArray[np.int8]  #: one of the five above, shape (n_rows, n_columns)
+    is_covered: NDArray[np.bool_]  #: whether a point near agrees, of the same shape
+    x: FloatArray  #: of the columns [m]
+    y: FloatArray  #: of the rows [m]
+
+    @property
+    def spots(self) -> FloatArray:
+        """The places of the outline's spots, shape (n_spots, 2) [m]."""
+        row, column = np.nonzero(self.state)
+        return np.column_stack([self.x[column], self.y[row]])
+
+    def share(self, which: NDArray[np.bool_]) -> float:
+        """Return the share of the outline's spots; 0 if there are none."""
+        return float(int(np.count_nonzero(which)) / max(int(np.count_nonzero(self.state)), 1))
+
+
+def outline_support(
+    outline: Outline, xy: FloatArray, agrees: BoolArray, above: FloatArray, spacing: float
+) -> Support:
     """
-    Return the shares of an outline's area with a point near that agrees, and without any point near.
+    Return what points say of the model over an outline: whether each agrees, and how far it lies above.
 
     It is probed on a grid of a spacing at least [m]; what lies on its edges does not count. Near is within
-    `reach` [m].
+    two spacings. Points over no face lie NaN above.
     """
     if len(outline.exterior) < 3 or outline.area <= 0 or not len(xy):
-        return 0.0, 1.0
+        none = np.zeros(1)
+        return Support(np.full((1, 1), EMPTY, dtype=np.int8), np.zeros((1, 1), dtype=np.bool_), none, none)
     low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
     step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
     x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
     rings = [ring for ring in outline.rings if len(ring) >= 3]
     edges = ring_walls(rings).reshape(-1, 4)
-    counts = np.zeros(3, dtype=np.int64)
-    _count(edges, x, y, np.ascontiguousarray(xy), agrees, reach, counts)
-    n_spots, n_near, n_covered = counts.tolist()
-    return (n_covered / n_spots, 1.0 - n_near / n_spots) if n_spots else (0.0, 1.0)
+    state, is_covered = np.zeros((len(y), len(x)), dtype=np.int8), np.zeros((len(y), len(x)), dtype=np.bool_)
+    reach = _EMPTY_DISTANCE * spacing
+    _probe(edges, x, y, np.ascontiguousarray(xy), agrees, above, reach, state, is_covered)
+    if not state.any():
+        state[:] = EMPTY
+    return Support(state, is_covered, x, y)
 
 
 @kernel
-def _count(edges, x, y, xy, agrees, reach, counts):  # type: ignore[no-untyped-def]
-    """Count the spots inside, those with a point near, and those with one that agrees."""
+def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: ignore[no-untyped-def]
+    """Write what the points near the spots inside say."""
     west, south = x[0] - reach, y[0] - reach
     extent = max(x[-1] - west, y[-1] - south) + reach
     size = max(reach, extent / _MAX_CELLS)
@@ -224,7 +266,7 @@ def _count(edges, x, y, xy, agrees, reach, counts):  # type: ignore[no-untyped-d
         if 0.0 <= u < n_columns and 0.0 <= v < n_rows:
             cell[i] = int(v) * n_columns + int(u)
     order, first = rows_by_group(cell, n_columns * n_rows + 1)
-    crossed = np.empty(len(edges), dtype=np.int64)
+    crossed, near = np.empty(len(edges), dtype=np.int64), np.empty(_MOST_NEAR)
     for row in range(len(y)):
         n = 0
         for e in range(len(edges)):
@@ -234,27 +276,30 @@ def _count(edges, x, y, xy, agrees, reach, counts):  # type: ignore[no-untyped-d
         for column in range(len(x)):
             if not is_inside(edges, crossed, n, x[column], y[row]):
                 continue
-            counts[0] += 1
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
-            is_near, is_covered = False, False
-            for turn in range(3):
-                # The row itself first, which mostly is enough.
-                v = at_v + (0, -1, 1)[turn]
-                if v < 0 or v >= n_rows:
-                    continue
+            n_near, n_all, covered = 0, 0, False
+            for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
                 # The cells of a row lie one after the other.
                 west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
                 for j in range(first[v * n_columns + west_most], first[v * n_columns + east_most + 1]):
                     i = order[j]
-                    if (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2 < reach * reach:
-                        is_near = True
-                        is_covered = agrees[i]
-                    if is_covered:
-                        break
-                if is_covered:
-                    break
-            counts[1] += is_near
-            counts[2] += is_covered
+                    square = (xy[i, 0] - x[column]) ** 2 + (xy[i, 1] - y[row]) ** 2
+                    if square >= reach * reach:
+                        continue
+                    n_near += 1
+                    covered |= agrees[i]
+                    if square < (_DECIDES * reach) ** 2 and n_all < _MOST_NEAR and not np.isnan(above[i]):
+                        near[n_all] = above[i]
+                        n_all += 1
+            is_covered[row, column] = covered
+            state[row, column] = FITS if n_near else EMPTY
+            if n_all < 2:
+                continue
+            near[:n_all].sort()
+            middle = near[n_all // 2]
+            spread = 0.5 * (near[(3 * n_all) // 4] - near[n_all // 4])
+            if abs(middle) > _OFF:
+                state[row, column] = OFF if spread < _COHERENT * abs(middle) else ROUGH
 
 
 @kernel
