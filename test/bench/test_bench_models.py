@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from bench.models import clouds as model_clouds
+from bench.models import grade_cases, grade_truth, grades
 from bench.models import run as models
 from bench.models import truth as model_truth
 from bench.scenes.models import model_scene
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.pipeline.config import PipelineConfig
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +70,27 @@ def test_the_command_compares_roofs_that_are_named(capsys):
     with pytest.raises(SystemExit, match="--set: there is no stage 'roofs'"):
         models.main(["--parts", "bad", "--set", "roofs.x=1"])
     assert models.rotations(3) == [0.0, 30.0, 60.0]
+
+
+def test_what_lies_off_the_truth_or_beside_it_is_measured(gable):
+    scene, _ = gable
+    truth = grade_truth.truth_of(scene.building)
+    assert grade_truth.difference([scene.solid], truth).total == 0.0
+    assert grade_truth.difference([], truth) == (1.0, 0.0, 0.0)
+    raised = Solid(np.add(scene.solid.vertices, (0.0, 0.0, 0.6)), scene.solid.faces, scene.solid.semantics)
+    assert grade_truth.difference([raised], truth) == (0.0, 0.0, 1.0)
+    moved = Solid(np.add(scene.solid.vertices, (1.0, 0.0, 0.0)), scene.solid.faces, scene.solid.semantics)
+    found = grade_truth.difference([moved], truth)
+    assert found.is_off
+    assert found.truth_alone == pytest.approx(found.model_alone, abs=0.02)
+
+
+def test_grades_of_a_disturbed_roof_are_counted():
+    roof = grade_cases.virtual_roof("gable", 1)
+    cases = [
+        case for case in grade_cases.cases_of(roof, 1) if case.kind in ("given plain", "footprint resized")
+    ]
+    found = [grades.graded(case, PipelineConfig()) for case in cases]
+    assert [one.is_off for one in found] == [False, True]
+    rows = [line.split()[:4] for line in grades.grade_table(found).splitlines()[2:]]
+    assert rows[0] == ["all", "2", "1", str(sum(one.grade.value != "good" for one in found[1:]))]

@@ -86,6 +86,18 @@ def test_a_footprint_without_a_building_is_there_with_its_reason(result):
     assert 99.0 < row["ground_elevation"] < 103.0
 
 
+def test_a_strict_run_is_done_and_ends_with_four_if_a_building_is_not_good(house, result, tmp_path, capfd):
+    command, given = Command(capfd), ["--footprints", house / "given.gpkg", "--footprint-id", "name"]
+    spoken = command("run", house / "strip_01.laz", "--output", tmp_path, "--no-ros", *given, "--strict")
+    assert spoken.status == 4
+    assert spoken.err == [
+        "lidar-buildings: --strict: 1 of 3 buildings not good: look at their quality_reasons in the report"
+    ]
+    assert (tmp_path / "buildings.gpkg").is_file()
+    assert json.loads((tmp_path / "run.json").read_text())["quality"] == {"good": 2, "poor": 1}
+    assert buildings(result)["no building"][1]["quality_reasons"] == "no_model: no roof points"
+
+
 def test_neither_tiles_nor_format_nor_reference_system_nor_order_change_ids_and_outlines(
     house, result, tmp_path
 ):

@@ -32,8 +32,8 @@ _UNSURE = 0.4
 #: An outline is too wide if on so much of its length the points end farther within it than expected, by so
 #: much more.
 _ALL_ROUND, _WIDE = 0.7, 0.25
-#: A wall is looked at in so many steps a spacing.
-_STEPS = 2.0
+#: A wall is looked at in so many steps a spacing; so many spots tell how far points are apart.
+_STEPS, _MOST_SPOTS = 1.0, 200
 #: So many points around a corner, those nearer than this [spacings] alone, say how high it may be.
 _AROUND, _REACH = 32, 3.0
 #: What rises or sinks more than this beyond them, besides what its slope does over so much, is a spike [m],
@@ -58,8 +58,9 @@ def evidence_of(
     faces: Sequence[RoofFacePatch], points: FloatArray, outline: Outline, spacing: float, support: Support
 ) -> Evidence:
     """Measure what speaks against the roof faces of a model over an outline."""
-    tree = cKDTree(points[:, :2])
-    inside, _ = tree.query(support.spots)
+    tree = cKDTree(points[:, :2], compact_nodes=False, balanced_tree=False)
+    spots = support.spots
+    inside, _ = tree.query(spots[:: len(spots) // _MOST_SPOTS + 1])
     expected = max(_ONE_SIDED * float(np.median(inside)), _LEAST_GAP * spacing)
     walls = ring_walls([ring for ring in outline.rings if len(ring) >= 3])
     length = np.hypot(*(walls[:, 1] - walls[:, 0]).T)

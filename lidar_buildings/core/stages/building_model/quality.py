@@ -277,7 +277,7 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
             if not is_inside(edges, crossed, n, x[column], y[row]):
                 continue
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
-            n_near, n_all, covered = 0, 0, False
+            n_near, n_all, n_high, n_low, covered = 0, 0, 0, 0, False
             for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
                 # The cells of a row lie one after the other.
                 west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
@@ -291,9 +291,11 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
                     if square < (_DECIDES * reach) ** 2 and n_all < _MOST_NEAR and not np.isnan(above[i]):
                         near[n_all] = above[i]
                         n_all += 1
+                        n_high += above[i] > _OFF
+                        n_low += above[i] < -_OFF
             is_covered[row, column] = covered
             state[row, column] = FITS if n_near else EMPTY
-            if n_all < 2:
+            if n_all < 2 or 2 * max(n_high, n_low) < n_all:
                 continue
             near[:n_all].sort()
             middle = near[n_all // 2]
