@@ -39,7 +39,7 @@ _EDGES = np.array(
     ]
 )
 #: Columns of a tile by what nodes send them on.
-_TOPICS = {
+FIELDS_OF_TOPIC = {
     "points": (),
     "ground_points": ("classification", "height_above_ground"),
     "roof_points": ("classification", "height_above_ground", "facade"),
@@ -66,7 +66,7 @@ def numbers(random: np.random.Generator, n: int) -> NDArray[np.float64]:
 def cloud(random: np.random.Generator, topic: str) -> Any:
     """Return a cloud of a topic: a house on the ground, of which some numbers are extreme."""
     n = int(random.integers(1, _MOST_POINTS))
-    names = [*(one for one in _OF_SOURCE if random.integers(3)), *_TOPICS[topic]]
+    names = [*(one for one in _OF_SOURCE if random.integers(3)), *FIELDS_OF_TOPIC[topic]]
     kind = "<f8" if random.integers(4) == 0 else "<f4"
     rows = np.zeros(n, [*((axis, kind) for axis in "xyz"), *((name, COLUMNS[name]) for name in names)])
     side = 0.7 * np.sqrt(n)
@@ -107,7 +107,7 @@ def cloud(random: np.random.Generator, topic: str) -> Any:
 
 def extreme_cloud(random: np.random.Generator) -> str:
     """Take a cloud of any topic in; what comes through can be held."""
-    _tile(random, list(_TOPICS)[random.integers(len(_TOPICS))])
+    _tile(random, list(FIELDS_OF_TOPIC)[random.integers(len(FIELDS_OF_TOPIC))])
     return "accepted"
 
 
@@ -139,7 +139,7 @@ def _with_info(tile: PointTile, random: np.random.Generator) -> PointTile:
 
 def extreme_tile(random: np.random.Generator) -> str:
     """Take a cloud of a topic in, and do what its node does with the tile."""
-    topic = list(_TOPICS)[random.integers(len(_TOPICS))]
+    topic = list(FIELDS_OF_TOPIC)[random.integers(len(FIELDS_OF_TOPIC))]
     return _WORK[topic](_tile(random, topic), PipelineConfig())
 
 
@@ -229,35 +229,17 @@ def extreme_rings(random: np.random.Generator) -> str:
     return "accepted"
 
 
-def extreme_text(random: np.random.Generator) -> str:
-    """Take JSON with extreme numbers in: qualities, infos, states, features."""
-    from std_msgs.msg import String
-
-    from lidar_buildings.io.models.cityjson import checked_feature
-    from lidar_buildings.ros.node_state import state_of
-    from lidar_buildings.ros.text_messages import qualities_of
-    from lidar_buildings.ros.tile_info import infos_of
-
+def random_text(random: np.random.Generator) -> tuple[int, str]:
+    """Return what topics of text carry, with extreme numbers: its place in `TEXTS`, and the text."""
     one, two, three, *corners = numbers(random, 12).tolist()
-    kind = random.integers(4)
+    kind = int(random.integers(len(TEXTS)))
     if kind == 0:
         quality = {"sigma": one, "max_offset": two, "status": "ok", "reason": ""}
-        said = {
-            "stamp": three if random.integers(2) else 1,
-            "outlines": {str(int(random.integers(9))): quality},
-        }
-        qualities_of(String(data=json.dumps(said)))
+        said: Any = {"stamp": three if random.integers(2) else 1, "outlines": {"7": quality}}
     elif kind == 1:
-        infos_of(String(data=json.dumps({"life": "a", "tiles": [{"stamp": one}, {"stamp": 5}]})))
+        said = {"life": "a", "tiles": [{"stamp": one}, {"stamp": 5}]}
     elif kind == 2:
-        said = {
-            "node": "a",
-            "life": "b",
-            "kind": "c",
-            "sequence": one,
-            "tiles": {str(int(two)): ["a", [], ""]},
-        }
-        state_of(String(data=json.dumps(said)))
+        said = {"node": "a", "life": "b", "sequence": one, "tiles": {str(int(two)): ["a", [], ""]}}
     else:
         attributes = {"building_id": int(one) if random.integers(2) else 5, "status": "ok", "height": two}
         shell = [[[[0, 1, 2]], [[0, 1, 2]]]]
@@ -267,8 +249,28 @@ def extreme_text(random: np.random.Generator) -> str:
         vertices = (places if random.integers(2) else np.clip(places, -1e6, 1e6).round()).tolist()
         thing = {"type": "Building", "attributes": attributes, "geometry": [solid]}
         said = {"type": "CityJSONFeature", "id": "a", "CityObjects": {"a": thing}, "vertices": vertices}
-        checked_feature(json.dumps(said))
-    return ("outline_quality", "tile_info", "node_state", "city_model")[kind]
+    return kind, json.dumps(said, separators=(",", ":"))
+
+
+#: Topics of text.
+TEXTS = ("outline_quality", "tile_info", "node_state", "city_model")
+
+
+def extreme_text(random: np.random.Generator) -> str:
+    """Take JSON with extreme numbers in: qualities, infos, states, features."""
+    from std_msgs.msg import String
+
+    from lidar_buildings.io.models.cityjson import checked_feature
+    from lidar_buildings.ros.node_state import state_of
+    from lidar_buildings.ros.text_messages import qualities_of
+    from lidar_buildings.ros.tile_info import infos_of
+
+    kind, text = random_text(random)
+    if kind == 3:
+        checked_feature(text)
+    else:
+        (qualities_of, infos_of, state_of)[kind](String(data=text))
+    return TEXTS[kind]
 
 
 @cache

@@ -92,6 +92,12 @@ def _mutated(whole: bytes, random: np.random.Generator) -> bytes:
     return data.tobytes()
 
 
+def plain_cloud(folder: Path) -> Path:
+    """Write a cloud with which nothing is wrong."""
+    (folder / "plain.las").write_bytes(_cloud_bytes("a.las"))
+    return folder / "plain.las"
+
+
 @cache
 def _cloud_bytes(name: str) -> bytes:
     version, form = ("1.4", 6) if name.startswith("a") else ("1.2", 1)

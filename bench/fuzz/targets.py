@@ -59,13 +59,14 @@ def message_to_tile(random: np.random.Generator) -> str:
     """Turn a message of rclpy into a tile."""
     from lidar_buildings.ros.point_cloud import from_message
 
-    tile = from_message(_as_ros(_cloud(random))).tile
+    tile = from_message(as_ros(_cloud(random))).tile
     if not np.isfinite(tile.points).all():
         raise WrongError("a point of a tile is not finite")
     return OK
 
 
-def _as_ros(cloud: Any) -> Any:
+def as_ros(cloud: Any) -> Any:
+    """Return a cloud as a message of rclpy."""
     from builtin_interfaces.msg import Time
     from sensor_msgs.msg import PointCloud2, PointField
     from std_msgs.msg import Header

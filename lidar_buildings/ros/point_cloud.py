@@ -74,7 +74,7 @@ def from_message(message: PointCloud2) -> CloudReading:
         if n_beyond == len(points):
             raise MessageError(f"no point can be held: {BEYOND_TILE}: publish coordinates of the map")
         points, columns = points[rows], {name: values[rows] for name, values in columns.items()}
-    stamp = to_stamp(message.header.stamp)
+    stamp, points = to_stamp(message.header.stamp), points.astype(np.float32)  # a third less memory at a time
     known = {name: held_column(name, cast_to(COLUMNS[name], values)) for name, values in columns.items()}
     return CloudReading(PointTile(points, stamp=stamp, **known), n_dropped - n_beyond, n_beyond)
 

@@ -70,8 +70,11 @@ def columns_of(cloud: Cloud, wanted: Collection[str]) -> dict[str, NDArray[Any]]
 
 def taken_points(columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
     """Take x, y and z out of the columns; return them, shape (n, 3)."""
+    points = np.empty((len(columns["x"]), 3))
     with np.errstate(invalid="ignore"):  # of what is no number there are kinds at which the processor stops
-        return np.column_stack([columns.pop(name).astype(np.float64) for name in XYZ])
+        for axis, name in enumerate(XYZ):
+            points[:, axis] = columns.pop(name)
+    return points
 
 
 def cast_to(dtype: np.dtype[Any], values: NDArray[Any]) -> NDArray[Any]:
