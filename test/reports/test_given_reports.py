@@ -7,6 +7,8 @@ from support.report_cases import areas_of, run_of
 
 #: Case → words of the output, exit status, and the first areas [m²], largest last, if any.
 EXPECTED = {
+    "int32_clamp": (["y is the same at all points, the limit of the file's integers"], 2, []),
+    "whole_metres": (["x and y and z have steps of 1 m"], 0, []),
     "web_mercator": (["EPSG:3857 is not true to scale here"], 0, [96.0, 100.0, 150.0]),
     "metres_and_feet": (["x and y are in units of 1 metre, z of 1 US survey foot"], 0, [96.0, 100.0, 150.0]),
 }
