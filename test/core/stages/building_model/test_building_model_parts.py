@@ -16,7 +16,7 @@ from lidar_buildings.core.stages.building_model.cells import (
     face_rings,
 )
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.quality import distance_to_surface, outline_coverage
+from lidar_buildings.core.stages.building_model.quality import EMPTY, distance_to_surface, outline_support
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.building_model.simplification import simplified
 
@@ -252,21 +252,25 @@ def test_coverage_is_what_trees_and_polygons_say(seed):
     outline = Outline(SQUARE * random.uniform(0.5, 2.0, 2) + 1e4, (court + 1e4,) if seed % 2 else ())
     xy = random.uniform(-2, 14, (random.integers(1, 200), 2)) + 1e4
     agrees = random.random(len(xy)) < 0.7
-    spacing, reach = random.uniform(0.2, 2.0), random.uniform(0.3, 2.0)
+    spacing = random.uniform(0.2, 1.0)
     low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
     x, y = (np.arange(a + 0.5 * spacing, b, spacing) for a, b in zip(low, high, strict=True))
     spots = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     spots = spots[shapely.contains_xy(outline.polygon, spots)]
     expected = [
-        np.mean(cKDTree(each).query(spots)[0] < reach) if len(each) else 0.0 for each in (xy[agrees], xy)
+        np.mean(cKDTree(each).query(spots)[0] < 2.0 * spacing) if len(each) else 0.0
+        for each in (xy[agrees], xy)
     ]
-    covered, no_data = outline_coverage(outline, xy, agrees, spacing, reach)
-    assert (covered, 1.0 - no_data) == pytest.approx(expected)
+    support = outline_support(outline, xy, agrees, np.full(len(xy), np.nan), spacing)
+    found = support.share(support.is_covered), 1.0 - support.share(support.state == EMPTY)
+    assert found == pytest.approx(expected)
 
 
 def test_spots_on_the_edge_of_an_outline_do_not_count():
     points = np.array([[1.0, 1.0]])
     square = Outline(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [1.0, 2.0], [1.0, 4.0], [0.0, 4.0]]))
     # of the spots at 1 and 3 along x and y, three lie on the edges or outside
-    assert outline_coverage(square, points, np.ones(1, dtype=bool), 2.0, 0.5) == (0.5, 0.5)
-    assert outline_coverage(square, np.empty((0, 2)), np.ones(0, dtype=bool), 2.0, 0.5) == (0.0, 1.0)
+    assert outline_support(square, points, np.ones(1, dtype=bool), np.zeros(1), 2.0).spots.tolist() == [
+        [1.0, 1.0],
+        [3.0, 1.0],
+    ]
