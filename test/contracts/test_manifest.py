@@ -12,7 +12,7 @@ import lidar_buildings
 PYTHON_DEPENDENCIES = {
     "laspy": (None, "laspy"),
     "lazrs": (None, "lazrs"),
-    "mcap": ("python3-mcap-pip", "mcap"),
+    "mcap": (None, "mcap"),
     "numba": ("python3-numba", "numba"),
     "numpy": ("python3-numpy", "numpy"),
     "pkg_resources": ("python3-setuptools", "setuptools"),
