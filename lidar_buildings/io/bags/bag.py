@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,6 +66,10 @@ class BagMessage(NamedTuple):
     type: str
     time: int
     message: Any
+
+
+#: Topics that are asked one by one; of more, messages at the begin of the bag are read, so many for each.
+_MANY, _PER_TOPIC = 50, 5
 
 
 class Bag:
@@ -248,13 +253,30 @@ def _reported(path: Path) -> Iterator[None]:
 
 
 def topic_contents(bag: Bag) -> list[BagTopic]:
-    """Look at the first message of every topic of an open bag."""
-    return [_looked_at(bag, topic) if topic.n_messages else topic for topic in bag.topics]
+    """Look at the first message of every topic of an open bag; of very many only near its begin."""
+    topics = bag.topics
+    known: dict[str, Any] = {}
+    if len(topics) > _MANY:  # to ask for each takes time for each of the others
+        names = {topic.name for topic in topics}
+        for one in islice(bag.messages(names), _PER_TOPIC * len(names)):
+            known.setdefault(one.topic, one.message)
+            if len(known) == len(names):
+                break
+    found, n_asked = [], 0
+    for topic in topics:
+        n_asked += topic.n_messages > 0 and topic.name not in known
+        if topic.n_messages and n_asked > _MANY and topic.name not in known:
+            topic = topic._replace(problem="its first message is far from the begin of the bag")
+        elif topic.n_messages:
+            topic = _looked_at(bag, topic, known.get(topic.name))
+        found.append(topic)
+    return found
 
 
-def _looked_at(bag: Bag, topic: BagTopic) -> BagTopic:
+def _looked_at(bag: Bag, topic: BagTopic, message: Any = None) -> BagTopic:
     try:
-        message = next(bag.messages([topic.name])).message
+        if message is None:
+            message = next(bag.messages([topic.name])).message
     except (InputError, StopIteration) as error:
         why = str(error).removeprefix(f"{bag.path}: ") or bag.why_unreadable.removeprefix(f"{topic.name}: ")
         return topic._replace(problem=why or "it contains no messages")

@@ -104,23 +104,22 @@ def _one(bag: Bag, topics: list[BagTopic], kind: str, wanted: str, option: str, 
     """Return the topic of a kind that is wanted, or the only one."""
     having = [one for one in topics if one.type == kind and one.n_messages]
 
-    def listed() -> str:
-        return "".join(f"\n  {one}" for one in topic_contents(bag)) or " none"
+    def refused(why: str) -> InputError:
+        own = [f"  {one}" for one in topic_contents(bag)]
+        return InputError(f"{bag.path}: {why}; its topics:{'' if own else ' none'}", *own)
 
     if wanted:
         found = [one for one in topics if one.name.lstrip("/") == wanted.lstrip("/")]
         if not found or found[0].type != kind:
             has = f"is {found[0].type}, not {kind}" if found else "is not in it"
-            raise InputError(f"{bag.path}: {option} {wanted} {has}; its topics:{listed()}")
+            raise refused(f"{option} {wanted} {has}")
         return found[0].name
     if len(having) > 1:
-        raise InputError(
-            f"{bag.path}: contains several topics of {kind}: choose one with {option}; its topics:{listed()}"
-        )
+        raise refused(f"contains several topics of {kind}: choose one with {option}")
     if not having and is_needed:
         other = [f"{one.name} holds {what}" for one in topics if (what := remedy_of(one.type))]
         what = f"; {other[0]}" if other and kind == CLOUD else ""
-        raise InputError(f"{bag.path}: contains no {kind}{what}; its topics:{listed()}")
+        raise refused(f"contains no {kind}{what}")
     return having[0].name if having else ""
 
 
