@@ -27,6 +27,9 @@ class LongCloud:
         self.header = laspy.LasHeader(point_format=1)
         self.input_file = InputFile(Path(self.path), self.point_count)
 
+    def in_frame(self, frame):
+        return self
+
     def chunks(self, size):
         for number in range(self.n_chunks):
             random = np.random.default_rng(number)
