@@ -119,7 +119,7 @@ def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
 
 
 #: Steeper planes are walls: they stay as they are [deg].
-STEEPEST_DEG = 80.0
+STEEPEST_DEG = 87.0
 #: Points whose second axis is shorter than this share of the first lie on a line: their plane is level.
 _LINE = 1e-3
 #: Weight of a plane's own slope beside its points' [m²]: keeps lines and single points solvable.

@@ -10,8 +10,11 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.cells import Cells
 
-#: A point counts as so far off its plane at most [m].
-MAX_MISFIT = 1.0
+#: What a point is off its plane beyond this [m], and the share of it that counts: chimneys and antennas pull
+#: on no plane, and a tower is neither.
+MAX_MISFIT, TAIL = 1.0, 0.1
+#: Rise over run of 60°: from here on distances from a plane count along its normal.
+STEEP = 1.73
 #: What a roof may lie above the highest return around [m], beside what the spacing explains.
 ABOVE = 0.3
 #: So many spacings around a corner of a cell tell how high the roof may be there, and for so much of the
@@ -30,15 +33,17 @@ def plane_costs(
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
     That is the misfit to its points, and how far the plane lies above the returns around a corner of the
-    cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical; those
-    to points count no more than `MAX_MISFIT`, so that chimneys and antennas pull on no plane. Points are
-    (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1 for none;
-    planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
+    cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical, but
+    from planes steeper than `STEEP`, where a pulse's place is less sure than its height, less by as much;
+    those to points hardly count beyond `MAX_MISFIT`, so that chimneys and antennas pull on no plane. Points
+    are (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1 for
+    none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
-    slack = spacing * np.hypot(planes[:, 0], planes[:, 1])
+    slope = np.hypot(planes[:, 0], planes[:, 1])
+    counted = np.minimum(np.hypot(1.0, STEEP) / np.hypot(1.0, slope), 1.0)
     return _costs(
-        points, weight, cell, np.ascontiguousarray(planes.T),
-        cells.vertices, cells.borders, cells.sides, cells.areas, ABOVE + slack, spacing,
+        points, weight, cell, np.ascontiguousarray(planes.T), counted,
+        cells.vertices, cells.borders, cells.sides, cells.areas, ABOVE + spacing * slope, spacing,
     )  # fmt: skip
 
 
@@ -140,7 +145,7 @@ def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _costs(points, weight, cell, planes, vertices, borders, sides, areas, high, spacing):  # type: ignore[no-untyped-def]
+def _costs(points, weight, cell, planes, counted, vertices, borders, sides, areas, high, spacing):  # type: ignore[no-untyped-def]
     """See `plane_costs`; planes in columns."""
     n_planes, spoken = planes.shape[1], (_AROUND * spacing) ** 2
     seen = _highest_around(vertices, points, spacing)
@@ -168,6 +173,6 @@ def _costs(points, weight, cell, planes, vertices, borders, sides, areas, high, 
         own = costs[c]
         x, y, z, w = points[i, 0], points[i, 1], points[i, 2], weight[i]
         for k in range(n_planes):
-            misfit = abs(z - (a[k] * x + b[k] * y + d[k]))
-            own[k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT)
+            misfit = counted[k] * abs(z - (a[k] * x + b[k] * y + d[k]))
+            own[k] += w * (misfit if misfit < MAX_MISFIT else MAX_MISFIT + TAIL * (misfit - MAX_MISFIT))
     return costs

@@ -46,7 +46,7 @@ class PlaneFittingConfig(StageConfig):
         within=(4, 100000),
     )
     max_slope_deg: float = parameter(
-        80.0,
+        87.0,
         "Steepest plane that still counts as roof; raising it lets walls in.",
         unit="deg",
         within=(10.0, 90.0),

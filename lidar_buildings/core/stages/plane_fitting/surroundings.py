@@ -21,6 +21,9 @@ MAX_NEIGHBOURS = 24
 OWN_SHARE = 0.75
 #: Fewest neighbours that a point's own plane is taken from; where fewer are that near, all are taken.
 _FEWEST = 8
+#: By what part of themselves heights count where few points are near, and how upright the normals of what is
+#: found so may be: planes of 60° and more.
+FLATTENING, STEEP_UPRIGHT = 0.125, 0.5
 #: Surroundings no rougher than this times the noise hold no ridge: their point keeps their normal.
 _SMOOTH = 1.3
 #: A point may take the plane of surroundings that it lies no farther from than this times the noise.
@@ -119,28 +122,39 @@ def _look_around(grid, runs, radius, neighbours, planes, roughness, begin, end):
     for c in range(begin, end):
         most = max(most, (runs[c, :, 1] - runs[c, :, 0]).sum())
     rows, xyz = np.empty(most, np.int32), np.empty((most, 3))
-    near = np.empty(most + 1, np.int32)
-    moments = np.empty(N_MOMENTS)
+    near, steep = np.empty(most + 1, np.int32), np.empty(most + 1, np.int32)
+    moments, plane = np.empty(N_MOMENTS), np.zeros(4)
     for c in range(begin, end):
         around = _gather(grid.points, runs[c], rows, xyz)
         for i in range(grid.first[c], grid.first[c + 1]):
             x, y, z = grid.points[i]
-            found = _within(xyz[:around], x, y, z, radius, near)
+            found = _within(xyz[:around], x, y, z, radius, 1.0, near)
+            if _sum_near(xyz, near[:found], x, y, z, OWN_SHARE * radius, 1.0, moments) < _FEWEST:
+                _sum_near(xyz, near[:found], x, y, z, radius, 1.0, moments)
+            planes[i] = 0.0
+            roughness[i] = _fit(moments, planes[i])
+            if found <= _FEWEST:
+                # On a steep roof those next to one another in plan are far apart.
+                n = _within(xyz[:around], x, y, z, radius, FLATTENING, steep)
+                _sum_near(xyz, steep[:n], x, y, z, radius, FLATTENING, moments)
+                rough = _fit(moments, plane) if n > _FEWEST else np.inf
+                if rough <= NOISE_RANGE[1] ** 2 and abs(plane[2]) < STEEP_UPRIGHT:
+                    planes[i], roughness[i], found = plane, rough, n
+                    near[:n] = steep[:n]
+            planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
             n, kept = 0, min(found, MAX_NEIGHBOURS)
             for k in range(kept):
                 j = rows[near[k * found // kept]]
                 if j != i:
                     neighbours[i, n] = j
                     n += 1
-            if _sum_near(xyz, near[:found], x, y, z, OWN_SHARE * radius, moments) < _FEWEST:
-                _sum_near(xyz, near[:found], x, y, z, radius, moments)
-            planes[i] = 0.0
-            roughness[i] = np.inf
-            if moments[0] > 3.0:
-                residual = fitted_plane(moments, planes[i])
-                if residual >= 0.0:
-                    roughness[i] = residual / (moments[0] - 3.0)
-                    planes[i, 3] -= planes[i, 0] * x + planes[i, 1] * y + planes[i, 2] * z
+
+
+@kernel
+def _fit(moments, plane):  # type: ignore[no-untyped-def]
+    """Write the plane of sums and return the variance about it, infinite where there is none."""
+    residual = fitted_plane(moments, plane) if moments[0] > 3.0 else -1.0
+    return residual / (moments[0] - 3.0) if residual >= 0.0 else np.inf
 
 
 @kernel
@@ -156,25 +170,25 @@ def _gather(points, runs, rows, xyz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _within(xyz, x, y, z, radius, near):  # type: ignore[no-untyped-def]
+def _within(xyz, x, y, z, radius, flat, near):  # type: ignore[no-untyped-def]
     """Write which points lie within a radius of a position to `near`; return how many."""
     n = 0
     for k in range(len(xyz)):
-        dx, dy, dz = xyz[k, 0] - x, xyz[k, 1] - y, xyz[k, 2] - z
+        dx, dy, dz = xyz[k, 0] - x, xyz[k, 1] - y, flat * (xyz[k, 2] - z)
         near[n] = k
         n += dx * dx + dy * dy + dz * dz <= radius * radius
     return n
 
 
 @kernel
-def _sum_near(xyz, near, x, y, z, radius, moments):  # type: ignore[no-untyped-def]
+def _sum_near(xyz, near, x, y, z, radius, flat, moments):  # type: ignore[no-untyped-def]
     """Sum the near points within a radius of a position about it; return how many."""
     n, sx, sy, sz = 0.0, 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in near:
         dx, dy, dz = xyz[j, 0] - x, xyz[j, 1] - y, xyz[j, 2] - z
         # A factor instead of a branch: half of the points are within, in no order.
-        inside = 1.0 if dx * dx + dy * dy + dz * dz <= radius * radius else 0.0
+        inside = 1.0 if dx * dx + dy * dy + flat * flat * dz * dz <= radius * radius else 0.0
         wx, wy, wz = inside * dx, inside * dy, inside * dz
         n, sx, sy, sz = n + inside, sx + wx, sy + wy, sz + wz
         xx, xy, xz = xx + wx * dx, xy + wx * dy, xz + wx * dz

@@ -17,6 +17,7 @@ from lidar_buildings.core.stages.roof_selection.roof_patches import (
     find_roof_surface,
     find_voted_surface,
 )
+from lidar_buildings.core.stages.roof_selection.steep_roofs import find_steep_roofs
 from lidar_buildings.core.surfaces.morphology import square_distances
 from lidar_buildings.core.surfaces.surface_patches import connected_columns, plan_areas
 
@@ -60,7 +61,10 @@ def find_roofs(
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     stands &= ~is_other
     rejection[stands] = Rejection.NONE
-    return _without_narrow(candidates, roof | stands, config, rejection), is_wall, rejection
+    roof = _without_narrow(candidates, roof | stands, config, rejection)
+    steep = find_steep_roofs(candidates, roof, config)
+    rejection[steep] = Rejection.NONE
+    return roof | steep, is_wall, rejection
 
 
 def _held(columns: CellGrid, roof: NDArray[np.bool_], radius: float) -> NDArray[np.bool_]:

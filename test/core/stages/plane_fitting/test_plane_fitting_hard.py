@@ -128,7 +128,7 @@ def test_a_dense_heap_of_points_does_not_hold_up_the_search():
     assert not found.planes
 
 
-@pytest.mark.parametrize(("slope_deg", "n_planes"), [(70.0, 1), (86.0, 0)])
+@pytest.mark.parametrize(("slope_deg", "n_planes"), [(70.0, 1), (85.0, 1), (88.0, 0)])
 def test_steep_roofs_are_planes_and_walls_are_none(slope_deg, n_planes):
     uv = lattice(8, 6)
     angle = np.radians(slope_deg)
