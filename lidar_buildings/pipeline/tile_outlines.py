@@ -13,6 +13,7 @@ import shapely
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.solids.output_grid import made_valid
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.regularising import (
     RegularisedOutline,
@@ -118,11 +119,13 @@ def _sound(outline: Outline, traced: Outline) -> Outline:
 
 def _part(outlines: list[Outline], traced: list[Outline], members: list[int]) -> None:
     """Give buildings of a block that overlap their traced outlines, the smaller one first."""
-    polygons = [outlines[row].polygon for row in members]
-    pairs = shapely.STRtree(polygons).query(np.array(polygons, dtype=object), predicate="intersects")
+    # rings that messages bring may cross themselves
+    polygons = made_valid(np.array([outlines[row].polygon for row in members], dtype=object))
+    before = made_valid(np.array([traced[row].polygon for row in members], dtype=object))
+    pairs = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     for one, other in sorted(pairs[:, pairs[0] < pairs[1]].T.tolist()):
         for k in sorted((one, other), key=lambda k: (traced[members[k]].area, k)):
             if polygons[one].intersection(polygons[other]).area <= _MAX_OVERLAP:
                 break
             outlines[members[k]] = traced[members[k]]
-            polygons[k] = traced[members[k]].polygon
+            polygons[k] = before[k]
