@@ -18,7 +18,7 @@ from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, face_plane
-from lidar_buildings.core.stages.building_model.quality import EMPTY, OFF, ROUGH, Support
+from lidar_buildings.core.stages.building_model.quality import EMPTY, OFF, OFF_HEIGHT, ROUGH, Support
 from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 
 #: Finest level of detail.
@@ -32,10 +32,12 @@ _UNSURE = 0.4
 #: An outline is too wide if on so much of its length the points end farther within it than expected, by so
 #: much more.
 _ALL_ROUND, _WIDE = 0.7, 0.25
+#: Of so many points next to one that is off, half are as far off, but for this [m], if all are a detail.
+_NEXT, _ALIKE = 4, 0.25
 #: A wall is looked at in so many steps a spacing; so many spots tell how far points are apart.
-_STEPS, _MOST_SPOTS = 1.0, 200
+_STEPS, _MOST_SPOTS = 2.0, 200
 #: So many points around a corner, those nearer than this [spacings] alone, say how high it may be.
-_AROUND, _REACH = 32, 3.0
+_AROUND, _REACH = 64, 3.0
 #: What rises or sinks more than this beyond them, besides what its slope does over so much, is a spike [m],
 #: [spacings].
 _SPIKE, _SLOPE_REACH = 1.2, 1.5
@@ -46,6 +48,7 @@ class Evidence(NamedTuple):
 
     off: float  #: the points near are off the model, as one surface
     rough: float  #: they are off here and there
+    detail: float  #: share of the points that are off together with those next to them, as those of a rim
     empty: float  #: no point is near
     wide: float  #: the outline goes on beyond the outermost points, all round; else 0
     #: How far these lie within it, 0 on the outline, 1 as far as where points are scattered on either side.
@@ -71,12 +74,22 @@ def evidence_of(
     return Evidence(
         off=support.share(support.state == OFF),
         rough=support.share(support.state == ROUGH),
+        detail=_detail(tree, points, support.above),
         empty=support.share(support.state == EMPTY),
         wide=float((excess * length).sum()) / area if is_wide else 0.0,
         margin=float((mean * length).sum() / (expected * length.sum())),
         unsure=_UNSURE * spacing * float(length.sum()) / area,
         spike=_spike(tree, points, faces, spacing),
     )
+
+
+def _detail(tree: cKDTree, points: FloatArray, above: FloatArray) -> float:
+    off = np.flatnonzero(np.abs(above) > OFF_HEIGHT)
+    if not len(off) or len(points) <= _NEXT:
+        return 0.0
+    _, beside = tree.query(points[off, :2], k=_NEXT + 1)
+    alike = np.abs(above[beside[:, 1:]] - above[off][:, None]) < _ALIKE
+    return int(np.count_nonzero(np.count_nonzero(alike, axis=1) >= _NEXT // 2)) / len(points)
 
 
 def _gaps(
@@ -115,19 +128,19 @@ def level_doubts(lod: str, has_extent: bool = True) -> Iterator[Doubt]:
 
 #: Shares of the outline's area from which on a model is doubtful, chosen with `bench.models.grades`. Most
 #: roofs of which a quarter has no points are right all the same, so that only larger gaps count.
-_MOST_OFF, _MOST_ROUGH, _MOST_EMPTY = 0.015, 0.07, 0.3
+_MOST_OFF, _MOST_DETAIL, _MOST_ROUGH, _MOST_EMPTY = 0.015, 0.02, 0.07, 0.3
 _MOST_WIDE, _MOST_BESIDE, _MOST_UNSURE = 0.03, 0.04, 0.0545
 #: The share from which on it is poor.
 _POOR = 0.25
 #: The outermost points lie on traced outlines, nearer than this, see `Evidence.margin`.
-_TRACED_MARGIN = 0.8
+_TRACED_MARGIN = 0.85
 
 
 def doubts_of(evidence: Evidence, is_traced: bool | None = None) -> Iterator[Doubt]:
     """Yield what the evidence says; if it is not known whether an outline is traced, its margin tells."""
     e = evidence
-    if e.off > _MOST_OFF:
-        yield _doubt(Cause.OFF_POINTS, e.off, "of the roof is more than 0.5 m off its points")
+    if e.off > _MOST_OFF or e.detail > _MOST_DETAIL:
+        yield _doubt(Cause.OFF_POINTS, max(e.off, e.detail), "of the roof is more than 0.5 m off its points")
     if e.rough > _MOST_ROUGH:
         yield _doubt(Cause.SCATTERED, e.rough, "of the roof has points scattered about it")
     if e.empty > _MOST_EMPTY:

@@ -143,7 +143,7 @@ _AGREES = 0.3
 _NEAR = 0.05
 #: Where the median of the points near a spot is farther off in height, the model is off there [m]; those
 #: count that lie within this share of the distance above, and at most so many.
-_OFF, _DECIDES, _MOST_NEAR = 0.5, 0.75, 64
+OFF_HEIGHT, _DECIDES, _MOST_NEAR = 0.5, 0.75, 64
 #: Points whose heights spread by a smaller share of that (half of the range between the quartiles) are one
 #: surface.
 _COHERENT = 0.35
@@ -216,6 +216,7 @@ class Support:
     is_covered: NDArray[np.bool_]  #: whether a point near agrees, of the same shape
     x: FloatArray  #: of the columns [m]
     y: FloatArray  #: of the rows [m]
+    above: FloatArray  #: how far each point lies above the model, NaN over no face [m], shape (n_points,)
 
     @property
     def spots(self) -> FloatArray:
@@ -239,7 +240,9 @@ def outline_support(
     """
     if len(outline.exterior) < 3 or outline.area <= 0 or not len(xy):
         none = np.zeros(1)
-        return Support(np.full((1, 1), EMPTY, dtype=np.int8), np.zeros((1, 1), dtype=np.bool_), none, none)
+        return Support(
+            np.full((1, 1), EMPTY, dtype=np.int8), np.zeros((1, 1), dtype=np.bool_), none, none, above
+        )
     low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
     step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
     x, y = (np.arange(a + 0.5 * min(step, b - a), b, step) for a, b in zip(low, high, strict=True))
@@ -250,7 +253,7 @@ def outline_support(
     _probe(edges, x, y, np.ascontiguousarray(xy), agrees, above, reach, state, is_covered)
     if not state.any():
         state[:] = EMPTY
-    return Support(state, is_covered, x, y)
+    return Support(state, is_covered, x, y, above)
 
 
 @kernel
@@ -291,8 +294,8 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
                     if square < (_DECIDES * reach) ** 2 and n_all < _MOST_NEAR and not np.isnan(above[i]):
                         near[n_all] = above[i]
                         n_all += 1
-                        n_high += above[i] > _OFF
-                        n_low += above[i] < -_OFF
+                        n_high += above[i] > OFF_HEIGHT
+                        n_low += above[i] < -OFF_HEIGHT
             is_covered[row, column] = covered
             state[row, column] = FITS if n_near else EMPTY
             if n_all < 2 or 2 * max(n_high, n_low) < n_all:
@@ -300,7 +303,7 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
             near[:n_all].sort()
             middle = near[n_all // 2]
             spread = 0.5 * (near[(3 * n_all) // 4] - near[n_all // 4])
-            if abs(middle) > _OFF:
+            if abs(middle) > OFF_HEIGHT:
                 state[row, column] = OFF if spread < _COHERENT * abs(middle) else ROUGH
 
 
