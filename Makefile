@@ -92,6 +92,7 @@ bench: setup
 	@$(BIN)/python -m bench.ground.noise
 	@echo "Roof scenes:"
 	@$(BIN)/python -m bench.roofs.scenes
+	@$(BIN)/python -m bench.roofs.spires
 	@echo "Buildings on real clouds:"
 	@$(BIN)/python -m bench.roofs.run
 	@echo "Edges of roofs:"

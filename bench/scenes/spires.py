@@ -79,7 +79,8 @@ def _scanned(
     site: RoofSite, shape: Shape, others: Sequence[Shape], bottom: float, top: float, noise: float
 ) -> SteepRoof:
     # What touches is one.
-    footprint = shapely.union_all([_polygon(one).buffer(CLOSE) for one in (shape, *others)]).buffer(-CLOSE)
+    grown = shapely.union_all([_polygon(one).buffer(CLOSE, join_style="mitre") for one in (shape, *others)])
+    footprint = grown.buffer(-CLOSE, join_style="mitre").simplify(CLOSE)
     return SteepRoof(site.scanned(noise, 0.0, max_angle_deg=15.0), shape, footprint, bottom, top)
 
 
