@@ -256,3 +256,25 @@ def test_a_footprint_that_reaches_beyond_the_tile_asks_for_more_of_it():
         cut = tile.select(tile.points[:, 0] <= east)
         bounded = PointTile(cut.points, **cut.columns, bounds=(-5.0, -5.0, east, 45.0))
         assert assign_footprints(bounded, given).clipped == Sides(east=is_clipped)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.2])
+@pytest.mark.parametrize("n", [999, 20_000, 200_000])
+def test_polygons_of_very_many_vertices_are_simplified_within_their_noise(n, noise):
+    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
+    radius = 12.0 + np.random.default_rng(0).uniform(-noise, noise, n)
+    given = shapely.Polygon(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
+    repairs = repaired_polygons(array(given, HOUSE))
+    assert shapely.get_num_coordinates(repairs.polygons[0]) <= 1001
+    assert repairs.polygons[0].area == pytest.approx(given.area, rel=0.02)
+    assert repairs.n_simplified == (n > 999)
+    assert shapely.equals_exact(repairs.polygons[1], HOUSE)
+
+
+def test_a_polygon_of_very_many_teeth_is_left_out_and_counted():
+    angle = np.linspace(0.0, 2.0 * np.pi, 60_000, endpoint=False)
+    radius = np.where(np.arange(60_000) % 2, 15.0, 10.0)
+    teeth = shapely.Polygon(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
+    repairs = repaired_polygons(array(teeth, HOUSE))
+    assert repairs.dropped == {"with too many vertices": 1}
+    assert len(repairs.polygons) == 1
