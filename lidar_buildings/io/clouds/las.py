@@ -150,9 +150,9 @@ def _bounds(cloud: Cloud, first: NDArray[np.float64]) -> tuple[NDArray[np.float6
     can_be[:, :2] &= ((maxs - mins) * cloud.units)[:2] <= MAX_EXTENT
     if can_be.all() and ((first >= mins - slack) & (first <= maxs + slack)).all():
         return mins, maxs
-    warn_once(f"{cloud.path}: the bounds in its header do not match its points: recomputed")
     mins, maxs = _extremes(cloud, np.full(3, np.nan), np.inf)
     _check_not_clamped(cloud, mins, maxs)
+    warn_once(f"{cloud.path}: the bounds in its header do not match its points: recomputed")
     if ((maxs - mins) * cloud.units)[:2].max() <= MAX_EXTENT:
         return mins, maxs
     middle = np.median([np.median(xyz_of(chunk), axis=0) for chunk in cloud.chunks()], axis=0)
