@@ -32,8 +32,9 @@ _UNSURE = 0.4
 #: An outline is too wide if on so much of its length the points end farther within it than expected, by so
 #: much more.
 _ALL_ROUND, _WIDE = 0.7, 0.25
-#: Of so many points next to one that is off, half are as far off, but for this [m], if all are a detail.
-_NEXT, _ALIKE = 4, 0.25
+#: Of so many points next to one that is off, half are as far off, but for this [m], if all are a detail; so
+#: much of all that are off has to be.
+_NEXT, _ALIKE, _MOSTLY = 4, 0.25, 0.4
 #: A wall is looked at in so many steps a spacing; so many spots tell how far points are apart.
 _STEPS, _MOST_SPOTS = 2.0, 200
 #: So many points around a corner, those nearer than this [spacings] alone, say how high it may be.
@@ -89,7 +90,8 @@ def _detail(tree: cKDTree, points: FloatArray, above: FloatArray) -> float:
         return 0.0
     _, beside = tree.query(points[off, :2], k=_NEXT + 1)
     alike = np.abs(above[beside[:, 1:]] - above[off][:, None]) < _ALIKE
-    return int(np.count_nonzero(np.count_nonzero(alike, axis=1) >= _NEXT // 2)) / len(points)
+    n_alike = int(np.count_nonzero(np.count_nonzero(alike, axis=1) >= _NEXT // 2))
+    return n_alike / len(points) if n_alike > _MOSTLY * len(off) else 0.0  # in noise some are by chance
 
 
 def _gaps(
@@ -128,8 +130,8 @@ def level_doubts(lod: str, has_extent: bool = True) -> Iterator[Doubt]:
 
 #: Shares of the outline's area from which on a model is doubtful, chosen with `bench.models.grades`. Most
 #: roofs of which a quarter has no points are right all the same, so that only larger gaps count.
-_MOST_OFF, _MOST_DETAIL, _MOST_ROUGH, _MOST_EMPTY = 0.015, 0.02, 0.07, 0.3
-_MOST_WIDE, _MOST_BESIDE, _MOST_UNSURE = 0.03, 0.04, 0.0545
+_MOST_OFF, _MOST_DETAIL, _MOST_ROUGH, _MOST_EMPTY = 0.015, 0.02, 0.05, 0.3
+_MOST_WIDE, _MOST_BESIDE, _MOST_UNSURE = 0.045, 0.04, 0.0545
 #: The share from which on it is poor.
 _POOR = 0.25
 #: The outermost points lie on traced outlines, nearer than this, see `Evidence.margin`.
