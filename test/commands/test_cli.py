@@ -200,8 +200,10 @@ def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(command, hou
     told_of = [line.split(", ")[0] for line in spoken.progress]
     assert told_of == [f"{n + 1} of {n_tiles} tiles done" for n in range(n_tiles)]
     assert spoken.out[0].startswith(f"{n_points:,} points in {n_tiles} tiles, ")
-    assert spoken.out[1] == "buildings: 1 (1 good)"
+    assert spoken.out[1] == f"buildings: 1 (1 {next(iter(told['quality']))})"
+    reasons = [f"quality_reasons: 1 {cause}" for cause in told["quality_reasons"]]
     assert [line.strip() for line in spoken.out[2:]] == [
+        *reasons,
         *(f"{tmp_path / 'out' / name}" for name in told["files"]),
         f"open first: {tmp_path / 'out' / 'report.html'}",
     ]

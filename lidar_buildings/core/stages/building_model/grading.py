@@ -131,7 +131,7 @@ def level_doubts(lod: str, has_extent: bool = True) -> Iterator[Doubt]:
 #: Shares of the outline's area from which on a model is doubtful, chosen with `bench.models.grades`. Most
 #: roofs of which a quarter has no points are right all the same, so that only larger gaps count.
 _MOST_OFF, _MOST_DETAIL, _MOST_ROUGH, _MOST_EMPTY = 0.015, 0.02, 0.05, 0.3
-_MOST_WIDE, _MOST_BESIDE, _MOST_UNSURE = 0.045, 0.04, 0.0545
+_MOST_WIDE, _MOST_BESIDE, _MOST_UNSURE = 0.045, 0.02, 0.0545
 #: The share from which on it is poor.
 _POOR = 0.25
 #: The outermost points lie on traced outlines, nearer than this, see `Evidence.margin`.
@@ -164,6 +164,8 @@ def _doubt(cause: Cause, share: float, text: str, poor: float = _POOR) -> Doubt:
 #: Points of roofs that no footprint has are of this one if they are so near to it [m], and so near to the
 #: plane of its roof there [m].
 BESIDE, _ON_PLANE = 2.0, 0.3
+#: Walls are drawn so far beside where they stand, and points lie so far beyond them [m].
+_DRAWN = 0.2
 
 
 def beside_doubts(
@@ -173,7 +175,8 @@ def beside_doubts(
     if solid is None or not len(beside) or not spacing or outline.area <= 0.0:
         return
     places = shapely.points(beside[:, :2])
-    near = shapely.dwithin(outline.polygon, places, BESIDE)
+    away = shapely.distance(outline.polygon, places)
+    near = (away > _DRAWN) & (away < BESIDE)
     beside, places = beside[near], places[near]
     if len(beside) * spacing**2 <= _MOST_BESIDE * outline.area:
         return
