@@ -92,7 +92,7 @@ setup(
         "pyyaml>=6",
         "tqdm>=4.66",
         "rosbags>=0.11",
-        "mcap>=1.2",
+        "mcap>=1.2.1",
     ],
     extras_require={
         "ros": ROS_WHEELS,

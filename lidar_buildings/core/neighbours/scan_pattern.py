@@ -42,8 +42,8 @@ REACH = 4
 OFF_LINE = 0.4
 
 
-#: Pulses so far beside a line are on it [spacings across].
-BESIDE = 0.3
+#: Pulses so far beside a line are on it: half way to the next one [spacings across].
+BESIDE = 0.5
 #: Share of the gaps between pulses on a line that is no longer than this, in steps: a window reaches as far.
 _MOST_GAPS, _GAP_IN_STEPS = 0.9, 2.0
 
