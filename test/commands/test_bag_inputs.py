@@ -64,8 +64,7 @@ def test_what_was_left_out_is_said_and_a_placed_bag_is_not_placed_again(command,
     run = ("run", drive.path, "--no-ros", "--output", tmp_path / "out", *MOUNTED)
     with monkeypatch.context() as failing:
         failing.setattr("lidar_buildings.commands.run._outcome", lambda *_: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            command(*run)
+        assert command(*run).status == 1
     monkeypatch.setattr("lidar_buildings.io.bags.placed_cloud.write_placed", lambda *_: 1 / 0)
     assert command(*run, "--until", "ground_filter").status == 0
     assert len(laspy.read(tmp_path / "out" / "classified" / "drive.laz").points) == 5000

@@ -104,11 +104,11 @@ def checked_value(stage: str, config_field: Field[Any], value: Any) -> Any:
     if kind is str:
         is_allowed = not spec.choices or value in spec.choices
     else:
-        if kind is not bool and abs(value) > MAX_PARAMETER:
-            raise ParameterError(f"{path} = {value!r}: must be at most {MAX_PARAMETER:g}")
         is_allowed = kind is bool or spec.holds(value)
     if not is_allowed:
         raise ParameterError(f"{path} = {value!r}: must be {spec.allowed()}")
+    if kind in (int, float) and abs(value) > MAX_PARAMETER:
+        raise ParameterError(f"{path} = {value!r}: must be at most {MAX_PARAMETER:g}")
     return value
 
 
