@@ -34,8 +34,9 @@ _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 _STATUSES = (
-    "exit status: 0 for success; 2 for wrong use or unreadable input; 3 if a tile failed and the rest was "
-    "done; 4 if all was done, but there is something to look at first (run --strict); 130 if interrupted"
+    "exit status: 0 for success; 1 for a defect; 2 for wrong use or unreadable input; 3 if a tile failed and "
+    "the rest was done; 4 if all was done, but there is something to look at first (run --strict); 130 if "
+    "interrupted"
 )
 
 

@@ -13,8 +13,9 @@ from lidar_buildings.cli import command_parser
 
 HEAD = """# The command line
 
-`lidar-buildings COMMAND`. Exit status 0; 2 for wrong use or input that cannot be read (one line on stderr:
-which, why, what to do); 3 when a tile failed and the rest was done; 4 when all was done, but there is
+`lidar-buildings COMMAND`. Exit status 0; 1 for a defect of the program; 2 for wrong use or input that cannot
+be read (one line on stderr: which, why, what to do); 3 when a tile failed and the
+rest was done; 4 when all was done, but there is
 something to look at first (`run --strict`: a building whose [quality](quality.md) is not good; more than 5 %
 of the points of a bag or feed left out); 130 when it was interrupted (Ctrl-C, SIGTERM, a terminal that is
 closed).

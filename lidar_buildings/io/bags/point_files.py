@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +56,9 @@ def write_points(source: Path, target: Path) -> tuple[int, dict[str, int]]:
 
 
 def _of_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    read: Any = import_module("trimesh").load(path, process=False)
+    import trimesh
+
+    read: Any = trimesh.load(path, process=False)
     if len(getattr(read, "faces", ())):
         raise InputError(
             f"{path}: is a mesh of {len(read.faces):,} faces: give the points that it was made of"
@@ -66,7 +67,9 @@ def _of_ply(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
 
 
 def _of_pcd(path: Path) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
-    cloud: Any = import_module("pypcd4").PointCloud.from_path(path)
+    import pypcd4
+
+    cloud: Any = pypcd4.PointCloud.from_path(path)
     rows: Mapping[str, NDArray[Any]] = {name: cloud.pc_data[name].reshape(-1) for name in cloud.fields}
     missing = [name for name in "xyz" if name not in rows]
     if missing:

@@ -91,32 +91,8 @@ def point_weights(points, exterior, spacing):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return the elevation of the highest return around each place, of all where there is none [m]."""
-    squares = _squares_over(places, spacing)
-    n_columns, n_rows = squares[3], squares[4]
-    highest, top = np.full((n_columns, n_rows), -np.inf), -np.inf
-    for i in range(len(points)):
-        square, z = _square_of(points[i, 0], points[i, 1], squares), points[i, 2]
-        top = max(top, z)
-        if square >= 0:
-            column, row = square // n_rows, square % n_rows
-            highest[column, row] = max(highest[column, row], z)
-    seen = np.full(len(places), -np.inf)
-    for i in range(len(places)):
-        square = _square_of(places[i, 0], places[i, 1], squares)
-        column, row = square // n_rows, square % n_rows
-        for c in range(max(column - _AROUND, 0), min(column + _AROUND + 1, n_columns)):
-            for r in range(max(row - _AROUND, 0), min(row + _AROUND + 1, n_rows)):
-                seen[i] = max(seen[i], highest[c, r])
-        if seen[i] == -np.inf:
-            seen[i] = top
-    return seen
-
-
-@kernel
-def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return the lowest and highest return beside each place [m]; without any −∞ and the highest of all."""
+def _heights(places, points, spacing):  # type: ignore[no-untyped-def]
+    """Return squares over places, the lowest and highest return in each, and the highest of all [m]."""
     squares = _squares_over(places, spacing)
     n_columns, n_rows = squares[3], squares[4]
     lowest, highest = np.full((n_columns, n_rows), np.inf), np.full((n_columns, n_rows), -np.inf)
@@ -128,15 +104,36 @@ def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
             column, row = square // n_rows, square % n_rows
             lowest[column, row] = min(lowest[column, row], z)
             highest[column, row] = max(highest[column, row], z)
+    return squares, lowest, highest, top
+
+
+@kernel
+def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
+    """Return the elevation of the highest return around each place, of all where there is none [m]."""
+    squares, _, highest, top = _heights(places, points, spacing)
+    seen = np.empty(len(places))
+    for i in range(len(places)):
+        square = _square_of(places[i, 0], places[i, 1], squares)
+        column, row = square // squares[4], square % squares[4]
+        west, south = max(column - _AROUND, 0), max(row - _AROUND, 0)
+        seen[i] = highest[west : column + _AROUND + 1, south : row + _AROUND + 1].max()
+        if seen[i] == -np.inf:
+            seen[i] = top
+    return seen
+
+
+@kernel
+def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
+    """Return the lowest and highest return beside each place [m]; without any −∞ and the highest of all."""
+    squares, lowest, highest, top = _heights(places, points, spacing)
     low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
     for i in range(len(places)):
         square = _square_of(places[i, 0], places[i, 1], squares)
-        column, row = square // n_rows, square % n_rows
+        column, row = square // squares[4], square % squares[4]
         for reach in range(1, _BESIDE + 1):
-            for c in range(max(column - reach, 0), min(column + reach + 1, n_columns)):
-                for r in range(max(row - reach, 0), min(row + reach + 1, n_rows)):
-                    low[i] = min(low[i], lowest[c, r])
-                    high[i] = max(high[i], highest[c, r])
+            west, south = max(column - reach, 0), max(row - reach, 0)
+            low[i] = lowest[west : column + reach + 1, south : row + reach + 1].min()
+            high[i] = highest[west : column + reach + 1, south : row + reach + 1].max()
             if high[i] > -np.inf:
                 break
         if high[i] == -np.inf:
