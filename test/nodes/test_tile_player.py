@@ -245,9 +245,9 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
 def test_of_a_side_without_more_alone_it_is_said(play):
     _, end = play({"clips": {1: 1}, "sides": Sides(west=True)})
     wait_until(lambda: end.survey_done)
-    stamp = end.received[0].stamp
-    assert tuple(end.bounds[stamp][-1]) == (-np.inf, *end.received[0].bounds[1:])
-    assert np.isfinite(end.received[0].bounds).all()
+    stamp, bounds = end.received[0].stamp, end.received[0].bounds
+    wait_until(lambda: tuple(end.bounds[stamp][-1]) == (-np.inf, *bounds[1:]))
+    assert np.isfinite(bounds).all()
     assert end.received[1].stamp != stamp + 1, "no larger one came"
     assert sorted(Counter(end.done).values()) == [1] * 5
 
