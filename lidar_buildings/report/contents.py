@@ -23,7 +23,12 @@ from lidar_buildings.core.model.grade import Grade
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.solids.output_grid import GRID
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE
+from lidar_buildings.core.solids.shell import (
+    GROUND_SURFACE,
+    OUTER_CEILING_SURFACE,
+    ROOF_SURFACE,
+    WALL_SURFACE,
+)
 from lidar_buildings.core.solids.triangulation import face_pieces, triangles_of
 from lidar_buildings.io.clouds.cloud import Cloud
 from lidar_buildings.io.clouds.las import open_cloud
@@ -92,8 +97,8 @@ def _window(file: rasterio.DatasetReader, frame: MapFrame, box: Rectangle | None
         return whole
 
 
-#: Kind of surface → its number in the page.
-KINDS = {GROUND_SURFACE: 0, WALL_SURFACE: 1, ROOF_SURFACE: 2}
+#: Kind of surface → its number in the page, where soffits look as walls do.
+KINDS = {GROUND_SURFACE: 0, WALL_SURFACE: 1, ROOF_SURFACE: 2, OUTER_CEILING_SURFACE: 1}
 
 
 class ModelArrays(NamedTuple):
@@ -405,7 +410,7 @@ def why_bad(building: ReportedBuilding, unit: float) -> str:
     known = building.attributes
     words = [f"{building.quality}: {building.quality_reasons}"] if building.quality_reasons else []
     words.append(f"{building.status}: {known['reason']}" if known.get("reason") else building.status)
-    if known.get("lod") not in (None, "2.2"):
+    if known.get("lod") not in (None, "2.2", "2.3"):
         words.append(f"finest level {known['lod'] or 'none'}")
     if known.get("coverage") is not None:
         words.append(f"coverage {known['coverage']:.2f}")
@@ -423,6 +428,6 @@ def _badness(building: ReportedBuilding) -> tuple[float, ...]:
     return (
         float(_GRADES.index(building.quality) if building.quality in _GRADES else 0),
         next((rank for status, rank in _RANKS.items() if status.value == building.status), 0),
-        float(known.get("lod") not in (None, "2.2")),
+        float(known.get("lod") not in (None, "2.2", "2.3")),
         unsupported + (rmse or 0.0) / _BAD_RMSE,
     )

@@ -15,6 +15,7 @@ from lidar_buildings.core.model.array_types import FloatArray
 GROUND_SURFACE = "GroundSurface"
 ROOF_SURFACE = "RoofSurface"
 WALL_SURFACE = "WallSurface"
+OUTER_CEILING_SURFACE = "OuterCeilingSurface"  # of overhangs, from below
 
 #: A face's rings as rows of the solid's vertices, open: its exterior, then its holes.
 Face = tuple[tuple[int, ...], ...]

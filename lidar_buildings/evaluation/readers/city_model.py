@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
+from lidar_buildings.core.solids.shell import (
+    GROUND_SURFACE,
+    OUTER_CEILING_SURFACE,
+    ROOF_SURFACE,
+    WALL_SURFACE,
+    Face,
+    Solid,
+)
 from lidar_buildings.evaluation.readers.metric_polygons import files_of
 from lidar_buildings.evaluation.scores.models import unit_normal
 from lidar_buildings.io.models.cityjson import faces_of_shell
@@ -156,8 +163,8 @@ def _solid(shell: Any, values: Any, surfaces: list[str], vertices: NDArray[np.fl
 
 
 def _kind_of(vertices: NDArray[np.float64], face: Face, named: str | None) -> str:
-    """Return roof, wall or ground: as the file says, or else by where the face looks."""
-    if named in (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE):
+    """Return roof, wall, ground or soffit: as the file says, or else by where the face looks."""
+    if named in (GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, OUTER_CEILING_SURFACE):
         return named
     up = float(unit_normal(vertices[list(face[0])])[2])
     return WALL_SURFACE if abs(up) < _UPRIGHT else ROOF_SURFACE if up > 0 else GROUND_SURFACE

@@ -8,7 +8,7 @@ them into the source's coordinates. So what was checked is what is written, in m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,7 +109,10 @@ def feature_line(
     """
     name = feature_id(anchor, frame)
     vertices: dict[tuple[int, int, int], int] = {}
-    geometry = [_geometry(lod, model.solids[lod], vertices, frame) for lod in sorted(model.solids)]
+    geometry = [
+        _geometry(lod, model.solids[lod], vertices, frame, model.of_faces.get(lod))
+        for lod in sorted(model.solids)
+    ]
     state = {"building_id": int(building_id), "status": model.status.value, "reason": model.reason}
     written = in_source_units(state | attributes | {"building_id": int(building_id)}, frame)
     building = {"type": "Building", "attributes": dict(sorted(written.items())), "geometry": geometry}
@@ -190,20 +193,30 @@ def _no_feature(line: str, error: Exception) -> InputError:
 
 
 def _geometry(
-    lod: str, solid: Solid, vertices: dict[tuple[int, int, int], int], frame: MapFrame
+    lod: str,
+    solid: Solid,
+    vertices: dict[tuple[int, int, int], int],
+    frame: MapFrame,
+    of_faces: Sequence[dict[str, Any]] | None = None,
 ) -> dict[str, Any]:
     """Return a solid as CityJSON geometry; its vertices are added to the feature's, each once."""
     steps = np.rint(solid.vertices / GRID).astype(np.int64).tolist()
     rows = [vertices.setdefault((x, y, z), len(vertices)) for x, y, z in steps]
     shell = [[[rows[i] for i in ring] for ring in face] for face in solid.faces]
     surfaces: list[dict[str, Any]] = [{"type": surface} for surface in _SHARED]
+    shared: dict[tuple[Any, ...], int] = {(kind,): k for k, kind in enumerate(_SHARED)}
     values = []
-    for face, kind in zip(solid.faces, solid.semantics, strict=True):
+    told = of_faces or [{}] * len(solid.faces)
+    for face, kind, known in zip(solid.faces, solid.semantics, told, strict=True):
         if kind == ROOF_SURFACE:
             values.append(len(surfaces))
             surfaces.append({"type": kind} | face_attributes(solid.face_rings(face), frame))
-        else:
-            values.append(_SHARED.index(kind))
+            continue
+        key = (kind, *known.values())
+        if key not in shared:
+            shared[key] = len(surfaces)
+            surfaces.append({"type": kind} | known)
+        values.append(shared[key])
     semantics = {"surfaces": surfaces, "values": [values]}
     return {"type": "Solid", "lod": lod, "boundaries": [shell], "semantics": semantics}
 

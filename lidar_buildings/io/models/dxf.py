@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.roof_lines import KINDS
-from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, ring_edges
+from lidar_buildings.core.solids.shell import (
+    GROUND_SURFACE,
+    OUTER_CEILING_SURFACE,
+    ROOF_SURFACE,
+    WALL_SURFACE,
+    ring_edges,
+)
 from lidar_buildings.io.files.atomic_files import atomic_file
 from lidar_buildings.io.files.reference_systems import FOOT, US_SURVEY_FOOT, is_same_unit
 from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
@@ -140,7 +146,12 @@ def _plain(text: str) -> str:
 
 
 OUTLINE, COURTYARD = "OUTLINE", "OUTLINE_COURTYARD"
-_SURFACES = {ROOF_SURFACE: "ROOF", WALL_SURFACE: "WALL", GROUND_SURFACE: "GROUND"}
+_SURFACES = {
+    ROOF_SURFACE: "ROOF",
+    WALL_SURFACE: "WALL",
+    GROUND_SURFACE: "GROUND",
+    OUTER_CEILING_SURFACE: "SOFFIT",
+}
 TERRAIN = "TERRAIN"
 #: Layer of each kind of line of a roof.
 LINES = {kind: f"LINE_{kind.upper()}" for kind in KINDS}

@@ -7,7 +7,7 @@ country's grid have steps of decimetres. The header says what to add.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -60,6 +60,10 @@ def obj_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
             beside.write_text("".join(parts), encoding="utf-8")
 
 
+#: Name and colour (sRGB, 0 to 1).
+_Material = tuple[str, tuple[float, float, float]]
+
+
 class _Mesh:
     """Writes buildings one after the other; vertices are numbered through the file."""
 
@@ -68,15 +72,13 @@ class _Mesh:
         self._units = frame.units
         self._decimals = _DECIMALS if (frame.units == 1.0).all() else _DECIMALS_OF_OTHER_UNITS
         self._n_vertices = 0
-        self.materials = list(MATERIALS.values())
+        self.materials: list[_Material] = []  #: those used
 
     def add(self, building: SurveyBuilding | TerrainMesh) -> None:
         """Write a building, or why it has no solid; or a piece of the terrain."""
         if isinstance(building, TerrainMesh):
-            if TERRAIN not in self.materials:
-                self.materials.append(TERRAIN)
             self._file.write(f"o {building.name}\n")
-            self._write(building.vertices, {TERRAIN[0]: building.triangles.tolist()})
+            self._write(building.vertices, {TERRAIN: building.triangles.tolist()})
             return
         if building.solid is None:
             reason = " ".join(str(building.attributes.get("reason") or "unknown").split())
@@ -85,18 +87,24 @@ class _Mesh:
         self._file.write(f"o {building.readable_id}\n# LoD{building.lod}\n")
         faces = list(zip(building.pieces, building.solid.semantics, strict=True))
         by_material = {
-            name: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
-            for kind, (name, _) in MATERIALS.items()
+            material: [corners for pieces, of in faces if of == kind for corners in triangles_of(pieces)]
+            for kind, material in MATERIALS.items()
         }
         self._write(building.solid.vertices, by_material)
 
-    def _write(self, vertices: NDArray[np.float64], triangles: Mapping[str, Iterable[Triangle]]) -> None:
+    def _write(
+        self, vertices: NDArray[np.float64], triangles: Mapping[_Material, Sequence[Triangle]]
+    ) -> None:
         """Write an object's vertices, and its triangles by material."""
         places = np.round(vertices / self._units, self._decimals) + 0.0  # no minus zero
         lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in places.tolist()]
         first = self._n_vertices + 1
-        for name, own in triangles.items():
-            lines.append(f"usemtl {name}\n")
+        for material, own in triangles.items():
+            if not own:
+                continue
+            if material not in self.materials:
+                self.materials.append(material)
+            lines.append(f"usemtl {material[0]}\n")
             lines += [f"f {a + first} {b + first} {c + first}\n" for a, b, c in own]
         self._file.writelines(lines)
         self._n_vertices += len(vertices)

@@ -16,6 +16,7 @@ from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.roof_lines import RoofLine, roof_lines
 from lidar_buildings.core.solids.shell import (
     GROUND_SURFACE,
+    OUTER_CEILING_SURFACE,
     ROOF_SURFACE,
     WALL_SURFACE,
     Solid,
@@ -32,6 +33,7 @@ MATERIALS = {
     ROOF_SURFACE: ("roof", (0.72, 0.29, 0.22)),
     WALL_SURFACE: ("wall", (0.85, 0.82, 0.76)),
     GROUND_SURFACE: ("ground", (0.45, 0.45, 0.42)),
+    OUTER_CEILING_SURFACE: ("soffit", (0.62, 0.55, 0.48)),
 }
 TERRAIN = ("terrain", (0.47, 0.53, 0.38))
 

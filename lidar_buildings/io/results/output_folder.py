@@ -281,7 +281,7 @@ class OutputFolder:
             total = sum(file.point_count for file in self.inputs)
             remarks += unlikely_building(*reversed(buildings.largest), total)
             remarks += about_units(self.frame, buildings.bounds)
-            coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod != LOD22]
+            coarse = [f"{n:,} at LoD{lod}" for lod, n in sorted(buildings.levels.items()) if lod < LOD22]
             if coarse:
                 text = f"coarser than LoD{LOD22}: {', '.join(coarse)}: their `reason` says why"
                 remarks.append(Remark("coarser_models", text))

@@ -23,6 +23,12 @@ from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.stages.building_model.eaves import (
+    OverhangingRoof,
+    SeenWalls,
+    overhanging_roof,
+    told_of_faces,
+)
 from lidar_buildings.core.stages.building_model.grading import doubts_of, evidence_of, level_doubts
 from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
@@ -86,7 +92,7 @@ def _rounded(value: float) -> float:
 
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
-LOD12, LOD13, LOD22 = "1.2", "1.3", "2.2"
+LOD12, LOD13, LOD22, LOD23 = "1.2", "1.3", "2.2", "2.3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +102,7 @@ class Level:
     solid: Solid | None
     codes: tuple[int, ...] = ()  #: what is wrong with the first attempt, empty if there is a solid
     remark: str = ""  #: repair that it took; empty if none
+    eaves: OverhangingRoof | None = None  #: of LoD2.3
 
 
 def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outline]:
@@ -170,6 +177,7 @@ class _Roof:
     topology: RoofTopology
     has_extent: bool
     is_traced: bool | None
+    seen: SeenWalls | None
 
 
 def build_model(
@@ -182,12 +190,14 @@ def build_model(
     point_spacing: float | None = None,
     is_roof_seen: bool = True,
     is_traced: bool | None = None,
+    seen: SeenWalls | None = None,
 ) -> BuildingModel:
     """
-    Build a building's model at the levels of detail 1.2, 1.3 and 2.2 (Biljecki et al. 2016).
+    Build a building's model at the levels of detail 1.2, 1.3, 2.2 and 2.3 (Biljecki et al. 2016).
 
     LoD1.2 is the outline raised to one height, LoD1.3 has one height for each part of the roof, LoD2.2 has
-    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. The coordinates are
+    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. LoD2.3 has its eaves
+    overhang the walls as well, if walls were seen from the street. The coordinates are
     rounded as they will be written before a solid is built, so that what is checked is what is written.
     A level that fails its checks is left out, and the reason says so.
 
@@ -202,6 +212,7 @@ def build_model(
       it, and LoD1.2 is all that is built.
     - `is_traced`, optional: Whether the outline was traced from the points, so that it is no better than they
       are; told by how near they come to it if not given.
+    - `seen`, optional: Walls seen from the street; without any there is no LoD2.3.
 
     ValueError if an array has another shape, or a value is not finite.
     """
@@ -221,7 +232,7 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
-    known = (spacing, ground_elevation, is_traced, attributes, config)
+    known = (spacing, ground_elevation, is_traced, seen, attributes, config)
     return _model(points, plane_id if is_roof_seen else None, outline, *known)
 
 
@@ -244,6 +255,7 @@ def _model(
     spacing: float,
     ground_elevation: float | None,
     is_traced: bool | None,
+    seen: SeenWalls | None,
     attributes: dict[str, Any],
     config: BuildingModelConfig,
 ) -> BuildingModel:
@@ -264,7 +276,7 @@ def _model(
         return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points), is_traced)
+        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points), is_traced, seen)
         levels, faces, why = _finer_levels(roof, lowest, config)
         return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
     except Exception as error:
@@ -276,7 +288,7 @@ def _model(
 def _finer_levels(
     roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
-    """Return LoD1.3 and LoD2.2, the faces of each, and why one is missing."""
+    """Return LoD1.3, LoD2.2 and LoD2.3, the faces of each, and why one is missing."""
     if not roof.has_extent:
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:
@@ -295,12 +307,18 @@ def _finer_levels(
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
         return {}, {}, f"the roof could not be divided into faces: {error!r}"
     flat = [RoofFacePatch(f.rings, np.array([0.0, 0.0, z]), f.rows) for f, z in zip(faces, tops, strict=True)]
+    by_level = {LOD13: flat, LOD22: faces}
+    if roof.seen is not None and levels[LOD22].solid is not None:
+        eaves = overhanging_roof(faces, roof.outline, roof.ground, roof.seen)
+        if eaves is not None:
+            levels[LOD23] = replace(_level(eaves.solid, eaves.codes), eaves=eaves)
+            by_level[LOD23] = eaves.faces
     missing = [
         f"LoD{lod} fails checks {', '.join(map(str, level.codes))}"
         for lod, level in levels.items()
         if level.solid is None
     ]
-    return levels, {LOD13: flat, LOD22: faces}, "; ".join(missing)
+    return levels, by_level, "; ".join(missing)
 
 
 def _distinct_planes(roof: _Roof) -> FloatArray:
@@ -326,14 +344,20 @@ def _finished(
     if finest == LOD12:
         whole = np.array([0.0, 0.0, solids[LOD12].vertices[:, 2].max()])
         faces = {LOD12: [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]}
-    quality = measure_model(faces[finest], solids[finest], roof.points, roof.outline, roof.spacing)
-    evidence = evidence_of(faces[finest], roof.points, roof.outline, roof.spacing, quality.support)
-    doubts = [*level_doubts(finest, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
+    measured = LOD22 if finest == LOD23 else finest  # as seen from above
+    quality = measure_model(faces[measured], solids[measured], roof.points, roof.outline, roof.spacing)
+    evidence = evidence_of(faces[measured], roof.points, roof.outline, roof.spacing, quality.support)
+    doubts = [*level_doubts(measured, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if roof.has_extent else BuildingStatus.DEGENERATE
-    return _graded(BuildingModel(solids, attributes, status, reason), doubts)
+    of_faces = {}
+    if roof.seen is not None:
+        of_faces = {
+            lod: told_of_faces(solid, roof.seen.walls, levels[lod].eaves) for lod, solid in solids.items()
+        }
+    return _graded(BuildingModel(solids, attributes, status, reason, of_faces=of_faces), doubts)
 
 
 def _lowest_alone(solid: Solid, attributes: dict[str, Any], remarks: list[str]) -> BuildingModel:

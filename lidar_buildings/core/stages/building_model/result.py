@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
@@ -46,6 +46,9 @@ class BuildingModel:
     status: BuildingStatus = BuildingStatus.OK
     reason: str = ""  #: why not OK, or what was assumed or repaired
     doubts: tuple[Doubt, ...] = ()  #: what speaks against it
+    #: By level of detail, for each face of its solid: what walls seen from the street tell of it, as
+    #: `seen_share` of walls and `thickness` of eaves [m]; empty if the street was not asked.
+    of_faces: dict[str, tuple[dict[str, Any], ...]] = field(default_factory=dict)
 
     @property
     def roof_faces(self) -> tuple[tuple[FloatArray, ...], ...]:
