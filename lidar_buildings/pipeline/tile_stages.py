@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, is_of_groups
+from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, PointClass, is_of_groups
 from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.point_array import extent_of
@@ -22,12 +22,13 @@ from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
 from lidar_buildings.core.stages.edge_labelling.labelling import label_edges
+from lidar_buildings.core.stages.ground_filter.beside import judge_beside
 from lidar_buildings.core.stages.ground_filter.classification import classify_ground, used_classes
 from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import number_planes
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.selection import select_roofs
+from lidar_buildings.core.stages.roof_selection.selection import classify_beside, select_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters, make_rasters
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
@@ -57,8 +58,10 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> FilteredTile:
     Append `classification` (1, 2, 7, 18, and what the source's points keep) and `height_above_ground`.
 
     What the tile shows too little of to tell whether it is a wide roof counts if the tile's core has part in
-    it.
+    it. Covered points are judged against the terrain that the others tell.
     """
+    if tile.is_covered.any():
+        return _filter_beside(tile, config)
     before, kept = used_classes(tile.points, tile.classification, tile.point_spacing), config.kept_classes
     result = classify_ground(
         tile.points,
@@ -77,6 +80,24 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> FilteredTile:
     return FilteredTile(filtered, _sides_of(result.cut_off, tile))
 
 
+def _filter_beside(tile: PointTile, config: GroundFilterConfig) -> FilteredTile:
+    covered = np.flatnonzero(tile.is_covered)
+    own = np.flatnonzero(~tile.is_covered)
+    filtered = filter_ground(tile.select(own), config)
+    found = filtered.tile
+    ground = found.classification == PointClass.GROUND
+    vertices = found.points[ground] if ground.any() else found.points
+    classes, heights = np.empty(len(tile), np.uint8), np.empty(len(tile))
+    classes[own], heights[own] = found.classification, found.height_above_ground
+    classes[covered], heights[covered] = judge_beside(tile.points.take(covered, axis=0), vertices, config)
+    if tile.classification is not None:
+        is_kept = tile.is_covered & is_of_groups(tile.classification, config.kept_classes)
+        classes[is_kept] = tile.classification[is_kept]
+    return FilteredTile(
+        tile.with_columns(classification=classes, height_above_ground=heights), filtered.clipped
+    )
+
+
 def _sides_of(extents: NDArray[np.float64], tile: PointTile) -> Sides:
     """Return on which sides something passes a tile's limits, if anything of it lies in the core's extent."""
     if not len(extents) or not tile.is_core.any():
@@ -87,7 +108,13 @@ def _sides_of(extents: NDArray[np.float64], tile: PointTile) -> Sides:
 
 
 def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
-    """Give every point of a tile its final class, and say what of class 6 is `facade`."""
+    """
+    Give every point of a tile its final class, and say what of class 6 is `facade`.
+
+    Covered points are no roofs; they are classified by the roofs that the others tell.
+    """
+    if tile.is_covered.any():
+        return _select_beside(tile, config)
     result = select_roofs(
         tile.points,
         config,
@@ -103,6 +130,23 @@ def select_roof_points(tile: PointTile, config: RoofSelectionConfig) -> PointTil
     )
     give_memory_back()  # of all stages this one takes most, half of which would stay
     return tile.with_columns(classification=result.classification, facade=result.facade)
+
+
+def _select_beside(tile: PointTile, config: RoofSelectionConfig) -> PointTile:
+    covered = np.flatnonzero(tile.is_covered)
+    own = np.flatnonzero(~tile.is_covered)
+    found = select_roof_points(tile.select(own), config)
+    classes, facade = np.empty((2, len(tile)), np.uint8)
+    classes[own], facade[own] = found.classification, found.facade
+    classes[covered], facade[covered] = classify_beside(
+        tile.points.take(covered, axis=0),
+        tile.height_above_ground[covered],
+        tile.classification[covered],
+        found.points[found.is_roof],
+        config,
+        found.point_spacing,
+    )
+    return tile.with_columns(classification=classes, facade=facade)
 
 
 def roof_points(tile: PointTile) -> PointTile:

@@ -116,7 +116,8 @@ class _Ground:
 
     def __init__(self, tile: PointTile) -> None:
         classes = tile.classification
-        rows = np.flatnonzero(is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND))
+        is_ground = is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND)
+        rows = np.flatnonzero(is_ground & ~tile.is_covered)
         rows = rows[lowest_per_cell(tile.points.take(rows, axis=0), GROUND_CELL)]
         self._points = _middles(tile.points.take(rows, axis=0), GROUND_CELL)
         self._rows = rows  # cell by cell, the southernmost ones first

@@ -37,6 +37,15 @@ class Facade(IntEnum):
     BARE = 2  #: of a wall over which no roof was seen
 
 
+class View(IntEnum):
+    """From where a point was seen; without it, from above."""
+
+    UNKNOWN = 0  #: nothing tells: as from above
+    ABOVE = 1
+    STREET = 2  #: at a place that nothing has seen from above
+    COVERED = 3  #: from the street, at a place that was seen from above, too: tells no roof
+
+
 class Rejection(IntEnum):
     """Why roof selection took a point for no roof; of several reasons the first that it met."""
 

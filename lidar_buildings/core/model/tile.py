@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.bounds import checked_dark_limit, checked_spacing
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import Facade, PointClass, View
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
@@ -24,6 +24,7 @@ _SOURCE_COLUMNS = {
     "scan_direction_flag": "u1",
     "point_source_id": "<u2",
     "gps_time": "<f8",
+    "view": "u1",
     "buffer": "u1",
     "source": "<u2",
     "index": "<u4",
@@ -52,6 +53,7 @@ class PointTile:
       where it has none.
     - `scan_angle`, `scan_direction_flag`, `point_source_id`, `gps_time`, ndarray: Likewise; `scan_angle` in
       degrees.
+    - `view`, uint8: `lidar_buildings.core.model.classes.View`; None where all was seen from above.
     - `buffer`, uint8: 1 = belongs to a neighbouring tile, given as context only.
     - `source`, `index`, ndarray: The point is row `index` of input number `source`.
     - `normalised_intensity`, ndarray: 0 to 255, the same in all flight strips of a survey; see
@@ -79,6 +81,7 @@ class PointTile:
     scan_direction_flag: NDArray[np.uint8] | None = None
     point_source_id: NDArray[np.uint16] | None = None
     gps_time: NDArray[np.float64] | None = None
+    view: NDArray[np.uint8] | None = None
     buffer: NDArray[np.uint8] | None = None
     source: NDArray[np.uint16] | None = None
     index: NDArray[np.uint32] | None = None
@@ -136,6 +139,16 @@ class PointTile:
     def is_core(self) -> NDArray[np.bool_]:
         """True for the tile's own points, False for the buffer's."""
         return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0
+
+    @property
+    def is_from_street(self) -> NDArray[np.bool_]:
+        """True for points that were seen from the street."""
+        return np.zeros(len(self), dtype=bool) if self.view is None else self.view >= View.STREET
+
+    @property
+    def is_covered(self) -> NDArray[np.bool_]:
+        """True for points from the street at places that were seen from above: they tell no roofs."""
+        return np.zeros(len(self), dtype=bool) if self.view is None else self.view == View.COVERED
 
     @property
     def is_roof(self) -> NDArray[np.bool_]:

@@ -39,6 +39,7 @@ from lidar_buildings.core.scans.transform_tree import (
     frame_name,
     why_no_way,
 )
+from lidar_buildings.core.scans.viewpoint import view_from
 
 #: Why points are left out, in words; those of `scan` beside.
 NO_POSE = "no pose at their time"
@@ -413,16 +414,19 @@ class ScanPlacer:
         _keep(self._targets, scan.frame, target, MAX_FRAMES)
         scan = scan._replace(times=scan.times - self._ahead(scan.frame))
         points, is_known = np.empty_like(scan.points), np.empty(len(scan.times), dtype=np.bool_)
+        view = np.zeros(len(scan.times), dtype=np.uint8)
         stamps = self.tree.stamps(scan.frame, target)
         look_up = partial(self.tree.poses, scan.frame, target)
         for begin in range(0, len(points), _BATCH):
             own = slice(begin, begin + _BATCH)
             points[own], is_known[own] = place_points(look_up, stamps, scan.times[own], scan.points[own])
+            if len(known := begin + np.flatnonzero(is_known[own])):
+                view[known] = view_from(look_up, scan.times[known], points[known])
         if not is_known.all():
             self._leave_out(NO_POSE, len(points) - np.count_nonzero(is_known))
             for link, loss in self.tree.losses(scan.frame, target, scan.times[~is_known]).items():
                 self._losses[link] = loss.joined(self._losses[link]) if link in self._losses else loss
-        columns = {name: values.compress(is_known) for name, values in scan.columns.items()}
+        columns = {name: values.compress(is_known) for name, values in {**scan.columns, "view": view}.items()}
         return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns)
 
     def _leave_out(self, reason: str, n_points: Any) -> None:

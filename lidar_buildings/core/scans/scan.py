@@ -26,6 +26,7 @@ KEPT = (
     "scan_direction_flag",
     "point_source_id",
     "gps_time",
+    "view",
 )
 #: Fields of our tiles: which point it is, and whether it is a neighbour's.
 _NAMING = ("source", "index")

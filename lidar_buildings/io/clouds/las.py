@@ -17,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.bounds import BEYOND, are_held
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.neighbours.strip_views import strip_numbers, strip_views
 from lidar_buildings.io.clouds import agreement
 from lidar_buildings.io.clouds.agreement import MAX_EXTENT, REACH
 from lidar_buildings.io.clouds.cloud import Cloud, CloudExtent
@@ -28,7 +30,13 @@ from lidar_buildings.io.clouds.copc import runs_touching
 from lidar_buildings.io.clouds.find_inputs import Inputs, open_each
 from lidar_buildings.io.clouds.las_crs import metric_crs, source_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
-from lidar_buildings.io.clouds.point_columns import last_returns, point_columns, without_empty_columns, xyz_of
+from lidar_buildings.io.clouds.point_columns import (
+    last_returns,
+    point_columns,
+    views_of_tile,
+    without_empty_columns,
+    xyz_of,
+)
 from lidar_buildings.io.files.failures import captured_panics, reported, warn_once
 from lidar_buildings.io.files.locations import located, open_binary, state_of
 
@@ -112,10 +120,16 @@ def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointT
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     tile = PointTile(columns.pop("points"), frame=frame)
     numbers = {"source": np.zeros(len(tile)), "index": columns.pop("index")}
+    view = strip_views(tile.points, strip_numbers(columns["point_source_id"], columns["gps_time"], len(tile)))
+    columns["view"] = np.where(columns["view"] == View.UNKNOWN, view, columns["view"])
+    if not (columns["view"] >= View.STREET).any():
+        columns["view"][:] = View.UNKNOWN
     kept = without_empty_columns(columns)
-    spacing = steady_spacing(
-        last_returns(tile.points, kept["return_number"], kept["number_of_returns"]), None
-    )
+    last = last_returns(tile.points, kept["return_number"], kept["number_of_returns"])
+    if kept["view"] is not None:
+        kept["view"], is_measured = views_of_tile(tile.points, columns, None)
+        last = tile.points.compress(is_measured, axis=0)
+    spacing = steady_spacing(last, None)
     return tile.with_columns(**kept, **numbers, point_spacing=spacing)
 
 

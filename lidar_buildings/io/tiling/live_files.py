@@ -194,7 +194,9 @@ def write_placed_points(survey: LiveSurvey, folder: Path) -> Iterator[int]:
 
 
 def _identity(tiling: LiveTilingConfig) -> dict[str, float]:
-    return {name: getattr(tiling, name) for name in ("tile_size", "buffer", "max_buffer")}
+    """Return what the tiles of a folder have in common, and its points: so many bytes each."""
+    own = {name: getattr(tiling, name) for name in ("tile_size", "buffer", "max_buffer")}
+    return own | {"bytes_a_point": RECORD.itemsize}
 
 
 def _frame_of(noted: dict[str, Any]) -> MapFrame:

@@ -99,7 +99,7 @@ class LiveSurvey:
 
     def _begin(self) -> None:
         self._cells.mkdir(exist_ok=True)
-        self._store = TileStore(self._grid, self.frame, self._cells, self._spacing)
+        self._store = TileStore(self._grid, self.frame, self._cells, self._spacing, self.config.given_view)
         self._tiles: dict[Cell, LiveTile] = {}
         self._by_stamp: dict[int, LiveTile] = {}
         #: When a point fell into each cell last, and the widest buffer that a tile has had [m].

@@ -10,10 +10,11 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.clouds.cloud import laz_backend
-from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
+from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP, VIEW
 from lidar_buildings.io.tiling.tile_stamps import gps_time_of
 
 #: Resolution of the coordinates [m]: finer than any scanner measures.
@@ -25,6 +26,7 @@ _LIMITS = {
     "number_of_returns": (0, 15),
     "classification": (0, 255),
     "scan_direction_flag": (0, 1),
+    VIEW: (0, View.COVERED),
 }
 #: Points gathered before they are encoded: a chunk of LAZ has 50,000.
 _BATCH = 500_000
@@ -87,7 +89,10 @@ class PlacedLaz:
         n_near = int(np.count_nonzero(near))
         record = laspy.ScaleAwarePointRecord.zeros(n_near, header=self._writer.header)
         record.x, record.y, record.z = points[near].T
+        held = set(self._writer.header.point_format.dimension_names)
         for name, values in self._columns(len(points)).items():
+            if name not in held:
+                continue
             record[name] = values[near]
         times = [one.columns.get("gps_time", gps_time_of(one.times)) for one in self._batch]
         record.gps_time = np.concatenate([np.empty(0), *times])[near]
@@ -115,6 +120,8 @@ class PlacedLaz:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
         header.system_identifier = "placed scans"
         header.generating_software = "lidar_buildings"
+        if any(one.columns[VIEW].any() for one in self._batch if VIEW in one.columns):
+            header.add_extra_dim(laspy.ExtraBytesParams(VIEW, "uint8", "1: from above, 2: from street"))
         if self._crs is not None:
             header.add_crs(self._crs)
         stream = open(self._path, "wb")  # noqa: SIM115

@@ -35,6 +35,7 @@ RECORD = np.dtype(
         ("scan_direction_flag", "u1"),
         ("point_source_id", "<u2"),
         ("gps_time", "<f8"),
+        ("view", "u1"),
         ("source", "<u2"),
         ("index", "<u4"),
     ]

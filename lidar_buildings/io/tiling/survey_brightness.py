@@ -109,6 +109,12 @@ class SurveyBrightness:
             if "square" in found and self.dark_limit is None:
                 self._squares.setdefault(source, []).append(found["square"])
 
+    def hand_over(self, source: int, other: SurveyBrightness) -> None:
+        """Give what was taken of a file to what learns of files of its kind."""
+        for own, others in ((self._samples, other._samples), (self._squares, other._squares)):
+            if source in own:
+                others[source] = own.pop(source)
+
     def learn(self, source: int) -> None:
         """Measure what a file, read to its end, is the first to show."""
         samples, squares = self._samples.pop(source, []), self._squares.pop(source, [])

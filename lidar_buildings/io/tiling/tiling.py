@@ -181,8 +181,8 @@ class TileSource:
         self._by_stamp: dict[int, SpooledTile] = {}
         self._lock = threading.RLock()
         self._closed = threading.Event()
-        self._store = TileStore(self._grid, self.frame, temporary, known.spacing)
-        self._store.brightness.recall(known.dark_limit, known.scales)
+        self._store = TileStore(self._grid, self.frame, temporary, view=self.config.given_view)
+        self._store.recall(known)
         self._clouds = kept_in(self._store.spool.folder, self._clouds) if keep else self._clouds
         self.inputs = [cloud.input_file for cloud in self._clouds]
         self._finalizer = weakref.finalize(self, self._store.spool.remove)
@@ -271,7 +271,7 @@ class TileSource:
                 self.unreadable.add(source)
             else:
                 self._read.append(source)
-                self._store.brightness.learn(source)
+                self._store.learn(source)
             self._unread.discard(source)
             self._plan_tiles_near(self._areas[source])
             yield True
@@ -283,9 +283,9 @@ class TileSource:
 
     def _learn_spacing(self) -> None:
         """Measure the spacing of a survey that has been read whole, else of the first file that tells it."""
-        if self._store.spacing is None and not self._unread:
+        if self._store.lacks_spacing and not self._unread:
             self._store.learn_spacing(self._around)
-        while self._read and self._store.spacing is None:
+        while self._read and self._store.lacks_spacing:
             source = self._read.popleft()  # one that cannot tell is not asked again
             area = self._areas[source]
             if area is not None:
@@ -337,8 +337,9 @@ class TileSource:
             stamp = stamp_of_number(self._grid.number_of(tile, self._around))
         while stamp in self._by_stamp:
             stamp += STEP
-        buffer, dark_limit = Buffer.of(self._buffer), self._store.brightness.dark_limit
-        ready = SpooledTile(self._store, stamp, block, core, buffer, self.config.max_buffer, dark_limit)
+        limits = self._store.brightness.dark_limit, self._store.street_brightness.dark_limit
+        buffer, most = Buffer.of(self._buffer), self.config.max_buffer
+        ready = SpooledTile(self._store, stamp, block, core, buffer, most, *limits)
         self._tiles.append(ready)
         self._by_stamp[stamp] = ready
 

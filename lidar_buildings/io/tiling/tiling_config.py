@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.errors import MessageError, ParameterError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.config import ScanConfig
 
+#: What the parameter `view` calls views.
+VIEWS = {"above": View.ABOVE, "street": View.STREET}
 #: The smallest side of a tile that may be asked for [m].
 _SMALLEST = 10.0
 
@@ -50,6 +53,14 @@ class TilingConfig(StageConfig):
         within=(0.0, 2_000.0),
         advanced=True,
     )
+    view: str = fixed(
+        "auto",
+        "From where points were seen: above, or from the street; auto finds it out for each strip, by the "
+        "poses of its scanner or the pattern of its points. Where a place was seen from above, points from "
+        "the street tell no roofs.",
+        choices=("auto", *VIEWS),
+        advanced=True,
+    )
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -58,6 +69,11 @@ class TilingConfig(StageConfig):
             raise ParameterError(
                 f"{self.stage}.tile_size = {self.tile_size!r}: must be 0 or within 10 to 10000 [m]"
             )
+
+    @property
+    def given_view(self) -> View:
+        """From where all points were seen, unknown if strips tell."""
+        return VIEWS.get(self.view, View.UNKNOWN)
 
 
 @dataclass(frozen=True)

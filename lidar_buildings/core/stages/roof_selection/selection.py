@@ -193,6 +193,38 @@ def select_roofs(
     return RoofSelection(classes, facade, rejection)
 
 
+def classify_beside(
+    points: NDArray[np.float64],
+    height: NDArray[np.float32],
+    classification: NDArray[np.uint8],
+    roofs: NDArray[np.float64],
+    config: RoofSelectionConfig,
+    point_spacing: float | None = None,
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """
+    Return class and `Facade` of points that tell no roofs themselves, by those that others have told.
+
+    Points (n, 3) are classified as by `select_roofs`, their `height` is above ground; `roofs` (n_roofs, 3)
+    are points on roofs [m], and `point_spacing` is theirs, measured if it is not known.
+    """
+    classes, facade = classification.copy(), np.zeros(len(points), dtype=np.uint8)
+    rows = np.flatnonzero(np.isin(np.arange(256), OPEN)[classes])
+    if not len(rows):
+        return classes, facade
+    spacing = given_or_measured(roofs, point_spacing) if len(roofs) else point_spacing or MIN_RADIUS
+    both = np.concatenate([roofs, points.take(rows, axis=0)])
+    columns = sort_by_cell(both, max(RADIUS_SPACINGS * spacing, MIN_RADIUS) / COLUMNS_A_RADIUS)
+    del both
+    is_roof = columns.rows < len(roofs)
+    heights = np.concatenate([np.full(len(roofs), config.min_height), height[rows].astype(float)])
+    every = np.ones(len(is_roof), dtype=bool)
+    found = _open_classes(columns, heights[columns.rows], is_roof, ~every, every, spacing, config)
+    own = np.flatnonzero(~is_roof)
+    chosen = rows[columns.rows[own] - len(roofs)]
+    classes[chosen], facade[chosen] = (values[own] for values in found)
+    return classes, facade
+
+
 def _prepared(
     points: NDArray[np.float64], height_above_ground: ArrayLike | None, classification: ArrayLike | None
 ) -> tuple[NDArray[np.floating[Any]], NDArray[np.uint8]]:
