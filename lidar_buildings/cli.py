@@ -221,6 +221,26 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     )
     add("--pulse-rate", type=float, metavar="N", help="pulses per second of the live scanner")
     add(
+        "--details",
+        action="store_true",
+        help="let roofs hang over, and give walls windows and doors (always in street_canyon)",
+    )
+    add("--beams", type=int, metavar="N", help="vehicle: rays above one another (default: 32)")
+    add("--top", type=float, metavar="DEG", help="vehicle: elevation of the highest ray (default: 20)")
+    add("--profile", action="store_true", help="vehicle: one ray that turns in a tilted plane")
+    add(
+        "--pose-noise",
+        type=_pair,
+        metavar="M,DEG",
+        help="vehicle: standard deviation of the poses' positions and angles (default: 0,0)",
+    )
+    add(
+        "--pose-drift",
+        type=_pair,
+        metavar="M,DEG",
+        help="vehicle: random walk of the poses in a second (default: 0,0)",
+    )
+    add(
         "--tf",
         action=switch,
         default=True,
@@ -230,6 +250,12 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--wait", action=switch, default=True, help="live: wait for a subscriber to the scans")
     add("--reliable", action="store_true", help="live: publish scans reliably")
     add("--namespace", metavar="NAME", help="live: ROS namespace of the node (default: none)")
+
+
+def _pair(text: str) -> tuple[float, float]:
+    """Read two numbers with a comma between."""
+    one, other = text.split(",")
+    return float(one), float(other)
 
 
 def _simulate(options: argparse.Namespace) -> int:

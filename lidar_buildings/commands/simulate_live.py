@@ -8,12 +8,14 @@ from contextlib import ExitStack, suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.simulation import SimulationConfig, make_scene
 from lidar_buildings.simulation.live import BodyPose, MovingSurvey, Scan, VehicleConfig, drive, fly
 from lidar_buildings.simulation.live.messages import SurveyBag
-from lidar_buildings.simulation.survey import NOWHERE, SurveyFiles, check_folder
+from lidar_buildings.simulation.live.vehicle import PULSE_RATE_OF_BEAM
+from lidar_buildings.simulation.survey import NOWHERE, SurveyFiles, check_airborne, check_folder
 
 Event = Scan | BodyPose
 
@@ -56,15 +58,32 @@ def simulate_live_command(options: argparse.Namespace) -> int:
 
 def survey_of(options: argparse.Namespace) -> MovingSurvey:
     """Return the survey that a command line asks for."""
-    scene, rate = make_scene(options.scene, options.seed), options.pulse_rate
+    scene = make_scene(options.scene, options.seed, details=options.details)
     if options.scanner == "vehicle":
         if options.density is not None:
             raise ParameterError(
                 "--density applies only to the airborne scanner: use --pulse-rate for a vehicle"
             )
-        return drive(scene, options.seed, VehicleConfig() if rate is None else VehicleConfig(pulse_rate=rate))
+        return drive(scene, options.seed, _vehicle_config(options))
+    check_airborne(options)
+    rate = options.pulse_rate
     config = SimulationConfig() if options.density is None else SimulationConfig(density=options.density)
     return fly(scene, options.seed, config, rate)
+
+
+def _vehicle_config(options: argparse.Namespace) -> VehicleConfig:
+    given: dict[str, Any] = {"is_profiler": options.profile}
+    if options.beams is not None:
+        # as many directions in a turn, whatever the number of rays above one another
+        given |= {"beams": options.beams, "pulse_rate": PULSE_RATE_OF_BEAM * max(options.beams, 1)}
+    for name, value in (("pulse_rate", options.pulse_rate), ("highest_deg", options.top)):
+        if value is not None:
+            given[name] = value
+    if options.pose_noise is not None:
+        given["position_noise"], given["angle_noise_deg"] = options.pose_noise
+    if options.pose_drift is not None:
+        given["position_drift"], given["angle_drift_deg"] = options.pose_drift
+    return VehicleConfig(**given)
 
 
 def _recorded(survey: MovingSurvey, recorders: Iterable[Callable[[Event], None]]) -> Iterator[Event]:

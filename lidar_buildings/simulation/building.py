@@ -50,9 +50,27 @@ class RoofFace:
         return RoofFace(rings, (float(a), float(b), float(self.plane[2] + elevation - a * x - b * y)))
 
 
+@dataclass(frozen=True)
+class Opening:
+    """A window, a door or a bay of an arcade in the wall under one edge of the outline."""
+
+    kind: str  #: ``"window"``, ``"door"`` or ``"arcade"``
+    edge: int  #: row of the outer ring's vertex at which the edge starts
+    along: float  #: from the start of the wall to the opening [m]
+    width: float  #: [m]
+    bottom: float  #: above the foot of the wall [m]
+    top: float  #: above the foot of the wall [m]
+    depth: float  #: of the pane, door leaf or inner wall behind the face of the wall [m]
+    room: float = 1.0  #: from the pane to what is seen through it [m]
+
+
 @dataclass(frozen=True, eq=False)
 class Building:
-    """A building whose walls stand under the rim of its roof."""
+    """
+    A building whose walls stand under the rim of its roof, or behind it by what the roof hangs over.
+
+    Cars, fences and the like are shaped as buildings, too.
+    """
 
     #: ``"gable"``, ``"hip"``, … as the functions of `lidar_buildings.simulation.roof_shapes` are called.
     roof_type: str
@@ -60,6 +78,11 @@ class Building:
     outline: Outline  #: the roofprint, without vertices in the middle of straight edges [m]
     ground_elevation: float = 0.0  #: elevation of the foot of the walls [m]
     number: int = 1  #: from 1 within a scene
+    #: How far the roof hangs over the wall under each edge of the outer ring [m]; empty for nowhere.
+    overhangs: tuple[float, ...] = ()
+    roof_thickness: float = 0.0  #: of what hangs over, along z [m]
+    openings: tuple[Opening, ...] = ()
+    clearance: float = 0.0  #: between the ground and the sides, as under a car [m]
 
     @cached_property
     def polygon(self) -> shapely.Polygon:

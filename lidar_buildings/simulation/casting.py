@@ -15,27 +15,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.simulation.building import Building, walls_of
+from lidar_buildings.simulation.facades import SurfaceKind, parts_of
 from lidar_buildings.simulation.scene import VirtualScene, terrain_elevation
 
 #: Side of the grid's cells [m].
 CELL = 4.0
 #: Outer walls reach this far under the foot, so that no gap opens on a slope [m].
 FOUNDATION = 10.0
-#: Footprints reach no farther than this [m].
+#: Footprints of beams reach no farther than this [m].
 SLACK = 2.0
 #: Rows of `Surfaces.cell_start`.
 FACES, WALLS, CROWNS, ROADS = range(4)
 
-#: A roof face: its plane z = a·x + b·y + c, its bounds, and its rows of `EDGE`.
+#: A roof face or soffit: its plane z = a·x + b·y + c, its bounds, its rows of `EDGE`, its `SurfaceKind`, the
+#: number of the part of the scene to which it belongs (0: none), and whether it is seen from above (1) or
+#: below (−1).
 FACE = np.dtype(
     [(name, "f8") for name in ("a", "b", "c", "x_from", "x_to", "y_from", "y_to")]
-    + [("first_edge", "i8"), ("last_edge", "i8"), ("building", "i8"), ("plane_id", "i8")]
+    + [(name, "i8") for name in ("first_edge", "last_edge", "building", "plane_id", "surface", "part")]
+    + [("side", "f8")]
 )
 #: A side of a roof face, or a wall's or a road's axis, runs from x_0, y_0 to x_1, y_1.
 EDGE = np.dtype([(name, "f8") for name in ("x_0", "y_0", "x_1", "y_1")])
 WALL = np.dtype(
-    [*EDGE.descr, *((name, "f8") for name in ("bottom_0", "bottom_1", "top_0", "top_1")), ("building", "i8")]
+    [*EDGE.descr, *((name, "f8") for name in ("bottom_0", "bottom_1", "top_0", "top_1"))]
+    + [(name, "i8") for name in ("building", "surface", "part")]
 )
 CROWN = np.dtype([(name, "f8") for name in ("x", "y", "z", "radius", "half_height")])
 ROAD = np.dtype([*EDGE.descr, ("half_width", "f8")])
@@ -64,12 +68,10 @@ class Surfaces(NamedTuple):
 TERRAIN, CELL_START = Surfaces._fields.index("terrain"), Surfaces._fields.index("cell_start")
 
 
-def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float) -> Surfaces:
-    """Flatten a scene for beams that lean at most by this angle."""
+def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float, slack: float = SLACK) -> Surfaces:
+    """Flatten a scene for beams that lean at most by this angle and whose footprints reach so far [m]."""
     lean = float(np.tan(np.deg2rad(max_scan_angle_deg)))
-    solids = (*scene.buildings, *scene.obstacles)
-    faces, edges, face_height = _faces(solids)
-    walls, wall_height = _walls(solids)
+    faces, edges, face_height, walls, wall_height = _solids(scene)
     crowns = np.array(
         [(t.x, t.y, t.crown_elevation, t.crown_radius, t.crown_half_height) for t in scene.trees], dtype=CROWN
     )
@@ -88,36 +90,42 @@ def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float) -> Surfaces:
         (2 * crowns["half_height"] + FOUNDATION) * lean,
         roads["half_width"],
     ]
-    start, items = _cells(columns, rows, bounds, reach)
+    start, items = _cells(columns, rows, bounds, [one + slack for one in reach])
     return Surfaces(
         scene.terrain.coefficients(), faces, edges, walls, crowns, roads, columns, rows, start, items
     )
 
 
-def _faces(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.float64]]:
-    """Tables of roof faces and of their edges, and the height of each face's building."""
-    faces, edges, height = [], [], []
-    for solid in solids:
-        for plane_id, face in enumerate(solid.faces, start=1):
+def _solids(scene: VirtualScene) -> tuple[NDArray[Any], ...]:
+    """Tables of faces, their edges and walls, and the height of each face's and each wall's building."""
+    faces: list[tuple[float, ...]] = []
+    edges: list[tuple[float, ...]] = []
+    walls: list[tuple[float, ...]] = []
+    face_height, wall_height, n_parts = [], [], 0
+    for solid in (*scene.buildings, *scene.obstacles):
+        made = parts_of(solid)
+        for slab in made.slabs:
             first = len(edges)
-            for ring in face.rings:
+            for ring in slab.face.rings:
                 edges.extend(map(tuple, np.column_stack([ring, np.roll(ring, -1, axis=0)])))
-            x_from, y_from, x_to, y_to = face.polygon.bounds
-            number = (solid.number, plane_id) if solid.number else (0, 0)
-            faces.append((*face.plane, x_from, x_to, y_from, y_to, first, len(edges), *number))
-            height.append(solid.height)
-    return np.array(faces, dtype=FACE), np.array(edges, dtype=EDGE), np.array(height, dtype=np.float64)
-
-
-def _walls(solids: tuple[Building, ...]) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Table of walls, outer ones with their foundation, and the height of each wall's building."""
-    walls, height = [], []
-    for solid in solids:
-        for wall in walls_of(solid):
-            bottom = np.subtract(wall.bottom, FOUNDATION if wall.outer else 0.0)
-            walls.append((*wall.start, *wall.end, *bottom, *wall.top, solid.number))
-            height.append(solid.height)
-    return np.array(walls, dtype=WALL), np.array(height, dtype=np.float64)
+            x_from, y_from, x_to, y_to = slab.face.polygon.bounds
+            number = 0 if slab.surface == SurfaceKind.PAVEMENT else solid.number  # the floor of an arcade
+            owner = number, slab.plane_id if number else 0
+            part = n_parts + 1 + slab.part if slab.part >= 0 else 0
+            place = (*slab.face.plane, x_from, x_to, y_from, y_to, first, len(edges))
+            faces.append((*place, *owner, slab.surface, part, slab.side))
+            face_height.append(solid.height)
+        for panel in made.panels:
+            part = n_parts + 1 + panel.part if panel.part >= 0 else 0
+            bottom = np.subtract(panel.bottom, FOUNDATION if panel.is_grounded else 0.0)
+            place = (*panel.start, *panel.end, *bottom, *panel.top)
+            walls.append((*place, solid.number, panel.surface, part))
+            wall_height.append(solid.height)
+        n_parts += len(made.parts)
+    return (
+        *(np.array(faces, dtype=FACE), np.array(edges, dtype=EDGE), np.array(face_height, dtype=np.float64)),
+        *(np.array(walls, dtype=WALL), np.array(wall_height, dtype=np.float64)),
+    )
 
 
 def _axis_bounds(table: NDArray[Any]) -> NDArray[np.float64]:
@@ -133,9 +141,10 @@ def _cells(
     items: list[int] = []
     for table, (own, grown) in enumerate(zip(bounds, reach, strict=True)):
         cells: list[list[int]] = [[] for _ in range(columns * rows)]
-        margin = grown[:, None] + SLACK
-        low = np.maximum(np.floor((own[:, [0, 2]] - margin) / CELL).astype(int), 0)
-        high = np.minimum(np.floor((own[:, [1, 3]] + margin) / CELL).astype(int), (columns - 1, rows - 1))
+        low = np.maximum(np.floor((own[:, [0, 2]] - grown[:, None]) / CELL).astype(int), 0)
+        high = np.minimum(
+            np.floor((own[:, [1, 3]] + grown[:, None]) / CELL).astype(int), (columns - 1, rows - 1)
+        )
         for item in range(len(own)):
             for row in range(low[item, 1], high[item, 1] + 1):
                 for column in range(low[item, 0], high[item, 0] + 1):
@@ -201,10 +210,10 @@ def first_hit(beam, cell, terrain_z, surfaces):
 
 @kernel
 def face_hit(beam, face, edges, sense):
-    """Elevation at which a beam that falls (sense 1) or rises (−1) meets a roof face, −∞ if it does not."""
+    """Elevation at which a beam that falls (sense 1) or rises (−1) meets a face, −∞ if it does not."""
     _, _, _, lean_x, lean_y = beam
     facing = 1.0 + face.a * lean_x + face.b * lean_y
-    if sense * facing < MIN_FACING:
+    if face.side * sense * facing < MIN_FACING:
         return -np.inf
     x_at_zero, y_at_zero = position_at(beam, 0.0)
     z = (face.a * x_at_zero + face.b * y_at_zero + face.c) / facing

@@ -32,6 +32,7 @@ from lidar_buildings.simulation.casting import (
     surfaces_of,
     terrain_hit,
 )
+from lidar_buildings.simulation.facades import SurfaceKind
 from lidar_buildings.simulation.flight import SimulationConfig, Strip, plan_flight
 from lidar_buildings.simulation.scene import VirtualScene
 
@@ -80,6 +81,7 @@ def normal_pair(key, draw):
 
 #: Mean intensities, made up, but in the order of a near-infrared laser's.
 GRASS, ASPHALT, FACADE, METAL, LEAVES, DUST = 700.0, 250.0, 350.0, 900.0, 500.0, 30.0
+PAVING, GLASS = 450.0, 80.0
 ROOF_FROM, ROOF_STEP = 300.0, 60.0
 #: Tops of low and medium vegetation above the ground (ASPRS classes 3 and 4) [m].
 LOW_VEGETATION_TOP, MEDIUM_VEGETATION_TOP = 0.5, 2.0
@@ -87,6 +89,9 @@ LOW_VEGETATION_TOP, MEDIUM_VEGETATION_TOP = 0.5, 2.0
 UNCLASSIFIED, GROUND = int(PointClass.UNCLASSIFIED), int(PointClass.GROUND)
 LOW_VEGETATION, BUILDING = int(PointClass.LOW_VEGETATION), int(PointClass.BUILDING)
 LOW_NOISE, HIGH_NOISE = int(PointClass.LOW_NOISE), int(PointClass.HIGH_NOISE)
+#: The kinds of surface that compiled code tells apart.
+TERRAIN_SURFACE, CROWN = int(SurfaceKind.TERRAIN), int(SurfaceKind.TREE)
+HEDGE, PAVEMENT, WINDOW = int(SurfaceKind.HEDGE), int(SurfaceKind.PAVEMENT), int(SurfaceKind.WINDOW)
 #: Bits of the column `flags`.
 LEFT_TO_RIGHT, END_OF_LINE = 1, 2
 #: Columns of whole numbers that `measure` writes.
@@ -98,6 +103,8 @@ MARKS = (
     "true_class",
     "true_building",
     "true_plane",
+    "true_kind",
+    "true_part",
 )
 #: Kinds of return beside the kinds of surface in `casting`.
 IN_CROWN, TOO_LOW, TOO_HIGH = np.array([3, 4, 5])
@@ -232,12 +239,12 @@ def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfac
     z = true_z + range_noise * range_error * np.cos(numbers[4])
     x, y = position_at(beam, z)
     numbers[0], numbers[1], numbers[2] = x + planimetric_noise * error_x, y + planimetric_noise * error_y, z
-    building, plane_id = owner_of(kind, row, surfaces)
+    building, plane_id, surface, part = owner_of(kind, row, surfaces)
     asphalt = kind == ON_TERRAIN and on_road(x, y, cell, surfaces)
-    brightness = brightness_of(kind, building, asphalt) * (0.9 + 0.2 * uniform(key, draw + 4))
+    brightness = brightness_of(kind, building, surface, asphalt) * (0.9 + 0.2 * uniform(key, draw + 4))
     marks[0] = max(1, int(brightness / marks[2]))
-    marks[4] = class_of(kind, building, true_z - terrain_z)
-    marks[5], marks[6] = building, plane_id
+    marks[4] = class_of(kind, building, surface, true_z - terrain_z)
+    marks[5], marks[6], marks[7], marks[8] = building, plane_id, surface, part
 
 
 @kernel
@@ -252,38 +259,43 @@ def _beam(pulse, angle, flight):
 
 @kernel
 def owner_of(kind, what, surfaces):
-    """Number of the building that was hit and its roof face; 0 for all else."""
+    """Number of the building that was hit, its roof face, the kind of surface and the part; 0 for none."""
     _, faces, _, walls, _, _, _, _, _, _ = surfaces
     if kind == ON_ROOF:
-        return faces[what].building, faces[what].plane_id
+        return faces[what].building, faces[what].plane_id, faces[what].surface, faces[what].part
     if kind == ON_WALL:
-        return walls[what].building, 0
-    return 0, 0
+        return walls[what].building, 0, walls[what].surface, walls[what].part
+    surface = TERRAIN_SURFACE if kind == ON_TERRAIN else (CROWN if kind == IN_CROWN else 0)
+    return 0, 0, surface, 0
 
 
 @kernel
-def class_of(kind, building, height):
+def class_of(kind, building, surface, height):
     """ASPRS class of a return."""
-    if kind == ON_TERRAIN:
+    if kind == ON_TERRAIN or surface == PAVEMENT:
         return GROUND
     if kind == TOO_LOW:
         return LOW_NOISE
     if kind == TOO_HIGH:
         return HIGH_NOISE
-    if kind == IN_CROWN:
+    if kind == IN_CROWN or surface == HEDGE:
         return LOW_VEGETATION + int(height > LOW_VEGETATION_TOP) + int(height > MEDIUM_VEGETATION_TOP)
     return BUILDING if building > 0 else UNCLASSIFIED
 
 
 @kernel
-def brightness_of(kind, building, asphalt):
+def brightness_of(kind, building, surface, asphalt):
     """Mean intensity of the material; each building's roof has its own."""
     if kind == ON_TERRAIN:
         return ASPHALT if asphalt else GRASS
-    if kind == IN_CROWN:
+    if kind == IN_CROWN or surface == HEDGE:
         return LEAVES
     if kind in (TOO_LOW, TOO_HIGH):
         return DUST
+    if surface == PAVEMENT:
+        return PAVING
+    if surface == WINDOW:
+        return GLASS
     if building == 0:
         return METAL
     return FACADE if kind == ON_WALL else ROOF_FROM + ROOF_STEP * (building * 5 % 9)
@@ -312,6 +324,8 @@ class StripPoints:
     true_class: NDArray[np.uint8]
     true_building: NDArray[np.uint32]  #: number of the building, 0 = none
     true_plane: NDArray[np.uint16]  #: roof face of the building from 1; 0 = none, façades too
+    true_kind: NDArray[np.uint8]  #: `SurfaceKind`
+    true_part: NDArray[np.uint32]  #: wall, opening or eave from 1, in the order of the scene's; 0 = none
 
 
 def scan(scene: VirtualScene, seed: int = 0, config: SimulationConfig = DEFAULTS) -> Iterator[StripPoints]:
@@ -345,7 +359,7 @@ def measured(
 ) -> StripPoints:
     """Measure pulses `window[0]` to `window[1]` of a strip; arguments as `scan` has them."""
     space = (window[1] - window[0]) * MAX_RETURNS
-    numbers, marks = np.empty((space, 5)), np.empty((space, 7), dtype=np.uint32)
+    numbers, marks = np.empty((space, 5)), np.empty((space, len(MARKS)), dtype=np.uint32)
     flight = np.array([*strip.start, *strip.heading, strip.speed, strip.pulse_rate])
     scanner = np.array(
         [
@@ -373,4 +387,6 @@ def measured(
         true_class=mark["true_class"].astype(np.uint8),
         true_building=mark["true_building"].copy(),
         true_plane=mark["true_plane"].astype(np.uint16),
+        true_kind=mark["true_kind"].astype(np.uint8),
+        true_part=mark["true_part"].copy(),
     )

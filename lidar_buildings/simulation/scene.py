@@ -101,6 +101,13 @@ class VirtualScene:
     trees: tuple[Tree, ...] = ()
     roads: tuple[Road, ...] = ()  #: ground of another brightness
     frame: MapFrame = FRAME
+    #: Whether roofs hang over, and walls have windows and doors.
+    is_detailed: bool = False
+
+    def streets(self) -> shapely.Geometry:
+        """Axes of all roads; where there is none, the scene's middle."""
+        lines = [shapely.LineString([road.start, road.end]) for road in self.roads]
+        return shapely.union_all(lines) if lines else shapely.Point(self.size[0] / 2, self.size[1] / 2)
 
     def blocks(self) -> NDArray[np.int64]:
         """Number, per building, of the block of touching buildings to which it belongs, from 1."""
@@ -123,6 +130,7 @@ class Site:
         self.size = size
         self.terrain = terrain
         self.random = np.random.default_rng(seed)
+        self.lift = 0.0  #: of what is placed next above the terrain, as on a pavement [m]
         self.buildings: list[Building] = []
         self.roads: list[Road] = []
         self._obstacles: list[Building] = []
@@ -142,6 +150,15 @@ class Site:
             middle = np.array([x, y]) + (left + width / 2) * direction
             self.add_building(house, float(middle[0]), float(middle[1]), rotation_deg)
             left += width
+
+    def add_obstacle(self, shape: Building, x: float, y: float, rotation_deg: float = 0.0) -> bool:
+        """Stand an obstacle where it meets no building and no other obstacle; whether it does."""
+        standing = replace(self._standing(shape, x, y, rotation_deg), number=0)
+        taken = [one for one in (*self.buildings, *self._obstacles) if one.roof_type != "pavement"]
+        is_free = not any(standing.polygon.intersects(one.polygon) for one in taken)
+        if is_free or shape.roof_type == "pavement":
+            self._obstacles.append(standing)
+        return is_free
 
     def add_wall(self, x: float, y: float, rotation_deg: float) -> None:
         """Stand a free wall, 15 m long, 0.3 m thick and 2 m high."""
@@ -173,7 +190,7 @@ class Site:
                 x, y = (float(self.random.uniform(0.02, 0.98) * extent) for extent in self.size)
                 radius = float(self.random.uniform(1.8, 4.0))
                 if not shapely.dwithin(taken, shapely.Point(x, y), radius + clearance):
-                    self._plant(x, y, radius)
+                    self.plant(x, y, radius)
                     break
 
     def add_tree_over_eave(self, number: int) -> None:
@@ -184,7 +201,7 @@ class Site:
         outward = np.array([edges[longest, 1], -edges[longest, 0]]) / np.hypot(*edges[longest])
         radius = float(self.random.uniform(2.0, 3.0))
         x, y = ring[longest] + edges[longest] / 2 + outward * (radius - 1.2)
-        self._plant(float(x), float(y), radius, half_height=3.0)
+        self.plant(float(x), float(y), radius, half_height=3.0)
 
     def scene(self, name: str) -> VirtualScene:
         """Return what was collected."""
@@ -195,9 +212,9 @@ class Site:
         on_plan = shape.placed(x, y, rotation_deg)
         rim = shapely.segmentize(on_plan.polygon.exterior, 1.0)
         ground = float(self.terrain.at(shapely.get_coordinates(rim)[:-1]).mean())
-        return shape.placed(x, y, rotation_deg, ground)
+        return shape.placed(x, y, rotation_deg, ground + self.lift)
 
-    def _plant(self, x: float, y: float, radius: float, half_height: float | None = None) -> None:
+    def plant(self, x: float, y: float, radius: float, half_height: float | None = None) -> None:
         """Plant a tree whose crown begins 2 m above the ground."""
         half = float(self.random.uniform(1.2, 1.7) * radius) if half_height is None else half_height
         ground = float(self.terrain.at(np.array([[x, y]]))[0])

@@ -13,7 +13,6 @@ from typing import Any
 import laspy
 import numpy as np
 import pyproj
-import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
@@ -22,12 +21,12 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json, writing
-from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 from lidar_buildings.simulation.building import Building, shell_of
 from lidar_buildings.simulation.flight import SURVEY_DATE, SimulationConfig
 from lidar_buildings.simulation.named_scenes import make_scene
 from lidar_buildings.simulation.scanner import DEFAULTS, StripPoints, joined, scan
 from lidar_buildings.simulation.scene import VirtualScene
+from lidar_buildings.simulation.truth_layers import SeenParts, building_attributes, write_truth_layers
 
 #: Resolution of the coordinates [m].
 SCALE = 0.001
@@ -39,6 +38,8 @@ TRUTH_DIMENSIONS = {
     "TrueBuilding": ("uint32", "true_building", "number in truth.gpkg, 0 = none"),
     "TruePlane": ("uint16", "true_plane", "roof face in truth.gpkg"),
 }
+#: Further ones where buildings have eaves, windows and doors.
+DETAIL_DIMENSIONS = {"TrueKind": ("uint8", "true_kind", "what was hit: SurfaceKind")}
 
 
 class SurveyFiles:
@@ -52,7 +53,8 @@ class SurveyFiles:
 
     def __init__(self, output: Path, scene: VirtualScene) -> None:
         self.files: list[Path] = []
-        self._output, self._scene = output, scene
+        self._output, self._scene, self._seen = output, scene, SeenParts(scene)
+        self._dimensions = TRUTH_DIMENSIONS | (DETAIL_DIMENSIONS if scene.is_detailed else {})
         self._strip = 0
         self._file = ExitStack()
         with writing(output):
@@ -67,7 +69,7 @@ class SurveyFiles:
             for path in self._output.iterdir():
                 if re.fullmatch(r"strip_\d{2,}\.laz", path.name) and path not in self.files:
                     path.unlink()
-            self.files += write_truth(self._output, self._scene)
+            self.files += write_truth(self._output, self._scene, self._seen)
         else:
             self._file.__exit__(kind, *error)
 
@@ -80,7 +82,7 @@ class SurveyFiles:
             stream = open(self._file.enter_context(atomic_file(path, _FAILURES)), "wb")  # noqa: SIM115
             self._file.enter_context(stream)
             self._writer = laspy.LasWriter(
-                stream, _header(self._scene.frame), do_compress=True, closefd=False
+                stream, _header(self._scene.frame, self._dimensions), do_compress=True, closefd=False
             )
             self._file.callback(self._writer.close)
             self.files.append(path)
@@ -94,16 +96,17 @@ class SurveyFiles:
         record.scan_angle = np.round(strip.scan_angle / SCAN_ANGLE_STEP).astype(np.int16)
         record.point_source_id = strip.point_source_id
         record.gps_time = strip.gps_time
-        for name, (_, member, _) in TRUTH_DIMENSIONS.items():
+        for name, (_, member, _) in self._dimensions.items():
             record[name] = getattr(strip, member)
         self._writer.write_points(record)
+        self._seen.add(strip)
 
 
-def _header(frame: MapFrame) -> laspy.LasHeader:
+def _header(frame: MapFrame, dimensions: dict[str, tuple[str, str, str]]) -> laspy.LasHeader:
     """A header without anything that depends on the day or the machine."""
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.add_extra_dims(
-        [laspy.ExtraBytesParams(name, kind, text) for name, (kind, _, text) in TRUTH_DIMENSIONS.items()]
+        [laspy.ExtraBytesParams(name, kind, text) for name, (kind, _, text) in dimensions.items()]
     )
     header.scales = np.full(3, SCALE)
     header.offsets = np.asarray(frame.origin)
@@ -134,6 +137,7 @@ class TileTruth:
     classification: NDArray[np.uint8]  #: ASPRS classes
     building: NDArray[np.uint32]  #: number of the building, 0 = none
     plane: NDArray[np.uint16]  #: roof face from 1; 0 = none, façades too
+    kind: NDArray[np.uint8]  #: `SurfaceKind`
 
 
 def simulate_survey(
@@ -141,18 +145,20 @@ def simulate_survey(
     scene: str = "village",
     seed: int = 0,
     config: SimulationConfig = DEFAULTS,
+    *,
+    details: bool = False,
     **parameters: Any,
 ) -> SurveySummary:
     """
     Fly over a scene and write what was measured and what is true; the same seed gives the same bytes.
 
     A LAZ file per strip, and the truth as GeoPackage and CityJSONSeq; those of an earlier survey in the same
-    folder are replaced, its surplus strips removed. `parameters` replace members of `config`, such as
-    ``density=20``. ParameterError if the scene or a parameter is unknown or out of range, OutputError if the
-    folder or a file cannot be written.
+    folder are replaced, its surplus strips removed. `details` as in `make_scene`; `parameters` replace
+    members of `config`, such as ``density=20``. ParameterError if the scene or a parameter is unknown or out
+    of range, OutputError if the folder or a file cannot be written.
     """
     begin = time.perf_counter()
-    virtual, config = make_scene(scene, seed), _replaced(config, parameters)
+    virtual, config = make_scene(scene, seed, details=details), _replaced(config, parameters)
     n_points = 0
     with SurveyFiles(Path(output), virtual) as survey:
         for number, strip in enumerate(scan(virtual, seed, config), start=1):
@@ -163,10 +169,10 @@ def simulate_survey(
     return SurveySummary(tuple(files), (layers, model), n_points, len(virtual.buildings), seconds)
 
 
-def write_truth(output: Path, scene: VirtualScene) -> tuple[Path, Path]:
-    """Write what is true of a scene into a folder; return the GeoPackage and the CityJSONSeq."""
+def write_truth(output: Path, scene: VirtualScene, seen: SeenParts | None = None) -> tuple[Path, Path]:
+    """Write what is true of a scene, and seen, into a folder; return the GeoPackage and the CityJSONSeq."""
     layers, model = output / "truth.gpkg", output / "truth.city.jsonl"
-    write_truth_layers(layers, scene)
+    write_truth_layers(layers, scene, seen)
     with atomic_file(model) as part:
         write_truth_city_model(part, scene)
     return layers, model
@@ -197,7 +203,8 @@ def simulate_tile(
         stamp=int(measured.gps_time[0] * 1e9) if n_points else 0,
         frame=virtual.frame,
     )
-    return tile, TileTruth(virtual, measured.true_class, measured.true_building, measured.true_plane)
+    truth = measured.true_class, measured.true_building, measured.true_plane, measured.true_kind
+    return tile, TileTruth(virtual, *truth)
 
 
 def _replaced(config: SimulationConfig, parameters: dict[str, Any]) -> SimulationConfig:
@@ -221,9 +228,12 @@ def simulate_command(options: argparse.Namespace) -> int:
     """
     if options.output is None:
         raise ParameterError(NOWHERE)
+    check_airborne(options)
     check_folder(options.output, options.overwrite)
     parameters: dict[str, Any] = {} if options.density is None else {"density": options.density}
-    survey = simulate_survey(options.output, options.scene, options.seed, **parameters)
+    survey = simulate_survey(
+        options.output, options.scene, options.seed, details=options.details, **parameters
+    )
     rate = survey.n_points / max(survey.seconds, 1e-9)
     print(
         f"{options.scene}: {survey.n_buildings} buildings, {survey.n_points:,} points"
@@ -234,6 +244,20 @@ def simulate_command(options: argparse.Namespace) -> int:
     return 0
 
 
+def check_airborne(options: argparse.Namespace) -> None:
+    """Refuse options of the vehicle's scanner."""
+    given = {
+        "--beams": options.beams,
+        "--top": options.top,
+        "--profile": options.profile or None,
+        "--pose-noise": options.pose_noise,
+        "--pose-drift": options.pose_drift,
+    }
+    for name, value in given.items():
+        if value is not None:
+            raise ParameterError(f"{name} applies only to a vehicle: add --scanner vehicle")
+
+
 def check_folder(folder: Path, overwrite: bool) -> None:
     """Refuse a folder for a survey that holds something, unless that may be replaced."""
     try:
@@ -242,60 +266,6 @@ def check_folder(folder: Path, overwrite: bool) -> None:
         raise OutputError(f"{folder}: {error.strerror}: choose another folder") from error
     if is_full and not overwrite:
         raise OutputError(f"{folder}: is not empty: choose another folder or add --overwrite")
-
-
-#: Columns of layer `outlines`, and of layer `roof_faces`.
-OUTLINE_COLUMNS: dict[str, type] = {
-    "building_number": int,
-    "block_number": int,
-    "roof_type": str,
-    "ground_elevation": float,
-    "roof_elevation_min": float,
-    "roof_elevation_max": float,
-    "height": float,
-    "area": float,
-    "n_planes": int,
-}
-FACE_COLUMNS: dict[str, type] = {"building_number": int, "plane_id": int, "slope_deg": float, "area": float}
-
-
-def building_attributes(scene: VirtualScene) -> list[dict[str, Any]]:
-    """Return one row per building; elevations in the source's reference system [m]."""
-    if not scene.buildings:
-        return []
-    zero, rows = scene.frame.origin[2], []
-    for building, block in zip(scene.buildings, scene.blocks().tolist(), strict=True):  # of touching ones
-        low, high = building.roof_elevation_range
-        values = (
-            *(building.number, block, building.roof_type, building.ground_elevation + zero, low + zero),
-            *(high + zero, building.height, building.outline.area, len(building.faces)),
-        )
-        rows.append(dict(zip(OUTLINE_COLUMNS, values, strict=True)))
-    return rows
-
-
-def write_truth_layers(path: Path, scene: VirtualScene) -> None:
-    """Write the roofprints with their attributes, and the roof faces in 3D."""
-    outlines = [_polygon(b.outline.rings, scene) for b in scene.buildings]
-    faces = [_polygon(face.rings_3d, scene) for b in scene.buildings for face in b.faces]
-    rows = [
-        {
-            "building_number": building.number,
-            "plane_id": plane_id,
-            "slope_deg": float(np.rad2deg(np.arccos(face.normal[2]))),
-            "area": float(face.polygon.area / face.normal[2]),  # true, inclined
-        }
-        for building in scene.buildings
-        for plane_id, face in enumerate(building.faces, start=1)
-    ]
-    with geopackage_file(path, scene.frame.crs) as add:
-        add(VectorLayer("outlines", outlines, OUTLINE_COLUMNS, building_attributes(scene)))
-        add(VectorLayer("roof_faces", faces, FACE_COLUMNS, rows, "Polygon Z"))
-
-
-def _polygon(rings: tuple[NDArray[np.float64], ...], scene: VirtualScene) -> shapely.Polygon:
-    moved = [ring + np.asarray(scene.frame.origin)[: ring.shape[1]] for ring in rings]
-    return shapely.Polygon(moved[0], moved[1:])
 
 
 def write_truth_city_model(path: Path, scene: VirtualScene) -> None:

@@ -9,13 +9,17 @@ import time
 from collections import Counter
 
 import laspy
+import numpy as np
 import pytest
 from support.ros_domain import use_own_domain
 
+from lidar_buildings.cli import command_parser
+from lidar_buildings.commands.simulate_live import survey_of
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.bags.bag import Bag
 from lidar_buildings.io.bags.bag_inputs import BagConfig
 from lidar_buildings.io.bags.placed_cloud import write_placed
+from lidar_buildings.simulation.live import Scan
 from lidar_buildings.simulation.live.airborne import MOUNTING
 
 SMALL = ("--scene", "single_house", "--density", "2", "--pulse-rate", "60000")
@@ -34,6 +38,18 @@ def test_a_bag_and_files_of_the_same_points_are_written_without_ros(command, tmp
     )
     assert count.n_points == len(laspy.read(tmp_path / "out" / "strip_01.laz")) > 1000
     assert (tmp_path / "out" / "truth.gpkg").exists()
+
+
+def test_a_vehicles_scanner_and_poses_are_as_asked_for():
+    arguments = ("--scanner", "vehicle", "--beams", "64", "--top", "2", "--pose-noise", "0.02,0.1")
+    options = command_parser().parse_args(["simulate", *arguments, "--details", "--scene", "dense_block"])
+    survey = survey_of(options)
+    (scan, *_) = (event for event in survey.events() if isinstance(event, Scan))
+    assert scan.rows.shape == (64, 512)
+    up = np.arctan2(scan.rows["z"], np.hypot(scan.rows["x"], scan.rows["y"]))
+    assert np.rad2deg(up.max()) == pytest.approx(2.0, abs=0.01)
+    assert survey.legs[0].unrest is not None
+    assert survey.scene.is_detailed
 
 
 def test_a_vehicle_gives_a_bag(command, tmp_path):
@@ -55,6 +71,9 @@ def test_a_vehicle_gives_a_bag(command, tmp_path):
         (["--scanner", "vehicle", "--pulse-rate", "3", "--bag", "b"], "vehicle.pulse_rate = 3"),
         (["--pulse-rate", "-3", "--bag", "b"], "pulse rate = -3"),
         (["--scanner", "boat", "--bag", "b"], "'boat'"),
+        (["--scanner", "vehicle", "--pose-noise", "3", "--bag", "b"], "'3'"),
+        (["--beams", "64", "--output", "b"], "--beams applies only to a vehicle"),
+        (["--pose-drift", "0.1,0", "--bag", "b"], "--pose-drift applies only to a vehicle"),
     ],
 )
 def test_what_cannot_be_simulated_gives_one_line(command, tmp_path, monkeypatch, arguments, words):

@@ -52,6 +52,23 @@ class Frames(NamedTuple):
         return np.einsum("nji,nj->ni", self.axes, points - self.place)
 
 
+@dataclass(frozen=True, eq=False)
+class Unrest:
+    """By what the poses of a leg are told wrong, at some times; between them in proportion."""
+
+    times: NDArray[np.float64]  #: after the beginning, ascending [s], shape (n,)
+    shifts: NDArray[np.float64]  #: of positions in the map [m], shape (n, 3)
+    turns: NDArray[np.float64]  #: roll, pitch and yaw in the body's frame [rad], shape (n, 3)
+
+    def of(self, exact: Frames, elapsed: NDArray[np.float64]) -> Frames:
+        """Return exact frames of these times as they are told."""
+        shift, turn = (
+            np.column_stack([np.interp(elapsed, self.times, axis) for axis in table.T])
+            for table in (self.shifts, self.turns)
+        )
+        return Frames(exact.place + shift, exact.axes @ _matrices(turn))
+
+
 @dataclass(frozen=True)
 class Leg:
     """One straight way."""
@@ -67,6 +84,7 @@ class Leg:
     #: Which point of the body moves straight on, in its own frame [m].
     on_line: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ground: Terrain | None = None  #: what a vehicle stands on; an aircraft keeps its elevation
+    unrest: Unrest | None = None  #: by what its poses are told wrong
 
     def at(self, elapsed: NDArray[np.float64]) -> Frames:
         """Return the body's exact frames in the map so many seconds after the beginning."""
@@ -83,6 +101,11 @@ class Leg:
             angles[:, 1] -= _slope_deg(self.ground, place[:, :2], heading)
         turned = _matrices(np.deg2rad(angles))
         return Frames(place - turned @ np.array(self.on_line), turned)
+
+    def told(self, elapsed: NDArray[np.float64]) -> Frames:
+        """Return the body's frames as the poses tell them."""
+        exact = self.at(elapsed)
+        return exact if self.unrest is None else self.unrest.of(exact, elapsed)
 
 
 def _slope_deg(
@@ -170,7 +193,7 @@ class MovingSurvey:
         """Yield poses from before a leg's first point to behind its last one."""
         numbers = np.arange(-1, np.ceil(leg.duration * self.pose_rate) + 2)
         stamps = leg.stamp + np.rint(numbers * (SECOND / self.pose_rate)).astype(np.int64)
-        frames = leg.at((stamps - leg.stamp) / SECOND)
+        frames = leg.told((stamps - leg.stamp) / SECOND)
         quaternions = Rotation.from_matrix(frames.axes).as_quat()
         rows = zip(stamps.tolist(), frames.place.tolist(), quaternions.tolist(), strict=True)
         for stamp, (x, y, z), (qx, qy, qz, qw) in rows:

@@ -1,5 +1,5 @@
 """
-A spinning scanner on a vehicle that drives along the streets.
+A scanner on a vehicle that drives along the streets: it spins rays above one another, or a tilted profile.
 
 A ray is the line of a beam of `casting`, cut off at its origin: what lies behind that, above a falling ray or
 under a rising one, is not hit. It is followed from cell to cell (Amanatides & Woo 1987).
@@ -8,11 +8,12 @@ under a rising one, is not hit. It is followed from cell to cell (Amanatides & W
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.errors import ParameterError
@@ -34,13 +35,16 @@ from lidar_buildings.simulation.casting import (
     surfaces_of,
     wall_hit,
 )
+from lidar_buildings.simulation.facades import SurfaceKind
 from lidar_buildings.simulation.live.moving_survey import (
     SECOND,
     TAKE_OFF_STAMP,
+    Frames,
     Leg,
     MovingSurvey,
     Scan,
     Sway,
+    Unrest,
     mounting_pose,
 )
 from lidar_buildings.simulation.scanner import (
@@ -59,14 +63,22 @@ from lidar_buildings.simulation.scene import Road, VirtualScene, terrain_elevati
 
 #: Nearer things are the vehicle itself, or too near to be measured [m].
 MIN_RANGE = 0.5
+#: Rays have no width; what lies on the border of two cells is listed in both [m].
+RAY_SLACK = 0.01
 #: Rays are at least this steep: a level one would have no place by elevation. 0.1 mm at 100 m.
 MIN_STEEPNESS = 1e-6
 #: The terrain is found to this [m], by the rule of false position.
 TERRAIN_TOLERANCE, TERRAIN_ROUNDS = 1e-5, 20
-#: A ray's random numbers: its noise, its way into a crown, its brightness.
-DRAW_RANGE, DRAW_LEAF, DRAW_BRIGHTNESS = np.array([0, 2, 3])
+#: Share of the rays that a pane and a fence let through.
+THROUGH_GLASS, THROUGH_FENCE = 0.4, 0.5
+#: Mean way of a ray into a hedge [m].
+HEDGE_DEPTH = 0.06
+WINDOW, FENCE, HEDGE = int(SurfaceKind.WINDOW), int(SurfaceKind.FENCE), int(SurfaceKind.HEDGE)
+#: A ray's random numbers: its noise, its way into a crown, its brightness, whether it passes, its way into a
+#: hedge.
+DRAW_RANGE, DRAW_LEAF, DRAW_BRIGHTNESS, DRAW_PASS, DRAW_HEDGE = np.array([0, 2, 3, 4, 5])
 #: Columns that `measure_rays` writes: range [m], 0 = no return, intensity, and what is true.
-RANGE, INTENSITY, TRUE_CLASS, TRUE_BUILDING, TRUE_PLANE = range(5)
+RANGE, INTENSITY, TRUE_CLASS, TRUE_BUILDING, TRUE_PLANE, TRUE_KIND, TRUE_PART = range(7)
 
 
 @kernel
@@ -87,13 +99,16 @@ def measure_rays(origins, directions, first_ray, seed, leg, scanner, size, surfa
             continue
         x, y = origin[0] + distance * direction[0], origin[1] + distance * direction[1]
         height = origin[2] + distance * steepness - terrain_elevation(x, y, surfaces[0])
-        building, plane_id = owner_of(kind, item, surfaces)
+        building, plane_id, surface, part = owner_of(kind, item, surfaces)
+        if surface == HEDGE:
+            distance += HEDGE_DEPTH * exponential(key, DRAW_HEDGE)
         asphalt = kind == ON_TERRAIN and on_road(x, y, cell_of(x, y, surfaces[6], surfaces[7]), surfaces)
         error, _ = normal_pair(key, DRAW_RANGE)
         out[row, RANGE] = distance + noise * error
-        brightness = brightness_of(kind, building, asphalt) * (0.9 + 0.2 * uniform(key, DRAW_BRIGHTNESS))
-        out[row, INTENSITY] = np.floor(brightness)
-        out[row, TRUE_CLASS] = class_of(kind, building, height)
+        brightness = brightness_of(kind, building, surface, asphalt)
+        out[row, INTENSITY] = np.floor(brightness * (0.9 + 0.2 * uniform(key, DRAW_BRIGHTNESS)))
+        out[row, TRUE_CLASS] = class_of(kind, building, surface, height)
+        out[row, TRUE_KIND], out[row, TRUE_PART] = surface, part
         out[row, TRUE_BUILDING], out[row, TRUE_PLANE] = building, plane_id
 
 
@@ -116,6 +131,7 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
     best, kind, item, begin = np.inf, NO_ROW, NO_ROW, 0.0
     # the ray nears the ground by at most this per metre, so for a while it need not be looked at
     nearing = max(steepest * np.hypot(dx, dy) - dz, 1e-9)
+    luck = uniform(key, DRAW_PASS)
     looked, above = 0.0, _clearance(origin, direction, 0.0, surfaces[0])
     while begin < max_range:
         # a little further on, so that the place lies in the cell that the ray enters
@@ -124,7 +140,7 @@ def ray_hit(origin, direction, max_range, steepest, key, size, surfaces):
             break
         end = min(min(_leaving(at_x, dx), _leaving(at_y, dy)) + begin + 1e-6, max_range)
         cell = cell_of(at_x, at_y, surfaces[6], surfaces[7])
-        best, kind, item = _solid_in(beam, dz, sense, cell, surfaces, best, kind, item)
+        best, kind, item = _solid_in(beam, dz, sense, cell, luck, surfaces, best, kind, item)
         best, kind, item = _leaves_in(beam, dz, sense, cell, key, surfaces, best, kind, item)
         if (end - looked) * nearing > above:
             under = _clearance(origin, direction, end, surfaces[0])
@@ -149,8 +165,8 @@ def _leaving(place, step):
 
 
 @kernel
-def _solid_in(beam, dz, sense, cell, surfaces, best, kind, item):
-    """The nearest of the hit so far and of the roofs and walls that the cell lists."""
+def _solid_in(beam, dz, sense, cell, luck, surfaces, best, kind, item):
+    """The nearest of the hit so far and of the faces and walls that the cell lists."""
     _, faces, edges, walls, _, _, _, _, start, items = surfaces
     top = beam[2]
     for place in range(start[FACES, cell], start[FACES, cell + 1]):
@@ -160,6 +176,9 @@ def _solid_in(beam, dz, sense, cell, surfaces, best, kind, item):
             best, kind, item = distance, ON_ROOF, row
     for place in range(start[WALLS, cell], start[WALLS, cell + 1]):
         row = items[place]
+        surface = walls[row].surface
+        if (surface == WINDOW and luck < THROUGH_GLASS) or (surface == FENCE and luck < THROUGH_FENCE):
+            continue
         distance = (wall_hit(beam, walls[row]) - top) / dz
         if MIN_RANGE < distance < best:
             best, kind, item = distance, ON_WALL, row
@@ -213,6 +232,8 @@ CAR = Sway((0.0, 0.0, 0.0), ((0, 0.8, 1.7, 0.2), (0, 0.3, 0.6, 1.3), (1, 0.6, 1.
 POSE_RATE = 100.0
 #: Turns a second.
 SCAN_RATE = 10.0
+#: Rays a second of each beam of the default scanner: 512 directions a turn.
+PULSE_RATE_OF_BEAM = 5_120.0
 #: It begins and ends this far from the ends of a street [m].
 MARGIN = 2.0
 #: Time between two streets [s], more than any reader fills between two poses.
@@ -232,7 +253,7 @@ class VehicleConfig(StageConfig):
 
     beams: int = parameter(32, "Rays above one another.", within=(2, 256))
     pulse_rate: float = parameter(
-        163_840.0,
+        32 * PULSE_RATE_OF_BEAM,
         "Rays a second; raising it gives more directions a turn.",
         unit="1/s",
         within=(1_000.0, 10_000_000.0),
@@ -244,6 +265,24 @@ class VehicleConfig(StageConfig):
         100.0, "Nothing comes back from further away.", unit="m", within=(1.0, 1000.0)
     )
     range_noise: float = parameter(0.02, "Standard deviation along the ray.", unit="m", within=(0.0, 1.0))
+    is_profiler: bool = parameter(
+        False, "Whether one ray turns in a tilted plane, as in mobile mapping, and not `beams` about an axis."
+    )
+    profile_rate: float = parameter(
+        100.0, "Turns of a profile scanner.", unit="1/s", within=(SCAN_RATE, 1000.0)
+    )
+    position_noise: float = parameter(
+        0.0, "Standard deviation of each pose's position along each axis.", unit="m", within=(0.0, 10.0)
+    )
+    angle_noise_deg: float = parameter(
+        0.0, "Standard deviation of each pose's roll, pitch and yaw.", unit="deg", within=(0.0, 10.0)
+    )
+    position_drift: float = parameter(
+        0.0, "What a random walk adds to the positions in a second.", unit="m", within=(0.0, 1.0)
+    )
+    angle_drift_deg: float = parameter(
+        0.0, "What a random walk adds to roll, pitch and yaw in a second.", unit="deg", within=(0.0, 1.0)
+    )
 
 
 DEFAULTS = VehicleConfig()
@@ -256,6 +295,7 @@ def drive(scene: VirtualScene, seed: int = 0, config: VehicleConfig = DEFAULTS) 
     legs: list[Leg] = []
     for road in scene.roads:
         legs.append(_leg(scene, road, legs, config.speed))
+    legs = [replace(leg, unrest=_unrest(leg, seed, config)) for leg in legs]
     scanner = _SpinningScanner(scene, seed, config)
     return MovingSurvey(scene, MOUNTING, tuple(legs), POSE_RATE, scanner.scans_of)
 
@@ -280,25 +320,57 @@ def _leg(scene: VirtualScene, road: Road, before: list[Leg], speed: float) -> Le
     )
 
 
+def _unrest(leg: Leg, seed: int, config: VehicleConfig) -> Unrest | None:
+    """By what a leg's poses are told wrong: white noise and a random walk."""
+    noise = np.array([config.position_noise, config.angle_noise_deg])
+    drift = np.array([config.position_drift, config.angle_drift_deg])
+    if not (noise.any() or drift.any()):
+        return None
+    random = np.random.default_rng([seed, leg.number, UNREST])
+    numbers = np.arange(-1, np.ceil(leg.duration * POSE_RATE) + 2)
+    steps = random.standard_normal((2, len(numbers), 2, 3))
+    walk = np.cumsum(steps[1] / np.sqrt(POSE_RATE), axis=0)
+    off = noise[:, None] * steps[0] + drift[:, None] * walk
+    return Unrest(numbers / POSE_RATE, off[:, 0], np.deg2rad(off[:, 1]))
+
+
+#: Of the random numbers of poses' errors.
+UNREST = 2
+#: The plane of profiles is square to the way of the vehicle, then turned to the side and tilted by so much.
+PROFILE_YAW_DEG, PROFILE_TILT_DEG = 35.0, 20.0
+
+
+def _directions(config: VehicleConfig, columns: int) -> NDArray[np.float64]:
+    """Directions of the rays of one turn in the scanner's frame, shape (rows, columns, 3)."""
+    # it turns clockwise, seen from above
+    if config.is_profiler:
+        n_turns = max(1, round(config.profile_rate / SCAN_RATE))
+        angle = -2 * np.pi * n_turns * np.arange(columns) / columns
+        circle = np.stack([np.cos(angle), np.zeros(columns), np.sin(angle)], axis=-1)
+        tilted = Rotation.from_euler("zx", [PROFILE_YAW_DEG, PROFILE_TILT_DEG], degrees=True)
+        return tilted.apply(circle)[None]
+    elevation = np.deg2rad(np.linspace(config.highest_deg, config.lowest_deg, config.beams))[:, None]
+    azimuth = -2 * np.pi * np.arange(columns)[None] / columns
+    return np.stack(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.broadcast_to(np.sin(elevation), (config.beams, columns)),
+        ],
+        axis=-1,
+    )
+
+
 class _SpinningScanner:
     """Measures turn by turn."""
 
     def __init__(self, scene: VirtualScene, seed: int, config: VehicleConfig) -> None:
         self._scene, self._seed, self._config = scene, seed, config
-        columns = self._columns = max(1, round(config.pulse_rate / (SCAN_RATE * config.beams)))
-        self._surfaces = tuple(surfaces_of(scene, 0.0))
+        self._beams = 1 if config.is_profiler else config.beams
+        columns = self._columns = max(1, round(config.pulse_rate / (SCAN_RATE * self._beams)))
+        self._surfaces = tuple(surfaces_of(scene, 0.0, slack=RAY_SLACK))
         self._mounting = mounting_pose(MOUNTING)
-        elevation = np.deg2rad(np.linspace(config.highest_deg, config.lowest_deg, config.beams))[:, None]
-        # it turns clockwise, seen from above
-        azimuth = -2 * np.pi * np.arange(columns)[None] / columns
-        self._directions = np.stack(
-            [
-                np.cos(elevation) * np.cos(azimuth),
-                np.cos(elevation) * np.sin(azimuth),
-                np.broadcast_to(np.sin(elevation), (config.beams, columns)),
-            ],
-            axis=-1,
-        )
+        self._directions = _directions(config, columns)
         self._offsets = np.rint(np.arange(columns) * (SECOND / SCAN_RATE / columns)).astype(np.uint32)
 
     def scans_of(self, leg: Leg) -> Iterator[Scan]:
@@ -309,12 +381,11 @@ class _SpinningScanner:
             yield self._scan(leg, number, begin, begin + turn)
 
     def _scan(self, leg: Leg, number: int, begin: int, end: int) -> Scan:
-        beams, columns = self._config.beams, self._columns
+        beams, columns = self._beams, self._columns
         stamps = begin + self._offsets.astype(np.int64)
-        sensor = leg.at((stamps - leg.stamp) / SECOND).of_mounted(self._mounting)
-        turned = np.einsum("cij,bcj->bci", sensor.axes, self._directions).reshape(-1, 3)
-        origins = np.tile(sensor.place, (beams, 1))
-        out = np.empty((beams * columns, 5))
+        elapsed = (stamps - leg.stamp) / SECOND
+        origins, turned = self._rays(leg.at(elapsed))
+        out = np.empty((beams * columns, 7))
         scanner = np.array([self._config.max_range, self._config.range_noise])
         first_ray = number * beams * columns
         measure_rays(
@@ -322,18 +393,26 @@ class _SpinningScanner:
         )
         rows = self._rows(out)
         is_return = out[:, RANGE] > 0
+        if leg.unrest is not None:
+            origins, turned = self._rays(leg.told(elapsed))
         points = (origins + out[:, [RANGE]] * turned)[is_return]
         times = np.tile(stamps, beams)[is_return]
         return Scan(begin, end, rows, _truth(points, times, out[is_return], leg.number))
 
+    def _rays(self, body: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins and directions in the map of all rays of a turn."""
+        sensor = body.of_mounted(self._mounting)
+        turned = np.einsum("cij,bcj->bci", sensor.axes, self._directions).reshape(-1, 3)
+        return np.tile(sensor.place, (self._beams, 1)), turned
+
     def _rows(self, out: NDArray[np.float64]) -> NDArray[Any]:
-        rows = np.zeros((self._config.beams, self._columns), dtype=ROW)
+        rows = np.zeros((self._beams, self._columns), dtype=ROW)
         distance = out[:, RANGE].reshape(rows.shape)
         for axis, name in enumerate(("x", "y", "z")):
             rows[name] = distance * self._directions[..., axis]
         rows["intensity"] = out[:, INTENSITY].reshape(rows.shape)
         rows["t"] = self._offsets
-        rows["ring"] = np.arange(self._config.beams)[:, None]
+        rows["ring"] = np.arange(self._beams)[:, None]
         rows["range"] = np.rint(distance * 1000)
         return rows
 
@@ -356,4 +435,6 @@ def _truth(
         true_class=out[:, TRUE_CLASS].astype(np.uint8),
         true_building=out[:, TRUE_BUILDING].astype(np.uint32),
         true_plane=out[:, TRUE_PLANE].astype(np.uint16),
+        true_kind=out[:, TRUE_KIND].astype(np.uint8),
+        true_part=out[:, TRUE_PART].astype(np.uint32),
     )

@@ -30,6 +30,7 @@ from lidar_buildings.simulation.survey import SurveyFiles
 FLIGHT = SimulationConfig(density=0.3)
 DRIVE = VehicleConfig(beams=16, pulse_rate=20_000.0, speed=20.0)
 NOISELESS = replace(DRIVE, range_noise=0.0)
+STILL = {"position_noise": 0.0, "angle_noise_deg": 0.0, "position_drift": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +95,19 @@ def test_placed_points_lie_within_two_centimetres_of_the_truth(survey, tmp_path)
 )
 def test_without_lever_arm_or_boresight_they_lie_elsewhere(flight, tmp_path, mounting, least):
     assert np.median(errors_of(flight, tmp_path, mounting, with_tf=False)) > least
+
+
+@pytest.mark.parametrize("config", [DRIVE, replace(DRIVE, is_profiler=True)])
+def test_poses_that_are_told_wrong_place_the_points_as_the_files_have_them(tmp_path, config):
+    scene = make_scene("dense_block")
+    noisy = replace(config, position_noise=0.05, angle_noise_deg=0.2, position_drift=0.1, range_noise=0.0)
+    exact, survey = (drive(scene, 3, one) for one in (replace(noisy, **STILL), noisy))
+    errors = errors_of(survey, tmp_path, with_tf=False)
+    assert np.quantile(errors, 0.95) < 0.02
+    off = np.linalg.norm(truth_of(survey).points - truth_of(exact).points, axis=1)
+    assert 0.05 < np.median(off) < 0.5
+    for name in ("true_building", "true_class", "true_part"):
+        assert np.array_equal(getattr(truth_of(survey), name), getattr(truth_of(exact), name))
 
 
 def test_transforms_tell_the_mounting_too(survey, tmp_path):
