@@ -1,0 +1,137 @@
+"""The stage: façades in points that were seen from the street."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lidar_buildings.core.model.point_array import checked_column, checked_points
+from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell, sort_by_cell
+from lidar_buildings.core.stages.facades.config import FacadesConfig
+from lidar_buildings.core.stages.facades.corners import join_corners, touching
+from lidar_buildings.core.stages.facades.facade import ARC, STRAIGHT, Facade
+from lidar_buildings.core.stages.facades.judging import (
+    LONE_LENGTH,
+    confidence,
+    faced,
+    stretches,
+    tall_stretches,
+)
+from lidar_buildings.core.stages.facades.layers import without_layers
+from lidar_buildings.core.stages.facades.pieces import pieces_of
+from lidar_buildings.core.stages.facades.surroundings import PLACE_CELL, PointsAbout, Scenery
+from lidar_buildings.core.stages.facades.upright import VOXEL, upright_points
+from lidar_buildings.core.stages.facades.walls import BIN, Wall, joined_walls
+
+Floats = NDArray[np.float64]
+
+#: What is nearer to the ground says nothing: kerbs, and ground itself [m].
+MIN_HEIGHT = 0.15
+#: Shares of a wall's points below its bottom and its top: there are strays.
+_ENDS = (0.005, 0.995)
+#: Ends this near one another touch [m].
+TOUCH = 1.0
+
+
+def find_facades(
+    points: ArrayLike,
+    height_above_ground: ArrayLike,
+    is_ground: ArrayLike,
+    config: FacadesConfig | None = None,
+    *,
+    is_core: ArrayLike | None = None,
+) -> tuple[Facade, ...]:
+    """
+    Find the walls of buildings that a scanner on the street saw, at whatever height.
+
+    Points on upright surfaces are linked to smooth patches, which are divided into straight lines and arcs in
+    plan; pieces of one line are joined and fitted to all points near them by least squares with Tukey's
+    biweight, so that windows and what is seen through them do not pull. A wall is told from fences, hedges
+    and vehicles by the height at which it ends and by what was seen behind and over it.
+
+    - `points`, shape (n_points, 3): All points that were seen from the street, in any order [m].
+    - `height_above_ground`, shape (n_points,): [m].
+    - `is_ground`, shape (n_points,): True for points on the terrain.
+    - `config`, optional: The stage's parameters.
+    - `is_core`, shape (n_points,), optional: Only what these points show is returned; the others are context.
+
+    Returned by the place of their first vertex, from west to east; each has its front on its left. ValueError
+    if an array has another shape, or a number is not finite. The order of the points does not matter.
+    """
+    config = config or FacadesConfig()
+    points = checked_points(points)
+    height = checked_column("height_above_ground", height_above_ground, len(points), np.float64)
+    on_ground = checked_column("is_ground", is_ground, len(points), np.bool_)
+    core = np.ones(len(points), dtype=bool)
+    if is_core is not None:
+        core = checked_column("is_core", is_core, len(points), np.bool_)
+    rows = np.flatnonzero(~on_ground & (height >= MIN_HEIGHT))
+    if not len(rows):
+        return ()
+    ordered = sort_by_cell(points.take(rows, axis=0), VOXEL)
+    rows = rows[ordered.rows]
+    around = PointsAbout(ordered.points, height[rows], core[rows])
+    pieces = pieces_of(upright_points(ordered.points))
+    scenery = _scenery(points, height, on_ground, rows)
+    found = []
+    for wall in joined_walls(pieces, around, config.max_gap):
+        for tall in tall_stretches(wall, around, config.min_seen_height, config.max_gap):
+            one = faced(tall, scenery)
+            sure = confidence(one, around, scenery)
+            if sure >= config.min_confidence and one.length >= config.min_length:
+                found.append(one)
+    walls = [one for one in without_layers(found, around, config.max_gap) if one.length >= config.min_length]
+    lines = [one.curve.chords(one.first, one.last) for one in walls]
+    alone = ~touching(lines, TOUCH)
+    facades = []
+    for wall, foot, is_alone in zip(walls, join_corners(lines), alone, strict=True):
+        sure = confidence(wall, around, scenery)
+        if is_alone:
+            sure *= min(1.0, wall.length / LONE_LENGTH)
+        if sure >= config.min_confidence:
+            facades += [_facade(own, line, sure, around) for own, line in _own_parts(wall, foot, around)]
+    return tuple(sorted(facades, key=lambda one: tuple(one.foot[0])))
+
+
+def _scenery(
+    points: Floats, height: Floats, on_ground: NDArray[np.bool_], others: NDArray[np.intp]
+) -> Scenery:
+    ground = points.take(np.flatnonzero(on_ground), axis=0)
+    ground = ground[lowest_per_cell(ground, PLACE_CELL)] if len(ground) else ground
+    return Scenery(ground, points.take(others, axis=0), height[others])
+
+
+def _own_parts(wall: Wall, foot: Floats, around: PointsAbout) -> Iterator[tuple[Wall, Floats]]:
+    """Yield the stretches of a wall that core points show, and their foot lines."""
+    n = np.bincount(wall.bins, minlength=len(wall.is_seen))
+    n_core = np.bincount(wall.bins[around.is_core[wall.rows]], minlength=len(wall.is_seen))
+    if (n == n_core).all():
+        yield wall, foot
+        return
+    own = np.flatnonzero(wall.is_seen & (2 * n_core > n))
+    for part in stretches(wall, own, np.inf):
+        line = part.curve.chords(part.first, part.last)
+        for end, is_same in ((0, part.first == wall.first), (-1, part.last == wall.last)):
+            if is_same:
+                line[end] = foot[end]
+        yield part, line
+
+
+def _facade(wall: Wall, foot: Floats, sure: float, around: PointsAbout) -> Facade:
+    z = around.points[wall.rows, 2]
+    bottom, top = np.quantile(z, _ENDS).tolist()
+    layers = max(1, int(np.ceil((top - bottom) / BIN)))
+    cells = wall.bins * layers + np.clip(((z - bottom) / BIN).astype(np.intp), 0, layers - 1)
+    return Facade(
+        foot=foot,
+        bottom=bottom,
+        top=top,
+        is_seen=wall.is_seen,
+        coverage=len(np.unique(cells)) / (layers * len(wall.is_seen)),
+        sigma=wall.sigma,
+        n_points=len(wall.rows),
+        confidence=sure,
+        kind=ARC if wall.curve.bend else STRAIGHT,
+    )

@@ -1,0 +1,153 @@
+"""Walls as all points near them tell: pieces of one line joined, fitted to points, ended where these end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lidar_buildings.core.stages.facades.curves import Curve, fit_curve
+from lidar_buildings.core.stages.facades.pieces import Piece
+from lidar_buildings.core.stages.facades.surroundings import PointsAbout
+
+Floats = NDArray[np.float64]
+
+#: Points that the fit looks at lie within this of a piece [m].
+FIT_REACH = 0.12
+#: Noise from which the fit starts [m].
+NOISE = 0.04
+#: Points within so many σ of a wall are on it, and within these limits [m].
+ON_SIGMAS, ON_LIMITS = 3.0, (0.04, 0.1)
+#: Length of a bin, and its points from which it was seen [m].
+BIN, SEEN_POINTS = 0.25, 5
+#: Pieces whose ends lie within this of a line are of it [m], and a little more per metre between them.
+SAME_LINE, SAME_ANGLE = 0.05, 0.02
+#: Pieces of a line farther apart are not joined [m].
+JOIN_GAP = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A stretch of a curve along which points on it were seen."""
+
+    curve: Curve
+    sigma: float  #: of the points on it [m]
+    first: float  #: places on the curve where it begins and ends [m]
+    last: float
+    rows: NDArray[np.intp]  #: of the points on it, among those of `PointsAbout`
+    place: Floats  #: of each on the curve [m]
+    is_seen: NDArray[np.bool_]  #: bin by bin from `first` on
+
+    @property
+    def length(self) -> float:
+        """Length along the curve [m]."""
+        return self.last - self.first
+
+    @property
+    def bins(self) -> NDArray[np.intp]:
+        """In which bin each point is."""
+        share = (self.place - self.first) / max(self.length, 1e-9)
+        n = len(self.is_seen)
+        return np.clip((share * n).astype(np.intp), 0, n - 1)
+
+    @property
+    def middles(self) -> Floats:
+        """Places of the bins' middles [m]."""
+        n = len(self.is_seen)
+        return np.asarray(self.first + (np.arange(n) + 0.5) * (self.length / n))
+
+    def reversed(self) -> Wall:
+        """Return the wall run through the other way."""
+        return Wall(
+            self.curve.reversed(),
+            self.sigma,
+            -self.last,
+            -self.first,
+            self.rows,
+            -self.place,
+            self.is_seen[::-1],
+        )
+
+
+def joined_walls(pieces: Sequence[Piece], around: PointsAbout, max_gap: float) -> list[Wall]:
+    """Join the pieces of each line, fit them to all points, and end them where too few points lie."""
+    left, walls = list(pieces), list[Wall]()
+    while left:
+        group, left = _of_one_line(left)
+        walls += _fitted(group, around, max_gap)
+    return walls
+
+
+def _of_one_line(pieces: Sequence[Piece]) -> tuple[list[Piece], list[Piece]]:
+    """Part the pieces that go on the first one's curve from the others."""
+    group, left = [pieces[0]], list(pieces[1:])
+    curve = pieces[0].curve
+    first, last = pieces[0].first, pieces[0].last
+    grown = True
+    while grown:
+        grown, rest = False, []
+        for one in left:
+            ends = one.curve.at(np.array([one.first, 0.5 * (one.first + one.last), one.last]))
+            place, offset = curve.seen_from(ends)
+            gap = max(first - place.max(), place.min() - last, 0.0)
+            if gap <= JOIN_GAP and np.abs(offset).max() <= SAME_LINE + SAME_ANGLE * min(gap, 1.0):
+                group.append(one)
+                first, last = min(first, place.min()), max(last, place.max())
+                grown = True
+            else:
+                rest.append(one)
+        left = rest
+    return group, left
+
+
+def _fitted(group: Sequence[Piece], around: PointsAbout, max_gap: float) -> Iterator[Wall]:
+    curve = group[0].curve
+    ends = np.array([curve.seen_from(one.curve.at(np.array([one.first, one.last])))[0] for one in group])
+    spans = np.sort(ends, axis=1)
+    first, last = spans.min(), spans.max()
+    rows, place = around.near(curve, first, last, FIT_REACH)
+    in_span = np.zeros(len(rows), dtype=bool)
+    for low, high in spans:
+        in_span |= (place >= low) & (place <= high)
+    if np.count_nonzero(in_span) < SEEN_POINTS:
+        return
+    xy = around.points[rows[in_span], :2]
+    # near the scanner points are many: a bin counts as the root of what it has
+    bins = np.floor((place[in_span] - first) / BIN).astype(np.int64)
+    counts = np.bincount(bins)
+    fitted, sigma = fit_curve(xy, curve, NOISE, 1.0 / np.sqrt(counts[bins]))
+    near = float(np.clip(ON_SIGMAS * sigma, *ON_LIMITS))
+    # in the middle of the stretch, so that the cut through a circle lies opposite
+    middle = curve.at(np.array([0.5 * (first + last)]))
+    fitted = fitted.begun_at(float(fitted.seen_from(middle)[0][0]))
+    half = min(0.5 * (last - first) + BIN, fitted.half_length)
+    rows, place = around.near(fitted, -half, half, near)
+    for begin, end, is_seen in _runs(place, max_gap):
+        own = (place >= begin) & (place <= end)
+        yield Wall(fitted, sigma, begin, end, rows[own], place[own], is_seen)
+
+
+def _runs(place: Floats, max_gap: float) -> Iterator[tuple[float, float, NDArray[np.bool_]]]:
+    """Yield from where to where points lie close enough, and which bins of it were seen."""
+    if not len(place):
+        return
+    ordered = np.sort(place)
+    # a place is seen if as many points lie within a bin about it
+    ahead = np.searchsorted(ordered, ordered + BIN, side="right") - np.arange(len(ordered)) >= SEEN_POINTS
+    is_in = np.zeros(len(ordered), dtype=bool)
+    starts = np.flatnonzero(ahead)
+    counts = np.zeros(len(ordered) + 1, dtype=np.int64)
+    np.add.at(counts, starts, 1)
+    np.add.at(counts, np.searchsorted(ordered, ordered[starts] + BIN, side="right"), -1)
+    is_in = np.cumsum(counts[:-1]) > 0
+    kept = ordered[is_in]
+    if not len(kept):
+        return
+    for run in np.split(kept, np.flatnonzero(np.diff(kept) > max_gap) + 1):
+        length = max(run[-1] - run[0], 1e-9)
+        n_bins = max(1, round(length / BIN))
+        bins = np.minimum(((run - run[0]) / length * n_bins).astype(np.int64), n_bins - 1)
+        filled = np.bincount(bins, minlength=n_bins)
+        yield float(run[0]), float(run[-1]), filled >= SEEN_POINTS
