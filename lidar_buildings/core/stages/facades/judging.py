@@ -109,21 +109,21 @@ def confidence(wall: Wall, around: PointsAbout, scenery: Scenery) -> float:
     _, highest = scenery.along(wall.curve, place, BEHIND)
     _, over = scenery.along(wall.curve, place, OVER)
     is_higher = over > (top + HIGHER)[:, None] + RISE * np.abs(OVER)
-    is_over = np.logical_and(is_higher.any(axis=1), top < MAX_FENCE)
+    is_over = is_higher.any(axis=1) & (top < MAX_FENCE)
     height = float(np.median(top))
     is_vehicle = float(np.clip((MAX_VEHICLE - height) / (MAX_VEHICLE - MAX_FENCE), 0.0, 1.0))
     # its own roof is behind a wall as well, but over it
     is_beyond = np.isfinite(highest) & (highest <= (top + HIGHER)[:, None])
-    is_behind = _unlikely(is_beyond.any(axis=1), BEHIND_SHARES)
+    is_behind = _unlikely(float(is_beyond.any(axis=1).mean()), BEHIND_SHARES)
     sure = [
         float(np.clip((height - LOW) / (TALL - LOW), 0.0, 1.0)),
-        _unlikely(is_ground.any(axis=1), GROUND_SHARES),
+        _unlikely(float(is_ground.any(axis=1).mean()), GROUND_SHARES),
         1.0 - is_vehicle * (1.0 - is_behind),
-        _unlikely(is_over, OVER_SHARES),
+        _unlikely(float(is_over.mean()), OVER_SHARES),
     ]
     return float(np.prod(sure))
 
 
-def _unlikely(is_told: NDArray[np.bool_], shares: tuple[float, float]) -> float:
+def _unlikely(share: float, shares: tuple[float, float]) -> float:
     low, high = shares
-    return float(np.clip((high - is_told.mean()) / (high - low), 0.0, 1.0))
+    return float(np.clip((high - share) / (high - low), 0.0, 1.0))
