@@ -156,7 +156,7 @@ def with_placed_bags(request: RunRequest) -> RunRequest:
     if not bags_among(request.inputs):
         told = {**asdict(request.choice), "georeferenced": request.scans.georeferenced}
         if given := [f"--{name}" for name, value in told.items() if value]:
-            raise ParameterError(f"{', '.join(given)}: selects a part of a bag, but no INPUT is a bag")
+            raise ParameterError(f"{', '.join(given)}: is about bags, but no INPUT is a bag")
         return request
     from lidar_buildings.io.bags.bag_inputs import place_bags, with_clouds
 

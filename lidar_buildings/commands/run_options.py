@@ -10,7 +10,7 @@ from typing import Any
 UNTOLD: dict[str, Any] = {
     **dict.fromkeys(("output", "update", "tile_size", "bounds", "crs", "namespace", "record", "rate")),
     **dict.fromkeys(("footprints", "footprints_layer", "footprint_id")),
-    **dict.fromkeys(("topic", "odometry", "start", "duration")),
+    **dict.fromkeys(("topic", "odometry", "start", "duration", "offset", "align")),
     **dict.fromkeys(("georeferenced", "no_ros", "quiet", "json", "overwrite", "retry_failed"), False),
     "input": (),
     "scheduler": "",
@@ -62,6 +62,17 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         "--georeferenced",
         action="store_true",
         help="bags: the scans are already in map coordinates; no poses are needed",
+    )
+    add(
+        "--offset",
+        metavar="X,Y,Z,YAW",
+        help="bags beside files: where their frame lies in the files' coordinate reference system [m, deg]",
+    )
+    add(
+        "--align",
+        action="store_const",
+        const=True,
+        help="bags beside files: lay them on the files' ground, roofs and walls",
     )
     add(
         "--rate",

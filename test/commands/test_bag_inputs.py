@@ -100,7 +100,7 @@ def test_bags_beside_clouds_are_left_and_named(command, tmp_path):
 def test_options_of_bags_without_a_bag_are_refused(command, tmp_path):
     (tmp_path / "a.laz").write_bytes(b"")
     line = command.refused("run", tmp_path / "a.laz", "--topic", "/points", "--output", tmp_path / "out")
-    assert "--topic: selects a part of a bag, but no INPUT is a bag" in line
+    assert "--topic: is about bags, but no INPUT is a bag" in line
 
 
 @pytest.mark.parametrize("option", ["--topic", "--odometry"])

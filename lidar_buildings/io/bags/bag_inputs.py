@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
-from lidar_buildings.core.model.errors import InputError
+from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, fixed
 from lidar_buildings.core.scans.config import ScanConfig
 from lidar_buildings.io.clouds.find_inputs import is_cloud_file
@@ -34,6 +34,18 @@ class BagConfig(StageConfig):
     )
     duration: float = fixed(
         0.0, "So much of a bag is read; 0: to its end.", unit="s", within=(0.0, None), advanced=True
+    )
+    offset: str = fixed(
+        "",
+        "Where the frame of a bag's poses lies in the reference system of the files beside it: x, y, z [m], "
+        "yaw [deg], with commas between them; empty if its own reference system tells.",
+        advanced=True,
+    )
+    align: bool = fixed(
+        False,
+        "Whether a bag's points are laid on those of the files beside it, from where they are placed: by "
+        "ground, roofs and walls that both show.",
+        advanced=True,
     )
 
 
@@ -109,8 +121,10 @@ def place_bags(
     have no scan in the part that is chosen.
     """
     bags = bags_among(inputs)
+    others = [one for one in inputs if not bags_of(one)]
     records = [
-        _placed(bag, _cloud(folder, number, bag), choice, config, tell) for number, bag in enumerate(bags)
+        _placed(bag, _cloud(folder, number, bag), others, choice, config, tell)
+        for number, bag in enumerate(bags)
     ]
     if choice.start or choice.duration:
         empty = [bag for bag, one in zip(bags, records, strict=True) if not one["n_scans"]]
@@ -126,26 +140,43 @@ def _cloud(folder: Path, number: int, bag: Path) -> Path:
 
 
 def _placed(
-    bag: Path, path: Path, choice: BagConfig, config: ScanConfig, tell: Callable[[str], None]
+    bag: Path,
+    path: Path,
+    others: Sequence[str],
+    choice: BagConfig,
+    config: ScanConfig,
+    tell: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Place a bag's scans unless that is done; return the record of it."""
-    from lidar_buildings.io.bags.placed_cloud import write_placed  # what reads bags takes time to import
+    """Place a bag's scans, beside other inputs if there are any, unless that is done; return its record."""
+    # what reads bags takes time to import
+    from lidar_buildings.io.bags.beside_clouds import Beside, lay_beside
+    from lidar_buildings.io.bags.placed_cloud import write_placed
+    from lidar_buildings.io.clouds.las import open_inputs
 
+    clouds = open_inputs(others)[0] if others else []
+    if not clouds and (choice.offset or choice.align):
+        raise ParameterError(f"{bag}: --offset and --align place a bag beside files, and no INPUT is one")
     note = path.parent / "record.json"
     wanted = {one.name: getattr(choice, one.name) for one in fields(BagConfig)}
     files = [bag, *bag.iterdir()] if bag.is_dir() else [bag]
     changed = max(file.stat().st_mtime_ns for file in files)
     wanted |= {"bag": str(bag), "changed": changed, **asdict(config)}
+    if clouds:
+        wanted["files"] = [[str(one.path), one.point_count] for one in clouds]
     if path.exists() and note.exists():
         record: dict[str, Any] = json.loads(note.read_text())
         if {name: record.get(name) for name in wanted} == wanted:
             return record
     path.parent.mkdir(parents=True, exist_ok=True)
     count = write_placed(bag, path, choice, config)
+    beside = lay_beside(bag, path, clouds, choice) if clouds else Beside("")
     record = wanted | count._asdict()
+    record["warnings"] = [*record["warnings"], *filter(None, [beside.warning])]
+    record |= {"beside": beside.said, "alignment": beside.alignment} if clouds else {}
     note.write_text(json.dumps(record))
     tell(_line(bag, record))
-    for said in filter(None, [count.place, *(f"warning: {one}" for one in count.warnings)]):
+    warnings = (f"warning: {one}" for one in record["warnings"])
+    for said in filter(None, [count.place, beside.said, *warnings]):
         tell(f"{bag}: {said}")
     return record
 
