@@ -106,6 +106,7 @@ class Recorder(StageNode):
 
     def interrupted(self, spin_once: Callable[[float], None]) -> None:
         """Record what has come and was not taken yet."""
+        self._last_heard = time.monotonic()  # messages may wait though none was taken for a while
         while not self.is_silent:
             spin_once(_SILENCE / 10)
 

@@ -212,7 +212,8 @@ class TileSender(StageNode):
         if what:
             self.get_logger().info(f"waiting for {what}", throttle_duration_sec=_REMIND, skip_first=True)
             return False
-        return self._ledger.is_settled(self._seen, self.count_subscribers)
+        # before the first look nobody is known, and what nodes have from an earlier life would come again
+        return bool(self._seen) and self._ledger.is_settled(self._seen, self.count_subscribers)
 
     def _send(self, tile: PointTile) -> None:
         """Send a tile for the first time; what nodes have from this one's life before is listed alone."""
