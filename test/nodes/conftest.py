@@ -16,7 +16,7 @@ def bench(context):
         other = Bench(sends, hears, context=context)
         started.enter_context(running(node, other))
         wait_until(lambda: all(publisher.get_subscription_count() for publisher in other.to.values()))
-        wait_until(lambda: all(other.count_publishers(topic) for topic in other.heard))
+        wait_until(lambda: all(one.get_publisher_count() for one in other.hearing))
         return other
 
     with ExitStack() as started:

@@ -27,11 +27,13 @@ class End(Bench):
     """A graph that has every tile done at once, unless it is told to hold them."""
 
     def __init__(self, sends, **kwargs):
-        super().__init__(f"{sends} fix tile_done", "points map_origin survey_done", **kwargs)
+        super().__init__(f"{sends} fix tile_done", "map_origin survey_done", **kwargs)
+        self.heard["points"] = []
         self.to["scan"] = self.create_publisher(PointCloud2, "scan", 100)
         self.create_subscription(PointCloud2, "points", self.on_points, CLOUD)
 
     def on_points(self, message):
+        self.heard["points"].append(message)
         self.to["tile_done"].publish(message.header)
 
     def flush(self, n=1):
@@ -59,7 +61,7 @@ def start(context):
         end = End(sends, context=context)
         end.assembler = made(ScanAssembler, context, **values)
         started.enter_context(running(end, end.assembler))
-        wait_until(lambda: end.count_subscribers("scan") and end.count_publishers("points"))
+        wait_until(lambda: end.to["scan"].get_subscription_count() and end.count_publishers("points"))
         return end
 
     with ExitStack() as started:
@@ -78,6 +80,7 @@ def test_a_flush_sends_what_there_is_and_then_says_that_the_survey_is_done(start
     end.send_scans(scan(0), scan(1, at=(100.0, 20.0)))
     end.flush()
     assert sorted(len(tile) for tile in end.tiles()) == [300, 300]
+    wait_until(lambda: end.heard["map_origin"])
     assert [origin.header.frame_id for origin in end.heard["map_origin"]] == [""]
 
 
@@ -137,6 +140,7 @@ def test_reset_forgets_points_and_tiles(start):
     end.send_scans(scan(0))
     end.flush()
     assert call(end, "reset", "scan_assembler").success
+    wait_until(lambda: end.assembler.tiles.counts()["scans"] == 0)
     end.send_scans(scan(1, 200))
     end.flush(2)
     assert [len(tile) for tile in end.tiles()] == [300, 200]
@@ -146,7 +150,7 @@ def test_where_others_say_the_map_lies_is_taken_and_told_on(start):
     end = start("map_origin")
     frame = MapFrame("EPSG:28992", (1000.0, 2000.0, 3.0))
     end.send("map_origin", origin_message(frame))
-    wait_until(lambda: end.heard["map_origin"])
+    wait_until(lambda: end.heard["map_origin"] and end.assembler.tiles._search._found)
     end.send_scans(scan(0))
     wait_until(lambda: len(end.heard["map_origin"]) == 2)
     assert {one.header.frame_id for one in end.heard["map_origin"]} == {"EPSG:28992"}

@@ -142,11 +142,11 @@ def test_a_clipped_tile_is_held_back_and_asked_for(tracing, tracer):
     tracer.send("edge_points", to_message(roof(HOUSE)))
     wait_until(lambda: asked_for(tracer) == {STAMP: ("east",)})
     assert tracing == [(0.0, 0.0, 9.0, 9.0)]
+    assert not tracer.heard["building_points"]
     tracer.send("tile_info", info_of_tile(None))
-    time.sleep(0.2)
-    tracer.send("edge_points", to_message(roof(HOUSE)))
-    wait_until(lambda: len(tracer.heard["traced_outlines"]) == 2)
-    assert len(tracer.heard["building_points"]) == 1
+    wait_until(lambda: [m.polygon.id for m in list(tracer.heard["traced_outlines"])] == [HOUSE, -1])
+    wait_until(lambda: tracer.heard["building_points"])
+    assert len(tracing) == 1, "not traced again"
 
 
 def test_a_tile_waits_for_what_is_said_of_it_where_someone_says_it(tracing, tracer):
@@ -191,6 +191,11 @@ def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(bui
     wait_until(lambda: [m.polygon.id for m in builder.heard["roof_faces"]] == 2 * [HOUSE, SHED, -1])
 
 
+def features_of(other):
+    lines = [json.loads(message.data) for message in list(other.heard["city_model"])]
+    return [line for line in lines if line["type"] == "CityJSONFeature"]
+
+
 def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(builder):
     units = builder.publisher_of("map_units")
     builder.send("plane_points", to_message(roof(HOUSE)))
@@ -202,9 +207,9 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(build
     time.sleep(0.3)
     assert builder.heard["tile_done"] == []
     units.publish(units_message(FRAME))
-    wait_until(lambda: builder.heard["tile_done"] and len(builder.heard["city_model"]) >= 3)
-    feature, end = (json.loads(message.data) for message in builder.heard["city_model"][-2:])
-    assert feature["type"] == "CityJSONFeature"
+    # the header has a publisher of its own, and comes when it likes
+    wait_until(lambda: builder.heard["tile_done"] and len(features_of(builder)) == 2)
+    feature, end = features_of(builder)
     assert (end["id"], end["CityObjects"]) == (f"tile-{STAMP}", {})
     attributes = next(iter(feature["CityObjects"].values()))["attributes"]
     assert "too narrow" in attributes["reason"]
@@ -237,7 +242,7 @@ def test_a_tile_is_on_disk_only_when_every_topic_has_spoken(bench, make_writer, 
     (later,) = fragments(tmp_path)
     assert done(other) == [load_products(later).stamp] == [LATER]
     send_tile(other, HOUSE, SHED)
-    wait_until(lambda: done(other) == [LATER, STAMP])
+    wait_until(lambda: STAMP in done(other))
     (products,) = (load_products(one) for one in fragments(tmp_path) if one != later)
     assert products.stamp == STAMP
     assert [one.building_id for one in products.outlines] == [HOUSE, SHED]
@@ -286,13 +291,13 @@ def test_a_restarted_writer_reports_what_is_on_disk_and_then_makes_the_files(ben
 # the whole graph
 
 
-@pytest.mark.parametrize("until", STAGES)
-def test_a_run_may_end_with_any_stage(context, tmp_path, until):
+@pytest.mark.parametrize("until", ["ground_filter", "boundary_tracing", "regularisation", STAGES[-1]])
+def test_a_run_may_end_with_an_earlier_stage(context, tmp_path, until):
     cloud = tmp_path / "cloud.laz"
     random_cloud(400, size=(40.0, 30.0, 3.0)).write(cloud)
     nodes = survey_nodes([str(cloud)], str(tmp_path / "out"), until=until, context=context)
     with running(*nodes.values()) as composition:
-        assert composition.wait(nodes["model_writer"], timeout=120.0)
+        assert composition.wait(nodes["model_writer"], timeout=300.0)
     summary = nodes["model_writer"].outcome.result()
     assert summary.n_points == sum(summary.classes.values()) == 400
     told = json.loads((tmp_path / "out" / "run.json").read_text())

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header
 from support.cloud_files import random_cloud
 from support.node_bench import call, made, running, wait_until
 
@@ -22,7 +22,6 @@ from lidar_buildings.ros.diagnostics import ERROR
 from lidar_buildings.ros.qos import EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import header_of, tile_of, to_stamp
-from lidar_buildings.ros.tile_info import infos_of
 from lidar_buildings.ros.tile_table import TileTable
 
 pytestmark = pytest.mark.graph
@@ -42,11 +41,11 @@ class GraphEnd(StageNode):
         self._sides, self.let_go = sides, threading.Event()
         if not holds:
             self.let_go.set()
-        self.received, self.done, self.failed, self.bounds, self.survey_done = [], [], [], {}, []
+        self.received, self.done, self.failed, self.survey_done = [], [], [], []
+        self.bounds = {}  # tile → limits, in the order in which they were told
         self._numbers = {}
         self._tile_done = self.create_publisher(Header, "tile_done", LATCHED_HISTORY)
         self.take_tiles(("points",), self.work, self.publish, clipped=lambda sides: sides)
-        self.create_subscription(String, "tile_info", self.on_info, LATCHED)
         self.create_subscription(Header, "tile_failed", self.on_failed, LATCHED_HISTORY)
         self.create_subscription(Header, "survey_done", self.on_survey_done, LATCHED)
         self.subscribe_tiles("points")
@@ -73,10 +72,16 @@ class GraphEnd(StageNode):
         self.done.append(stamp)
         self._tile_done.publish(header_of(stamp))
 
-    def on_info(self, message):
-        for stamp, info in infos_of(message)[1].items():
+    def look_again(self):
+        for stamp, info in self._infos._known.items():  # what its work depends on, so that none is missed
             if self.bounds.get(stamp, [0])[-1] != info["bounds"]:
                 self.bounds.setdefault(stamp, []).append(info["bounds"])
+        super().look_again()
+
+    @property
+    def stamps(self):
+        """Stamp of each tile by its number."""
+        return {number: stamp for stamp, number in self._numbers.items()}
 
     def on_failed(self, message):
         self.failed.append(to_stamp(message.stamp))
@@ -132,13 +137,14 @@ def test_every_point_comes_once_as_a_core_point(play):
 
 def test_a_slow_graph_gets_no_more_tiles_than_it_has_credits(play, monkeypatch):
     monkeypatch.setattr(tile_ledger, "FEW_POINTS", 0)
-    player, end = play({"delay": 0.2}, max_tiles_in_flight=2)
-    most = 0
-    while not end.survey_done:
-        most = max(most, len(player._ledger))
-        time.sleep(0.01)
-    assert len(end.received) == 5
-    assert most == 2
+    before = []  # how many are in flight when another one is sent
+    monkeypatch.setattr(TilePlayer, "before", lambda player, tile: before.append(len(player._ledger)))
+    _, end = play({"holds": True}, max_tiles_in_flight=2)
+    wait_until(lambda: len(before) == 2)
+    end.let_go.set()
+    wait_until(lambda: end.survey_done)
+    assert len(end.received) == len(before) == 5
+    assert max(before) == 1
 
 
 def test_a_tile_that_got_lost_is_sent_again(play):
@@ -152,10 +158,14 @@ def test_a_tile_that_got_lost_is_sent_again(play):
 
 def let_a_day_pass(player):
     """Let the player look at its tiles a few times."""
-    for _ in range(3):
+
+    def leap():
         player._time += 86_400.0
-        seen = player._time
-        wait_until(lambda seen=seen: player._time >= seen + 1.0)
+
+    for _ in range(3):
+        until = player._time + 86_400.0 + 1.0
+        player.call_soon(leap)  # its own thread counts, too
+        wait_until(lambda until=until: player._time >= until)
 
 
 def test_what_a_living_node_has_in_hand_is_never_sent_to_it_again(play, context):
@@ -192,8 +202,7 @@ def test_a_player_that_is_started_anew_only_lists_what_a_node_has_in_hand(contex
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(first)
         first.publish_state()
-        while not end.is_at_work:
-            executor.spin_once(timeout_sec=0.1)
+        wait_until(lambda: executor.spin_once(timeout_sec=0.1) or end.is_at_work)
         executor.remove_node(first)
         first.destroy_node()
         second = make_player(max_tiles_in_flight=1)
@@ -215,7 +224,7 @@ def test_a_tile_that_a_node_cannot_handle_is_given_up_and_the_others_are_done(pl
 
     monkeypatch.setattr(GraphEnd, "_kept", failing)
     player, end = play()
-    wait_until(lambda: end.survey_done)
+    wait_until(lambda: end.survey_done and end.failed)
     assert len(end.failed) == 1
     assert len(set(end.done)) == 4
     assert end.failed[0] not in end.done
@@ -227,7 +236,7 @@ def test_a_tile_that_a_node_cannot_handle_is_given_up_and_the_others_are_done(pl
 def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
     _, end = play({"clips": {2: 5}}, max_attempts=1)
     wait_until(lambda: end.survey_done)
-    stamp = end.received[1].stamp
+    stamp = end.stamps[2]
     copies = [tile for tile in end.received if tile_of(tile.stamp) == stamp]
     assert [tile.stamp - stamp for tile in copies] == [0, 1, 2, 3, 4], "each is a revision of its own"
     sizes = [len(tile) for tile in copies]
@@ -245,17 +254,16 @@ def test_a_clipped_tile_comes_again_larger_until_there_is_no_more_of_it(play):
 def test_of_a_side_without_more_alone_it_is_said(play):
     _, end = play({"clips": {1: 1}, "sides": Sides(west=True)})
     wait_until(lambda: end.survey_done)
-    stamp, bounds = end.received[0].stamp, end.received[0].bounds
-    wait_until(lambda: tuple(end.bounds[stamp][-1]) == (-np.inf, *bounds[1:]))
+    stamp = end.stamps[1]
+    (bounds,) = (tile.bounds for tile in end.received if tile_of(tile.stamp) == stamp)  # no larger one came
     assert np.isfinite(bounds).all()
-    assert end.received[1].stamp != stamp + 1, "no larger one came"
+    assert tuple(end.bounds[stamp][-1]) == (-np.inf, *bounds[1:])
     assert sorted(Counter(end.done).values()) == [1] * 5
 
 
 def test_a_restarted_player_skips_what_is_done(play, make_player):
     player, end = play({"delay": 0.05}, start_paused=True)
-    for _ in range(2):
-        player._steps += 1
+    player.call_soon(lambda: setattr(player, "_steps", 2))
     wait_until(lambda: len(end.done) == 2)
     second = make_player()
     with running(second):
@@ -289,8 +297,8 @@ def test_a_recording_takes_its_own_time_at_rate_one_and_the_clock_follows(play, 
         Clock, "/clock", lambda message: times.append(to_stamp(message.clock)), EVENT
     )
     with running(listener):
-        _, end = play(rate=50.0, publish_clock=True)
         started = time.monotonic()
+        _, end = play(rate=50.0, publish_clock=True)
         wait_until(lambda: end.survey_done)
         stamps = [tile.stamp for tile in end.received]
         assert time.monotonic() - started >= (max(stamps) - stamps[0]) * 1e-9 / 50.0

@@ -119,5 +119,6 @@ def test_a_foreign_publisher_has_his_models_though_nobody_says_where_the_map_lie
     send_tile(other, STAMP, HOUSE)
     wait_until(lambda: other.heard["tile_done"])
     wait_until(lambda: any(n.startswith("building-0.") for n, _ in features(other)))
+    wait_until(lambda: warnings(other))
     (warning,) = set(warnings(other))
     assert warning.startswith("no map_origin was published for 0.1 s")

@@ -64,9 +64,13 @@ def test_silence_matters_only_while_something_is_in_flight(summary):
 
 @pytest.mark.graph
 def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_cannot(context):
-    worker, listener = (StageNode("worker", {}, context=context) for _ in range(2))
+    worker, listener = (StageNode(name, {}, context=context) for name in ("worker", "listener"))
     heard = []
-    listener.create_subscription(DiagnosticArray, "diagnostics", lambda m: heard.extend(m.status), EVENT)
+
+    def hear(message):
+        heard.extend(one for one in message.status if one.name.startswith("worker"))
+
+    listener.create_subscription(DiagnosticArray, "diagnostics", hear, EVENT)
     with running(listener):
         worker.table.set(worker.table.entry(TILE), TileState(IN_HAND))
         worker._diagnostics.publish_summary()
@@ -74,9 +78,9 @@ def test_a_node_tells_how_it_gets_on_apart_from_its_tiles_and_at_once_when_it_ca
         worker.summary.count_buildings(["ok", "no_solid", "ok"])
         worker.fail(OutputError("a.bag: cannot be written"))
         assert worker.outcome.exception() is not None
-        wait_until(lambda: len(heard) >= 3)
+        wait_until(lambda: len(heard) == 3)
     worker.destroy_node()
-    begun, tile, broken = heard[:3]
+    begun, tile, broken = heard
     assert [one.name for one in (begun, tile, broken)] == ["worker: summary", "worker", "worker: summary"]
     assert begun.message == f"working on tile {TILE}"
     assert (broken.level, broken.message) == (DiagnosticStatus.ERROR, "a.bag: cannot be written")

@@ -1,6 +1,7 @@
 """Feeds of live scans whose tiles are done as they come, and messages for them."""
 
 import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -36,10 +37,11 @@ class Running:
 
     def flush(self):
         """Take all tiles that there are."""
-        n_before = self.feed.n_flushed
+        n_before, end = self.feed.n_flushed, time.monotonic() + 240.0
         self.feed.flush()
         while self.feed.n_flushed == n_before:
             assert self.feed.error is None
+            assert time.monotonic() < end
             tile = self.feed.take()
             if tile is not None:
                 self.tiles.append(tile)

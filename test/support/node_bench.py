@@ -1,7 +1,6 @@
 """A node under test, another that sends to it and hears it, and tiles that are made up."""
 
 import json
-import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -10,6 +9,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from support.waiting import wait_until
 
 from lidar_buildings.commands.live_publisher import message_class
 from lidar_buildings.core.model.map_frame import MapFrame
@@ -27,13 +27,6 @@ from lidar_buildings.ros.tile_info import info_message
 
 STAMP = 77_000_000_000
 HOUSE, SHED = 11, 12
-
-
-def wait_until(condition, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def made(kind, context, **parameters):
@@ -66,9 +59,10 @@ class Bench(StageNode):
         super().__init__("bench", {}, **kwargs)
         self.heard = {topic: [] for topic in hears.split()}
         self.to = {topic: self.publisher_of(topic) for topic in sends.split()}
+        self.hearing = []
         for topic, messages in self.heard.items():
             kind, profile = kind_and_profile(topic)
-            self.create_subscription(kind, topic, messages.append, profile)
+            self.hearing.append(self.create_subscription(kind, topic, messages.append, profile))
         self.told, self.info = {}, None
 
     def publisher_of(self, topic):

@@ -26,7 +26,8 @@ def test_every_row_is_worked_on_once():
         assert (times == 1).all()
 
 
-def test_a_thread_that_works_alone_does_all_blocks_itself():
+def test_a_thread_that_works_alone_does_all_blocks_itself(monkeypatch):
+    monkeypatch.setattr(parallel, "n_cores", lambda: 2)
     found = []
 
     def alone():

@@ -48,7 +48,7 @@ def test_nothing_is_left_of_a_spool_to_which_another_thread_still_adds(tmp_path)
 
         adder = threading.Thread(target=add)
         adder.start()
-        assert is_adding.wait(20.0)
+        assert is_adding.wait(240.0)
         spool.remove()
         is_gone = not spool.folder.exists()
         is_over.set()

@@ -133,15 +133,15 @@ def test_closing_removes_the_temporary_folder_and_ends_the_iteration(tmp_path):
             seen.append(tile)
             started.set()
             if len(seen) == 3:
-                resume.wait(10.0)
+                resume.wait(240.0)
 
     resume = threading.Event()
     worker = threading.Thread(target=work)
     worker.start()
-    assert started.wait(10.0)
+    assert started.wait(240.0)
     source.close()
     resume.set()
-    worker.join(10.0)
+    worker.join(240.0)
     assert not worker.is_alive()
     assert 1 <= len(seen) <= 4
     assert list((tmp_path / "spool").iterdir()) == []
