@@ -120,7 +120,7 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     """Print what was found, what it took and where it is, last what to open first."""
     summary, bag = outcome.summary, outcome.recording
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
-    for line in summary.building_words:
+    for line in filter(None, [summary.view_words, *summary.building_words]):
         print(line)
     if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
         print(f"set aside by class: {aside}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -17,7 +17,7 @@ from lidar_buildings.core.model.remarks import Remark
 from lidar_buildings.io.clouds.cloud import Cloud, laz_backend
 from lidar_buildings.io.clouds.doubts import CloudDoubts
 from lidar_buildings.io.clouds.las_records import EVLR_HEADER, RawHeader, RawRecord
-from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT
+from lidar_buildings.io.clouds.point_columns import FIRST_EXTENDED_FORMAT, VIEW
 from lidar_buildings.io.files.atomic_files import checked_file
 from lidar_buildings.io.files.locations import open_binary
 
@@ -52,6 +52,8 @@ DIMENSIONS = {
     "plane_id": _Dimension("PlaneId", "<u2", 3, "0 = none, within the building"),
     "edge": _Dimension("EdgeLabel", "u1", 1, "1 = on a roof's edge"),
 }
+#: What a file has beside that if points were seen from the street.
+_VIEW = {"view": _Dimension(VIEW, "u1", 1, "1 = above, 2 = street, 3 = both")}
 
 
 class OutputFormat(NamedTuple):
@@ -78,16 +80,16 @@ def is_kept(record: RawRecord, *, with_waveforms: bool = True) -> bool:
     return not is_lost and (record.user_id, record.record_id) not in _NOT_KEPT
 
 
-def output_format(cloud: Cloud) -> OutputFormat:
+def output_format(cloud: Cloud, dimensions: Mapping[str, _Dimension]) -> OutputFormat:
     """
-    Derive the output's header from the input's.
+    Derive the output's header from the input's, with dimensions by column of the results.
 
     A dimension that the input has under one of the new names is written over if its type is the same, as
     `classification` is; otherwise it stays, under another name. References to waveforms in another file do
     not stay.
     """
     header = copy.deepcopy(cloud.header)
-    names, missing = _names(header.point_format)
+    names, missing = _names(header.point_format, dimensions.values())
     number, size = header.point_format.id, header.point_format.num_standard_bytes
     left_out = slice(size, size)
     if has_far_waveforms(cloud):
@@ -108,13 +110,15 @@ def output_format(cloud: Cloud) -> OutputFormat:
     return OutputFormat(header, records, point_format.dtype(), left_out)
 
 
-def _names(point_format: laspy.PointFormat) -> tuple[dict[str, str], list[_Dimension]]:
+def _names(
+    point_format: laspy.PointFormat, dimensions: Iterable[_Dimension]
+) -> tuple[dict[str, str], list[_Dimension]]:
     """Return the output's name of each of the input's extra dimensions, and the new ones that it lacks."""
     kinds = {d.name: np.dtype(d.type_str()) for d in point_format.extra_dimensions}
     scaled = {d.name for d in point_format.extra_dimensions if d.is_scaled}
     names = {name: name for name in kinds}
     missing = []
-    for dimension in DIMENSIONS.values():
+    for dimension in dimensions:
         if kinds.get(dimension.name) == np.dtype(dimension.kind) and dimension.name not in scaled:
             continue
         missing.append(dimension)
@@ -248,17 +252,24 @@ class ClassifiedCloud:
 
 
 def write_classified(
-    cloud: Cloud, rows: ResultRows, path: Path, doubts: CloudDoubts | None = None
+    cloud: Cloud,
+    rows: ResultRows,
+    path: Path,
+    doubts: CloudDoubts | None = None,
+    *,
+    has_views: bool = False,
 ) -> ClassifiedCloud:
     """
     Write every point of the input in its order, with all its dimensions and records.
 
     Points that no tile gave back (`known` = 0) keep their class and have no height (NaN); points that the
     file withholds keep their class. `rows` gives the results of a range of points, into which it is written
-    that points which `doubts` finds beyond its frame are noise. InputError or OutputError if the input cannot
+    that points which `doubts` finds beyond its frame are noise; with `has_views` from where each was seen.
+    InputError or OutputError if the input cannot
     be read to its end, or the output not be written.
     """
-    out, written = output_format(cloud), ClassifiedCloud(cloud)
+    dimensions = DIMENSIONS | _VIEW if has_views else DIMENSIONS
+    out, written = output_format(cloud, dimensions), ClassifiedCloud(cloud)
     with checked_file(path) as file:
         writer = laspy.LasWriter(
             file, out.header, do_compress=path.suffix == ".laz", laz_backend=laz_backend(), closefd=False
@@ -270,7 +281,7 @@ def write_classified(
                 results["known"][beyond] = 1
                 results["classification"][beyond] = PointClass.LOW_NOISE
                 results["height_above_ground"][beyond] = np.nan
-            points = _classified(chunk, results, out, cloud)
+            points = _classified(chunk, results, out, cloud, dimensions)
             written.add(chunk, _classes(points, cloud))
             writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
             first += len(chunk)
@@ -281,7 +292,11 @@ def write_classified(
 
 
 def _classified(
-    chunk: laspy.ScaleAwarePointRecord, results: NDArray[Any], out: OutputFormat, cloud: Cloud
+    chunk: laspy.ScaleAwarePointRecord,
+    results: NDArray[Any],
+    out: OutputFormat,
+    cloud: Cloud,
+    dimensions: Mapping[str, _Dimension],
 ) -> NDArray[Any]:
     points = np.zeros(len(chunk), out.dtype)
     given = chunk.array.view(np.uint8).reshape(len(points), -1)
@@ -297,7 +312,7 @@ def _classified(
         points["raw_classification"] = np.where(decided, byte & ~np.uint8(_LEGACY_CLASS) | classes, byte)
     else:
         points["classification"] = np.where(decided, results["classification"], points["classification"])
-    for column, dimension in DIMENSIONS.items():
+    for column, dimension in dimensions.items():
         points[dimension.name] = results[column]
     height = results["height_above_ground"] / np.float32(cloud.crs.vertical_unit)
     points[DIMENSIONS["height_above_ground"].name] = np.where(known, height, np.float32(np.nan))

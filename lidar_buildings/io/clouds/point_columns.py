@@ -18,7 +18,7 @@ from lidar_buildings.core.neighbours.strip_views import with_covered
 #: Degrees per step of the scan angle in point formats 6 to 10 (LAS 1.4).
 SCAN_ANGLE_STEP = 0.006
 #: Extra dimension with from where a point was seen, `lidar_buildings.core.model.classes.View`.
-VIEW = "view"
+VIEW = "View"
 #: Side of the cells in which places are counted [m].
 _PLACE = 4.0
 #: The first point format with 4-bit return numbers, 8-bit classes and fine scan angles.

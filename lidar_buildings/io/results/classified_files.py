@@ -11,6 +11,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.remarks import Remark
@@ -44,7 +45,7 @@ def stretches(cloud: Cloud, every: int) -> Iterator[laspy.ScaleAwarePointRecord]
     yield from (points for _, points in cloud.runs(runs))
 
 
-_COLUMNS = ("classification", "height_above_ground", "facade", "building_id", "plane_id", "edge")
+_COLUMNS = ("classification", "height_above_ground", "facade", "view", "building_id", "plane_id", "edge")
 #: What is known of a point; `known` is 0 for points that no finished tile holds.
 RESULT = np.dtype([("known", "u1"), *((name, COLUMNS[name]) for name in _COLUMNS)])
 #: Records written at a time when the table is made (13 MB).
@@ -75,9 +76,9 @@ class PointResults:
         """Return the rows `first` to `last` (exclusive)."""
         return np.asarray(self._table[first:last])
 
-    def count(self, column: str) -> int:
-        """Count the points of which a column says something."""
-        return int(np.count_nonzero(self._table[column]))
+    def count(self, column: str, least: int = 1) -> int:
+        """Count the points of which a column says something, as a number from the least on."""
+        return int(np.count_nonzero(self._table[column] >= least))
 
     def fill(self, fragments: Iterable[Path], source: int, *, without: Collection[int] = ()) -> None:
         """
@@ -112,6 +113,9 @@ class WrittenCloud(NamedTuple):
     per_class: NDArray[np.int64] | int = 0  #: number of points per class, shape (256,), or 0
     n_known: int = 0  #: points in finished tiles
     n_facade: int = 0  #: points of façades
+    #: Points that were seen from the street, and those of them at places that were seen from above, too.
+    n_street: int = 0
+    n_covered: int = 0
     #: What the input says that can hardly be so, or what its output lacks.
     remarks: tuple[Remark, ...] = ()
 
@@ -158,10 +162,11 @@ def _write_cloud(job: _Job) -> WrittenCloud:
         with PointResults(folder / PARTIAL / f"{number}.results", cloud.point_count) as results:
             results.fill(fragments, number, without=without)
             doubts = CloudDoubts(cloud, frame, file.path.name)
-            written = write_classified(cloud, results.rows, folder / output, doubts)
+            views = [results.count("view", least) for least in (View.STREET, View.COVERED)]
+            written = write_classified(cloud, results.rows, folder / output, doubts, has_views=views[0] > 0)
             is_own = folder / PARTIAL in file.path.parents  # of a bag
             remarks = () if is_own else (*doubts.remarks(), *written.remarks)
             known, facade = results.count("known"), results.count("facade")
-            return WrittenCloud(output, "", written.per_class, known, facade, remarks)
+            return WrittenCloud(output, "", written.per_class, known, facade, *views, remarks)
     except InputError as error:
         return WrittenCloud(problem=str(error))

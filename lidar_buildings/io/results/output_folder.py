@@ -216,6 +216,8 @@ class OutputFolder:
             n_points=n_points,
             n_unclassified=n_points - sum(one.n_known for one in clouds),
             n_facade=sum(one.n_facade for one in clouds),
+            n_street=sum(one.n_street for one in clouds),
+            n_covered=sum(one.n_covered for one in clouds),
             classes=found,
             buildings=dict(sorted(counts.statuses.items())),
             quality=dict(sorted(counts.grades.items())),
@@ -228,8 +230,13 @@ class OutputFolder:
         )
         outdated = set(files_of_run(self.path)) - set(summary.files)
         named = [
-            {"path": str(file.path), "point_count": file.point_count, "output": output}
-            for file, output in zip(self.inputs, outputs, strict=True)
+            {
+                "path": str(file.path),
+                "point_count": file.point_count,
+                "output": output,
+                **({"n_street": cloud.n_street} if cloud.n_street else {}),
+            }
+            for file, output, cloud in zip(self.inputs, outputs, clouds, strict=True)
         ]
         own = {"inputs": named, "until": self.until, "frame": asdict(self.frame), FINISHED: is_finished}
         run = run_record(own, summary, info)

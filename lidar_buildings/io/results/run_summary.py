@@ -73,6 +73,9 @@ class RunSummary:
     #: cannot have, buildings that lack the finest level of detail.
     remarks: tuple[Remark, ...] = ()
     n_facade: int = 0  #: points of class 6 that are façade
+    #: Points that were seen from the street, and those of them at places that were seen from above, too.
+    n_street: int = 0
+    n_covered: int = 0
     quality: dict[str, int] = field(default_factory=dict)  #: grade → buildings, empty without models
     quality_reasons: dict[str, int] = field(default_factory=dict)  #: code → buildings of which it is told
 
@@ -89,6 +92,16 @@ class RunSummary:
     def n_doubtful(self) -> int:
         """Buildings that are not good."""
         return sum(self.quality.values()) - self.quality.get(Grade.GOOD.value, 0)
+
+    @property
+    def view_words(self) -> str:
+        """From where points were seen, empty if from above alone."""
+        if not self.n_street:
+            return ""
+        words = f"seen from the street: {self.n_street:,} of {counted(self.n_points, 'point')}"
+        if not self.n_covered:
+            return words
+        return f"{words}; {self.n_covered:,} of them at places seen from above, where these tell the roofs"
 
     @property
     def building_words(self) -> list[str]:

@@ -29,7 +29,7 @@ _WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
 CORE, ROOFS, EDGES = (
     np.dtype([(name, COLUMNS[name]) for name in (*_NAME, *columns)])
     for columns in (
-        ("classification", "height_above_ground", "facade"),
+        ("classification", "height_above_ground", "facade", "view"),
         ("building_id", "plane_id", "edge"),
         ("edge",),
     )
@@ -41,7 +41,8 @@ class TileProducts:
     """The results of one tile."""
 
     stamp: int  #: the tile's key, of the revision that they are of [ns]
-    #: `source`, `index`, `classification`, `height_above_ground`, `facade` of every core point, structured.
+    #: `source`, `index`, `classification`, `height_above_ground`, `facade`, `view` of every core point,
+    #: structured.
     core: NDArray[Any]
     #: `source`, `index`, `building_id`, `plane_id`, `edge` of all points, core and buffer, of the tile's own
     #: buildings, structured.

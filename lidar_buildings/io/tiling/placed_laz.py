@@ -26,7 +26,7 @@ _LIMITS = {
     "number_of_returns": (0, 15),
     "classification": (0, 255),
     "scan_direction_flag": (0, 1),
-    VIEW: (0, View.COVERED),
+    "view": (0, View.STREET),
 }
 #: Points gathered before they are encoded: a chunk of LAZ has 50,000.
 _BATCH = 500_000
@@ -89,11 +89,12 @@ class PlacedLaz:
         n_near = int(np.count_nonzero(near))
         record = laspy.ScaleAwarePointRecord.zeros(n_near, header=self._writer.header)
         record.x, record.y, record.z = points[near].T
-        held = set(self._writer.header.point_format.dimension_names)
-        for name, values in self._columns(len(points)).items():
-            if name not in held:
-                continue
+        columns = self._columns(len(points))
+        views = columns.pop("view", None)
+        for name, values in columns.items():
             record[name] = values[near]
+        if views is not None and VIEW in self._writer.header.point_format.dimension_names:
+            record[VIEW] = views[near]
         times = [one.columns.get("gps_time", gps_time_of(one.times)) for one in self._batch]
         record.gps_time = np.concatenate([np.empty(0), *times])[near]
         self._writer.write_points(record)
@@ -120,7 +121,7 @@ class PlacedLaz:
         header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
         header.system_identifier = "placed scans"
         header.generating_software = "lidar_buildings"
-        if any(one.columns[VIEW].any() for one in self._batch if VIEW in one.columns):
+        if any(one.columns["view"].any() for one in self._batch if "view" in one.columns):
             header.add_extra_dim(laspy.ExtraBytesParams(VIEW, "uint8", "1: from above, 2: from street"))
         if self._crs is not None:
             header.add_crs(self._crs)

@@ -23,13 +23,13 @@ BAG = Path("drive")
 def saved(path: Path, points: NDArray[np.float64], crs: str = "") -> Path:
     """Write points, with a dimension of their own."""
     header = laspy.LasHeader(point_format=6, version="1.4")
-    header.add_extra_dim(laspy.ExtraBytesParams("view", "uint8"))
+    header.add_extra_dim(laspy.ExtraBytesParams("View", "uint8"))
     header.scales, header.offsets = [0.001] * 3, np.floor(points[0])
     if crs:
         header.add_crs(pyproj.CRS(crs))
     cloud = laspy.LasData(header)
     cloud.xyz = points
-    cloud.gps_time, cloud["view"] = np.arange(len(points), dtype=float), np.full(len(points), 2)
+    cloud.gps_time, cloud["View"] = np.arange(len(points), dtype=float), np.full(len(points), 2)
     cloud.write(path)
     return path
 
@@ -60,7 +60,7 @@ def test_an_offset_places_local_points_in_the_system_of_the_files(tmp_path: Path
 
     cloud = laspy.read(path)
     np.testing.assert_allclose(cloud.xyz, local + PLACE, atol=0.002)
-    assert (cloud["view"] == 2).all()
+    assert (cloud["View"] == 2).all()
     assert open_cloud(path).crs.name == open_cloud(files[0]).crs.name
     assert not found.warning
 

@@ -78,7 +78,7 @@ def test_what_poses_told_is_kept_in_files(tmp_path: Path) -> None:
     file.add(PlacedScan(points, np.full(len(points), 10**18), {"view": view}))
     file.close()
 
-    assert "view" in laspy.open(path).header.point_format.dimension_names
+    assert "View" in laspy.open(path).header.point_format.dimension_names
     np.testing.assert_array_equal(read_tile(path).is_from_street, view == View.STREET)
     for tile in tiles([path]):
         np.testing.assert_array_equal(tile.is_from_street, tile.points[:, 0] < 30.0)
