@@ -57,7 +57,12 @@ def places_along(lines: Iterable[shapely.Geometry]) -> Places:
     return Places(xy, (span / length[:, None])[of], (length / count)[of], row[of])
 
 
-def offsets_to(places: Places, lines: Sequence[shapely.Geometry], reach: float) -> NDArray[np.float64]:
+def offsets_to(
+    places: Places,
+    lines: Sequence[shapely.Geometry],
+    reach: float,
+    max_turn_deg: float = MAX_TURN_DEG,
+) -> NDArray[np.float64]:
     """Distance from each place to the nearest line that runs the same way, ∞ beyond `reach` [m]."""
     offset = np.full(len(places.xy), np.inf)
     segments, _ = segments_of(lines)
@@ -68,7 +73,10 @@ def offsets_to(places: Places, lines: Sequence[shapely.Geometry], reach: float) 
     pieces = shapely.linestrings(segments)
     points = shapely.points(places.xy)
     place, piece = shapely.STRtree(pieces).query(points, predicate="dwithin", distance=reach)
-    same = np.abs((places.direction[place] * along[piece]).sum(axis=1)) > np.cos(np.deg2rad(MAX_TURN_DEG))
+    same = (
+        np.abs((places.direction[place] * along[piece]).sum(axis=1))
+        >= np.cos(np.deg2rad(max_turn_deg)) - 1e-9
+    )
     place, piece = place[same], piece[same]
     np.minimum.at(offset, place, shapely.distance(points[place], pieces[piece]))
     return offset

@@ -20,11 +20,11 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -94,8 +94,13 @@ def facades(ride: Ride) -> Lines:
 
     points, truth = ride.points.points, ride.points
     height = points[:, 2] - ride.scene.terrain.at(points[:, :2])
+    return facade_lines(find_facades(points, height, truth.true_class == PointClass.GROUND))
+
+
+def facade_lines(found: Iterable[Any]) -> Lines:
+    """Cut façades of the stage where they begin or cease to be seen."""
     lines = Lines([], [])
-    for facade in find_facades(points, height, truth.true_class == PointClass.GROUND):
+    for facade in found:
         line, steps = shapely.LineString(facade.foot), len(facade.is_seen)
         cuts = np.flatnonzero(np.diff(facade.is_seen)) + 1
         for begin, end in zip([0, *cuts], [*cuts, steps], strict=True):
