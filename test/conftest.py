@@ -4,6 +4,14 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck
+from hypothesis import settings as of_properties
+
+# The same cases each time, on a busy machine, too; `bench/fuzz` looks for others.
+of_properties.register_profile(
+    "same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+of_properties.load_profile("same")
 
 #: Where the real clouds lie unless LIDAR_BUILDINGS_DATA says otherwise: beside the repository.
 DEFAULT_DATA = Path(__file__).resolve().parents[1] / ".." / "shared" / "data"

@@ -15,7 +15,7 @@ pytest.importorskip("rclpy")
 
 
 @pytest.mark.parametrize("name", TARGETS)
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(seed=st.integers(0, 2**63 - 1))
 def test_whatever_comes_only_the_documented_errors_are_raised(name, seed):
     target, _ = TARGETS[name]

@@ -105,7 +105,7 @@ def layouts(draw):
     return fields, offset + padding[0], shape, padding[1], draw(st.booleans())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(layouts())
 def test_any_layout_of_fields_is_read(layout):
     fields, point_step, (height, width), row_padding, big_endian = layout

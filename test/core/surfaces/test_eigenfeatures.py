@@ -123,7 +123,7 @@ def assert_same_bits(found, rows, expected, expected_rows):
         assert np.array_equal(getattr(found, name)[rows], getattr(expected, name)[expected_rows]), name
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 500), st.integers(0, 2**32 - 1))
 def test_the_order_of_rows_does_not_change_a_bit(n, seed):
     points = np.repeat(wavy_cloud(n, seed), 1 + seed % 3, axis=0)
@@ -142,7 +142,7 @@ def test_neither_threads_nor_blocks_change_a_bit(monkeypatch, n_threads, block):
     assert_same_bits(eigen_features(points, [1.0, 1.5, 2.0]), slice(None), expected, slice(None))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0, 12), st.floats(0, 12), st.floats(4, 10), st.floats(4, 10), st.integers(0, 100))
 def test_a_tile_has_the_features_of_the_whole_where_it_holds_all_neighbours(x, y, width, depth, seed):
     points, reach = wavy_cloud(seed=seed), 1.6

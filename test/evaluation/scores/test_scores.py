@@ -233,7 +233,7 @@ def test_nothing_against_something_and_nothing_against_nothing():
         assert math.isnan(score["boundary_of_unions_mean"])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10_000))
 def test_matching_agrees_with_picking_the_best_pair_again_and_again(seed):
     random = np.random.default_rng(seed)

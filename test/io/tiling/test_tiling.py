@@ -22,7 +22,7 @@ from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.io.tiling.tiling import TileSource, TilingConfig
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tile_size=st.floats(20.0, 400.0), buffer=st.floats(0.0, 120.0))
 def test_every_point_is_a_core_point_once(tmp_path, tile_size, buffer):
     paths = two_neighbours(tmp_path)

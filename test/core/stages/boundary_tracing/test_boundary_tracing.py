@@ -92,14 +92,14 @@ def test_no_points_give_an_empty_ring():
     assert traced.outline.exterior.shape == (0, 2)
 
 
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 @given(arrays(np.float32, st.tuples(st.integers(1, 80), st.just(2)), elements=st.floats(-50, 50, width=16)))
 def test_any_cloud_has_a_valid_ring_that_holds_all_its_points(xy):
     points = np.column_stack([xy.astype(np.float64), np.zeros(len(xy))])
     assert_sound(trace_boundary(points), points)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(arrays(np.int64, st.tuples(st.integers(1, 120), st.just(2)), elements=st.integers(0, 9)))
 def test_points_of_a_lattice_have_a_valid_ring(cells):
     points = np.column_stack([cells * 0.5, np.zeros(len(cells))])

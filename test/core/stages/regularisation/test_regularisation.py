@@ -200,7 +200,7 @@ def test_what_cannot_be_regularised_is_returned_as_traced_with_a_reason(ring, re
     assert (result.sigma, result.max_offset) == (0.0, 0.0)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(arrays(np.float32, st.tuples(st.integers(9, 80), st.just(2)), elements=st.floats(-50, 50, width=16)))
 def test_any_cloud_gets_a_valid_outline(xy):
     traced = trace_boundary(np.column_stack([xy.astype(np.float64), np.zeros(len(xy))]))

@@ -78,7 +78,7 @@ def fitted(points, kind, angles=(), weight=100.0):
     return shape
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000))
 def test_bridging_keeps_all_points_inside_a_simple_ring(seed):
     ring = jagged_box(seed)

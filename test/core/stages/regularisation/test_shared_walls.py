@@ -161,7 +161,7 @@ def test_random_partitions_are_put_together_again(seed):
     assert shapely.union_all(found).area == pytest.approx(900.0, rel=0.03)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     n=st.integers(1, 7),
     seed=st.integers(0, 10_000),

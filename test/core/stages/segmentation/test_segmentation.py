@@ -42,7 +42,7 @@ def test_windows_chain_the_same_points_as_a_comparison_of_all_pairs(reach, seed)
     assert n_components == component.max() + 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(arrays(np.int64, st.tuples(st.integers(0, 60), st.just(2)), elements=st.integers(-12, 12)))
 def test_windows_chain_the_same_points_on_a_lattice_with_ties(cells):
     # Quarter metres are exact in floating point: distances equal to the reach are met exactly.

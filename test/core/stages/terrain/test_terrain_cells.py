@@ -12,7 +12,7 @@ from lidar_buildings.core.stages.terrain.window import RasterWindow
 MASKS = hnp.arrays(bool, st.tuples(st.integers(1, 14), st.integers(1, 14)), elements=st.booleans())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(marked=MASKS, reach=st.integers(0, 9))
 def test_distances_are_euclidean_as_far_as_they_matter(marked, reach):
     found = squared_distance(marked, reach)
@@ -23,7 +23,7 @@ def test_distances_are_euclidean_as_far_as_they_matter(marked, reach):
     np.testing.assert_array_equal(np.minimum(found, far), np.minimum(expected, far))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(marked=MASKS, reach=st.integers(0, 5))
 def test_closing_leaves_open_just_where_an_empty_circle_fits(marked, reach):
     padded = np.pad(marked, reach + 1)
