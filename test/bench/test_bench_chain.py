@@ -10,7 +10,7 @@ import pytest
 
 from bench.chain import report
 from bench.chain import run as chain
-from bench.chain.child import PERIOD, run_child
+from bench.chain.child import PERIOD, Watch, run_child
 from bench.chain.copies import GAP, PAUSE, input_files
 from bench.chain.decoding import decode
 from bench.chain.live import Sending, latencies
@@ -56,9 +56,17 @@ def test_copies_are_the_same_points_elsewhere_and_later(clouds, tmp_path):
     assert decode([str(path) for path in copies[:2]]) == 100
 
 
-def test_a_child_s_memory_time_and_temporary_files_are_counted(tmp_path):
-    allowed, output = os.sched_getaffinity(0), tmp_path / "out"
+def test_a_child_s_memory_time_and_temporary_files_are_counted(tmp_path, monkeypatch):
+    allowed, output, looked = os.sched_getaffinity(0), tmp_path / "out", tmp_path / "looked"
     output.mkdir()
+    look = Watch.look
+
+    def noted(watch, pid):
+        look(watch, pid)
+        with looked.open("a") as file:
+            file.write("*")
+
+    monkeypatch.setattr(Watch, "look", noted)
     program = """
 import os, sys, tempfile, time
 held = bytearray(b"x") * 60_000_000
@@ -66,16 +74,19 @@ held = bytearray(b"x") * 60_000_000
 for path, size in ((kept, 5000), (partial, 300), (os.path.join(tempfile.gettempdir(), "spool"), 20)):
     with open(path, "wb") as file:
         file.write(bytes(size))
-time.sleep(float(sys.argv[2]))
+n_looks = lambda: os.path.exists(sys.argv[2]) and os.path.getsize(sys.argv[2])
+until = n_looks() + 2  # one may have begun before
+while n_looks() < until:
+    time.sleep(0.01)
 os.remove(partial)
 print(len(os.sched_getaffinity(0)))
 """
-    used = run_child([sys.executable, "-c", program, str(output), str(4 * PERIOD)], cores=1, output=output)
+    used = run_child([sys.executable, "-c", program, str(output), str(looked)], cores=1, output=output)
     assert used.printed == "1\n"
     assert used.memory > 60_000_000
     assert used.disk == 320
     assert used.cpu > 0
-    assert used.wall > 4 * PERIOD
+    assert used.wall > PERIOD
     assert used.others >= 0
     with pytest.raises(SystemExit, match="status 3:\nwhy"):
         run_child([sys.executable, "-c", "print('why'); raise SystemExit(3)"])

@@ -35,7 +35,7 @@ def test_the_nodes_take_bags_as_a_run_does(command, drive, context, tmp_path):
         (str(drive.path),), str(tmp_path / "graph"), until=UNTIL[1], settings=settings, context=context
     )
     with running(*nodes.values()) as composition:
-        assert composition.wait(nodes["model_writer"], 60.0)
+        assert composition.wait(nodes["model_writer"], 300.0)
     clouds = [laspy.read(tmp_path / one / "classified" / "drive.laz") for one in ("run", "graph")]
     assert 0 < len(clouds[0]) < len(drive.points)
     assert np.array_equal(clouds[0].points.array, clouds[1].points.array)

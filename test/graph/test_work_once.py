@@ -38,7 +38,7 @@ class SlowedGraph:
 
     def __init__(self, survey, output, context, monkeypatch):
         self.calls = Counter()
-        self._ticks = threading.Condition()
+        self._ticks, self._leap = threading.Condition(), 0.0
         for node, name in WORK.items():
             module = model_writer if node == "model_writer" else stage_nodes
             monkeypatch.setattr(module, name, self._slowed(node, getattr(module, name)))
@@ -54,6 +54,8 @@ class SlowedGraph:
 
     def _ticking(self, on_timer):
         def tick(player):
+            with self._ticks:
+                player._time, self._leap = player._time + self._leap, 0.0
             on_timer(player)
             with self._ticks:
                 self._ticks.notify_all()
@@ -67,9 +69,9 @@ class SlowedGraph:
             self.calls[node, stamp, len(tile) if stamp is not None else tuple(tile)] += 1
             player = self.nodes["tile_player"]
             with self._ticks:
-                assert self._ticks.wait_for(lambda: node in has_in_hand(player), 60.0)
-                player._time += LONG
-                assert all(self._ticks.wait(60.0) for _ in range(2))
+                assert self._ticks.wait_for(lambda: node in has_in_hand(player), 240.0)
+                self._leap += LONG
+                assert all(self._ticks.wait(240.0) for _ in range(2))
             return work(tile, *more, **named)
 
         return slow

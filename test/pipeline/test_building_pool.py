@@ -7,10 +7,12 @@ import signal
 import threading
 import time
 from functools import partial
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.waiting import wait_until
 
 from lidar_buildings.core.neighbours.parallel import for_row_blocks, n_cores
 from lidar_buildings.pipeline import building_pool
@@ -57,20 +59,12 @@ def threads_used(others):
     (folder / f"{os.getpid()}").touch()
     while len(list(folder.iterdir())) < n_others:
         time.sleep(0.001)
-    used, own, has_other, waited = set(), threading.get_ident(), threading.Event(), []
-
-    def block(first, last):
-        used.add(threading.get_ident())
-        if threading.get_ident() != own:
-            has_other.set()
-        elif not waited:  # else one thread may have done all before others wake
-            waited.append(has_other.wait(1.0))
-
-    for_row_blocks(block, 1000, 1)
+    used = set()
+    for_row_blocks(lambda first, last: used.add(threading.get_ident()), 1000, 1)
     (folder / f"{os.getpid()} done").touch()
     while len(list(folder.glob("* done"))) < n_others:
         time.sleep(0.001)
-    return used != {own}
+    return used != {threading.get_ident()}
 
 
 def is_alive(process):
@@ -162,11 +156,15 @@ def test_a_process_that_was_killed_is_replaced_though_there_are_threads(monkeypa
         assert os.getpid() not in others
 
 
-def test_no_shared_memory_is_left_by_a_process_that_ends(pool):
-    before = {*Path("/dev/shm").glob("*")} if Path("/dev/shm").is_dir() else set()
+def test_no_shared_memory_is_left_by_a_process_that_ends(pool, monkeypatch):
+    made, packed = [], building_pool._packed  # other processes of the machine have memory of their own
+    monkeypatch.setattr(building_pool, "_packed", lambda sent: made.append(packed(sent)) or made[-1])
     with pytest.raises(WorkerLostError):
         pool.submit(end_with, np.ones(LARGE * 10)).result()
-    assert not before or {*Path("/dev/shm").glob("psm_*")} <= before
+    assert len(made) == 2
+    for one in made:
+        with pytest.raises(FileNotFoundError):
+            SharedMemory(one.memory)
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):
@@ -176,8 +174,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
     ended.join()
     processes = [int(one) for one in told.read_text().split()]
     assert len(set(processes)) == 2
-    while any(is_alive(process) for process in processes):
-        time.sleep(0.01)
+    wait_until(lambda: not any(is_alive(process) for process in processes))
 
 
 def open_and_end(told):
@@ -197,8 +194,7 @@ def test_closing_ends_all_processes_though_they_are_at_work():
         at_work = {process for _, process in shared(opened, process_of, list(range(30)))}
         answers = [opened.submit(wait, job) for job in range(5)]
     assert all(answer.done() for answer in answers)
-    while any(is_alive(process) for process in at_work):
-        time.sleep(0.01)
+    wait_until(lambda: not any(is_alive(process) for process in at_work))
 
 
 def refuse(number):
