@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -133,7 +134,10 @@ CALLS = (*OF_RUNS, _simulation, _rare)
 
 def load_stages() -> None:
     """Load what works on tiles, compiled code by a call of each stage, and leave no thread behind."""
+    gc.disable()
     share_cores(lambda: False)
     for call in OF_RUNS:
         call()
     share_cores(lambda: True)
+    gc.freeze()  # it stays to the end: looked through for garbage it would take a twentieth of a run
+    gc.enable()
