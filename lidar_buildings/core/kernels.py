@@ -1,4 +1,4 @@
-"""How loops are compiled: `kernel`, numba's `njit` with the options that all loops of the package share."""
+"""How loops are compiled: numba's `njit` with the options that all loops of the package share."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,3 +14,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     arrays and numbers: each other kind is compiled once more.
     """
     return njit(nogil=True, cache=True, error_model="numpy")(function)
+
+
+def inner_kernel(function: Callable[..., Any]) -> Any:
+    """
+    Compile a loop as a part of the loops that call it: for short ones, and those called in one place.
+
+    It has no machine code of its own unless Python calls it, which makes less to compile and to load.
+    """
+    return njit(nogil=True, cache=True, error_model="numpy", inline="always")(function)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -239,7 +239,7 @@ def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-un
             ordered[i, axis] = points[rows[i], axis]
 
 
-@kernel
+@inner_kernel
 def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
     """Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers."""
     for i in range(len(rows)):
@@ -313,7 +313,7 @@ def first_from(numbers, least):  # type: ignore[no-untyped-def]
     return begin
 
 
-@kernel
+@inner_kernel
 def cells_in_row(numbers, n_columns, row, column, reach):  # type: ignore[no-untyped-def]
     """
     Return where the run of a row's occupied cells begins and ends that lie at most `reach` from a column.

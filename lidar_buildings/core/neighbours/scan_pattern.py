@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
 from lidar_buildings.core.neighbours.point_spacing import mark_probes
@@ -292,13 +292,13 @@ def _next_on_line(pulses, cells, asking, runs, group, is_probe, axis, across, si
                         sides[i, side] = abs(ahead)
 
 
-@kernel
+@inner_kernel
 def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
     """Whether two points are of one group and strip."""
     return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
 
 
-@kernel
+@inner_kernel
 def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
     """Write neighbours (dx, dy, squared distance) to `near`; return how many, and the second distance."""
     count, nearest, second = 0, np.inf, np.inf
@@ -325,7 +325,7 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
     return count, second
 
 
-@kernel
+@inner_kernel
 def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
     cosine, sine, total = 0, 0, 0
@@ -342,7 +342,7 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     return cosine / total, sine / total
 
 
-@kernel
+@inner_kernel
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
     """Return the mean distance along an axis of the nearest neighbours on it [spacings], NaN if none."""
     total, count = 0, 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel
 
 #: Sectors of 45° each; the opposite of one is half of them on.
 N_SECTORS = 8
 
 
-@kernel
+@inner_kernel
 def sector_of(dx, dy):  # type: ignore[no-untyped-def]
     """Return the sector of a direction in plan, 0 to 7 counterclockwise from east, without trigonometry."""
     if dy < 0.0 or (dy == 0.0 and dx < 0.0):
@@ -16,7 +16,7 @@ def sector_of(dx, dy):  # type: ignore[no-untyped-def]
     return _of_upper_half(dx, dy)
 
 
-@kernel
+@inner_kernel
 def _of_upper_half(dx, dy):  # type: ignore[no-untyped-def]
     """Return the sector of a direction from east to just before west."""
     if dx > 0.0:

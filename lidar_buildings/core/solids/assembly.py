@@ -150,7 +150,7 @@ def _raise(vertices, edges, order, around, first, rings, places, corners, ring_s
                 break
         stack[v + 1] = n
     rows = np.full(stack[-1], -1)
-    n_places, filled, n_rings = 0, 0, 0
+    n_places, filled, n_rings = np.int64(0), 0, 0
     ring_starts[0] = 0
     for ring in rings:
         for k in range(first[ring], first[ring + 1]):

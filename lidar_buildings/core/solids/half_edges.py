@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.solids.output_grid import GRID
@@ -33,7 +33,7 @@ _MIN_STEPS = round(MIN_HEIGHT / GRID)
 @kernel
 def link(vertices: IntArray, edges: IntArray, planes: FloatArray, ground: int, within: float) -> None:
     """Find the half-edges around every vertex and the elevations there."""
-    order, first = rows_by_group(edges[:, START], len(vertices))
+    order, first = rows_by_group(edges[:, START].copy(), len(vertices))
     fan, value = np.empty(len(order), dtype=np.int64), np.empty(len(order))
     for v in range(len(vertices)):
         n = first[v + 1] - first[v]
@@ -75,7 +75,7 @@ def fan_of(vertices: IntArray, edges: IntArray, v: int, fan: IntArray) -> int:
     return n
 
 
-@kernel
+@inner_kernel
 def raw_elevation(planes: FloatArray, x: int, y: int, piece: int) -> float:
     """Return the elevation of a piece's own plane at a place [steps of the grid]."""
     return (planes[piece, 0] * (x * GRID) + planes[piece, 1] * (y * GRID) + planes[piece, 2]) / GRID
@@ -109,7 +109,7 @@ def measure(vertices, edges, planes, v, fan, value, ground, within):  # type: ig
             first = last
 
 
-@kernel
+@inner_kernel
 def level_of(edges: IntArray, e: int, piece: int) -> int:
     """Return the elevation of a piece at the start of a half-edge beside it."""
     other = edges[e, CW]
@@ -122,7 +122,7 @@ def level_of(edges: IntArray, e: int, piece: int) -> int:
 DRAWN_BACK = 10
 
 
-@kernel
+@inner_kernel
 def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
     """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
     chosen, chosen_last, shallowest = -1, -1, 0
@@ -156,7 +156,7 @@ def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
             return chosen, chosen_last
 
 
-@kernel
+@inner_kernel
 def find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
     """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
     p, q = edges[first ^ 1, START], edges[last ^ 1, START]
@@ -286,7 +286,7 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
     return False
 
 
-@kernel
+@inner_kernel
 def _find_crossing(vertices, planes, a, b, left, right, new):  # type: ignore[no-untyped-def]
     """Put a vertex on the place of the grid that is nearest to the crossing of both pieces."""
     ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
@@ -297,7 +297,7 @@ def _find_crossing(vertices, planes, a, b, left, right, new):  # type: ignore[no
     vertices[new, Y] = int(np.rint(ay + share * (by - ay)))
 
 
-@kernel
+@inner_kernel
 def _split_edge(vertices, edges, sizes, e, new, fan, value):  # type: ignore[no-untyped-def]
     a, b = edges[e, START], edges[e ^ 1, START]
     half = sizes[1]
@@ -313,10 +313,10 @@ def _split_edge(vertices, edges, sizes, e, new, fan, value):  # type: ignore[no-
     arrange(vertices, edges, b, fan, n, value)
     arrange(vertices, edges, a, fan, fan_of(vertices, edges, a, fan), value)
     fan[0], fan[1] = e ^ 1, half
-    arrange(vertices, edges, new, fan, 2, value)
+    arrange(vertices, edges, new, fan, np.int64(2), value)
 
 
-@kernel
+@inner_kernel
 def _cut_corner(vertices, edges, sizes, v, first, last, new, fan, n, moved, value):  # type: ignore[no-untyped-def]
     """Draw the sectors first to last back from a vertex to a new one, so that those beside them meet."""
     n_moved = (last - first) % n + 2

@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.solids.shell import Face, Solid, cross
 
@@ -95,7 +95,7 @@ def starts_of(sizes: IntArray) -> IntArray:
 _NO_GAIN = 1e-9
 
 
-@kernel
+@inner_kernel
 def flip_to_delaunay(flat, corners, rows, begin, end, across):  # type: ignore[no-untyped-def]
     """
     Flip the inner edges of triangles in place, as Lawson (1977), until all are locally Delaunay.
@@ -148,7 +148,7 @@ def flip_to_delaunay(flat, corners, rows, begin, end, across):  # type: ignore[n
             return
 
 
-@kernel
+@inner_kernel
 def _edge_towards(across: IntArray, t: int, other: int) -> int:
     for k in range(3):
         if across[t, k] == other:
@@ -156,7 +156,7 @@ def _edge_towards(across: IntArray, t: int, other: int) -> int:
     return -1
 
 
-@kernel
+@inner_kernel
 def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles opposite edge ab add up to more than 180° and the other diagonal lies inside."""
     if _angle(flat, c, a, d)[0] <= 0.0 or _angle(flat, d, b, c)[0] <= 0.0:
@@ -166,7 +166,7 @@ def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     return sine_c * cosine_d + cosine_c * sine_d < -_NO_GAIN
 
 
-@kernel
+@inner_kernel
 def _angle(flat: FloatArray, p: int, q: int, r: int) -> tuple[float, float]:
     ux, uy = flat[q, 0] - flat[p, 0], flat[q, 1] - flat[p, 1]
     vx, vy = flat[r, 0] - flat[p, 0], flat[r, 1] - flat[p, 1]
@@ -219,7 +219,7 @@ def _triangulate_all(flat, corners, ring_starts, face_starts, starts, triangles)
                 triangles[t, k] = corners[triangles[t, k]]
 
 
-@kernel
+@inner_kernel
 def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # type: ignore[no-untyped-def]
     """Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then."""
     # The rightmost hole left is the next: joined at a common vertex, else by the shortest bridge in sight.
@@ -260,7 +260,7 @@ def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # 
     return n
 
 
-@kernel
+@inner_kernel
 def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches):  # type: ignore[no-untyped-def]
     """Whether corner i of a loop sees a corner on its inside; nothing lies between where rings touch."""
     start = loop[i]
@@ -297,7 +297,7 @@ def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches)
     return True
 
 
-@kernel
+@inner_kernel
 def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untyped-def]
     """Cut the ears off a loop of n corners: each time the best one, in long loops the first good one."""
     # An ear's quality is its height over its longest side; −1: straight, −2: no ear, −3: points inwards.
@@ -329,7 +329,7 @@ def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untype
         triangles[row, k] = loop[k]
 
 
-@kernel
+@inner_kernel
 def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     a, b, c = loop[k - 1 if k else n - 1], loop[k], loop[k + 1 if k + 1 < n else 0]
     longest = np.sqrt(max(_squared(flat, a, b), _squared(flat, b, c), _squared(flat, c, a)))
@@ -360,7 +360,7 @@ def turn(flat: FloatArray, a: int, b: int, c: int) -> float:
     )
 
 
-@kernel
+@inner_kernel
 def _squared(flat: FloatArray, a: int, b: int) -> float:
     return (flat[a, 0] - flat[b, 0]) ** 2 + (flat[a, 1] - flat[b, 1]) ** 2
 

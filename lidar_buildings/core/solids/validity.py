@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
@@ -117,7 +117,7 @@ def n_joints(edges, distance):  # type: ignore[no-untyped-def]
     return n
 
 
-@kernel
+@inner_kernel
 def _squared(x: float, y: float, ux: float, uy: float) -> float:
     share = min(1.0, max(0.0, (x * ux + y * uy) / (ux * ux + uy * uy)))
     return (x - share * ux) ** 2 + (y - share * uy) ** 2

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: A fourth point this little inside or outside the circle, relative to the sides to the fourth power, counts
 #: as on it: far above rounding (1e-16), far below what matters to the shape.
@@ -22,8 +22,9 @@ def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours
     Insert a vertex into the triangle that holds it; flip sides until all are Delaunay again (Lawson 1977).
 
     `vertex` is a row of `vertices`, float64 (n, 2 or more) [m], at no other vertex's place; it lies in
-    `triangle` or on its border, never beyond the hull. The mesh, `triangles` and `neighbours`, int32 (m, 3),
-    is changed in place and has room for two more than the `n_triangles` so far. Return their new number.
+    `triangle` (int32) or on its border, never beyond the hull. The mesh, `triangles` and `neighbours`, int32
+    (m, 3), is changed in place and has room for two more than the `n_triangles` so far. Return their new
+    number.
     """
     first, second = n_triangles, n_triangles + 1
     _split(vertex, triangle, first, second, triangles, neighbours)
@@ -41,7 +42,7 @@ def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours
             return n_triangles + 2
 
 
-@kernel
+@inner_kernel
 def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Replace a triangle by three that meet in the vertex; it is corner 0 of each."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
@@ -53,7 +54,7 @@ def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ign
     _redirect(beyond_c, triangle, second, neighbours)
 
 
-@kernel
+@inner_kernel
 def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k."""
     # Both have the former's corner 0 as their corner 0 afterwards.
@@ -66,20 +67,20 @@ def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     _redirect(beyond_ca, near, far, neighbours)
 
 
-@kernel
+@inner_kernel
 def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Write a triangle's corners and the neighbours opposite them."""
     triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2] = a, b, c
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@kernel
+@inner_kernel
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
 
 
-@kernel
+@inner_kernel
 def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     """Return the corner of a triangle opposite the side that it shares with another."""
     if neighbours[triangle, 0] == other:
@@ -87,7 +88,7 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     return 1 if neighbours[triangle, 1] == other else 2
 
 
-@kernel
+@inner_kernel
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """Whether a vertex d lies within the circle round a triangle abc and side bc may be turned into ad."""
     # Of four on one circle the first by x, then y, gets the side, as if it alone lay a little lower on the

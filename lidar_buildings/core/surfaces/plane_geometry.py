@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.surfaces.point_moments import covariance
 from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, values_and_normal
@@ -36,7 +36,7 @@ def fitted_plane(moments: FloatArray, plane: FloatArray) -> float:
     return third * n
 
 
-@kernel
+@inner_kernel
 def residual_of(moments: FloatArray) -> float:
     """Return the sum of the squared distances of the summed points from their least-squares plane [m²]."""
     n = moments[0]
@@ -59,7 +59,7 @@ def plane_through(p: FloatArray, q: FloatArray, r: FloatArray, plane: FloatArray
     return True
 
 
-@kernel
+@inner_kernel
 def distance_of(plane: FloatArray, points: FloatArray, i: int) -> float:
     """Return the orthogonal distance of point i to a plane [m]."""
     return abs(plane[0] * points[i, 0] + plane[1] * points[i, 1] + plane[2] * points[i, 2] + plane[3])

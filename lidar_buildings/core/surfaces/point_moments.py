@@ -10,7 +10,7 @@ N_MOMENTS = 10
 
 @kernel
 def add_point(moments, x, y, z):  # type: ignore[no-untyped-def]
-    """Add a point to its sums, of floats or of whole numbers."""
+    """Add a point to its sums."""
     moments[0] += 1
     moments[1] += x
     moments[2] += y

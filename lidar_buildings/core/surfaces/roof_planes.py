@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray
 from lidar_buildings.core.model.point_array import extent_of
-from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 
 #: Normals are taken for no more level than this when elevations are asked for: a wall has none.
 _LEAST_VERTICAL = 1e-6
@@ -99,7 +99,9 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
         x = np.int64(np.rint((points[i, 0] - centre[0]) * unit))
         y = np.int64(np.rint((points[i, 1] - centre[1]) * unit))
         z = np.int64(np.rint((points[i, 2] - centre[2]) * unit))
-        add_point(sums[k], x, y, z)
+        moments = 1, x, y, z, x * x, x * y, x * z, y * y, y * z, z * z
+        for moment in range(N_MOMENTS):
+            sums[k, moment] += moments[moment]
 
 
 @kernel

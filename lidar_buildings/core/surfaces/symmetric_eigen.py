@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: Numbers below this are 0, lest a division by them overflows.
 SMALLEST = 1e-200
@@ -96,7 +96,7 @@ def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), nx, ny, nz
 
 
-@kernel
+@inner_kernel
 def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     """Return the unit vector that A − λ turns to 0, λ being a single eigenvalue."""
     xx, yy, zz = xx - eigenvalue, yy - eigenvalue, zz - eigenvalue
@@ -114,7 +114,7 @@ def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     return ux * scale, uy * scale, uz * scale
 
 
-@kernel
+@inner_kernel
 def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     """Return cosine and sine of half the angle of a vector of this length; of none, 1 and 0."""
     single = length <= DOUBLE
@@ -126,7 +126,7 @@ def _half_angle(cosine, sine, length):  # type: ignore[no-untyped-def]
     return (larger if cosine >= 0.0 else other), (other if cosine >= 0.0 else larger)
 
 
-@kernel
+@inner_kernel
 def _upward(x, y, z):  # type: ignore[no-untyped-def]
     """Return the vector or its opposite: z > 0, or else y > 0, or else x > 0."""
     down = (z < 0.0) | ((z == 0.0) & ((y < 0.0) | ((y == 0.0) & (x < 0.0))))

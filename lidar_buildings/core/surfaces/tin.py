@@ -74,7 +74,7 @@ class Tin:
 def _locate(xy, vertices, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Walk to each point's triangle, starting where the previous point was found."""
     found = np.empty(len(xy), dtype=np.int32)
-    triangle = 0
+    triangle = np.int32(0)
     for i in range(len(xy)):
         triangle = walk(xy[i, 0], xy[i, 1], triangle, vertices, triangles, neighbours)
         found[i] = triangle
@@ -87,7 +87,7 @@ def walk(x, y, start, vertices, triangles, neighbours):  # type: ignore[no-untyp
     Cross the side that hides the point until none does (Devillers et al. 2002: visibility walk).
 
     Never turns straight back, so rounding on a shared side cannot make it bounce; the number of steps is
-    bounded by the number of triangles.
+    bounded by the number of triangles. Triangles are int32, as in the mesh.
     """
     triangle, came_from = start, -1
     for _ in range(len(triangles)):
@@ -132,18 +132,13 @@ def _interpolate(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def place_of(v, vertices):  # type: ignore[no-untyped-def]
-    """Return the coordinates of a vertex."""
-    return vertices[v, 0], vertices[v, 1], vertices[v, 2]
-
-
-@kernel
 def corners_of(triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     """Return the coordinates of a triangle's corners."""
+    a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
     return (
-        place_of(triangles[triangle, 0], vertices),
-        place_of(triangles[triangle, 1], vertices),
-        place_of(triangles[triangle, 2], vertices),
+        (vertices[a, 0], vertices[a, 1], vertices[a, 2]),
+        (vertices[b, 0], vertices[b, 1], vertices[b, 2]),
+        (vertices[c, 0], vertices[c, 1], vertices[c, 2]),
     )
 
 

@@ -128,7 +128,7 @@ def _elevation_of_nearest(places, vertices):  # type: ignore[no-untyped-def]
 @kernel
 def insert_all(order, vertices, triangles, neighbours, n_triangles):  # type: ignore[no-untyped-def]
     """Insert vertices in this order, walking to each from the one before; return the number of triangles."""
-    last = 0
+    last = np.int32(0)
     for vertex in order:
         last = walk(vertices[vertex, 0], vertices[vertex, 1], last, vertices, triangles, neighbours)
         n_triangles = insert_vertex(vertex, last, n_triangles, vertices, triangles, neighbours)

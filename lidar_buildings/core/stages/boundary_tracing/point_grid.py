@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.point_spacing import distinct_positions
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
@@ -85,14 +85,14 @@ def build_point_grid(
     return PointGrid(x, y, first, n_columns, n_rows, cell, low_u, low_v, *frame, is_disc, _ROUNDING * largest)
 
 
-@kernel
+@inner_kernel
 def column_of(grid, x, y):  # type: ignore[no-untyped-def]
     """Return the column of a place, limited to the grid's."""
     u = (grid.ux * x + grid.uy * y - grid.west) / grid.cell
     return np.int64(max(0.0, min(u, grid.n_columns - 1.0)))
 
 
-@kernel
+@inner_kernel
 def row_of(grid, x, y):  # type: ignore[no-untyped-def]
     """Return the row of a place, limited to the grid's."""
     v = (grid.vx * x + grid.vy * y - grid.south) / grid.cell
@@ -113,7 +113,7 @@ def cells_within(grid, x, y, span):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@inner_kernel
 def span_of(grid, dx, dy):  # type: ignore[no-untyped-def]
     """Return how many times the neighbourhood has to be enlarged for its rim to pass a place (dx, dy) off."""
     u, v = grid.ux * dx + grid.uy * dy, grid.vx * dx + grid.vy * dy

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.stages.boundary_tracing.point_grid import (
     PointGrid,
     cells_within,
@@ -78,7 +78,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
     edges.size[0] = size
 
 
-@kernel
+@inner_kernel
 def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (grid.x, grid.y, grid.rounding, edges.head, edges.link, edges.owner)
@@ -110,7 +110,7 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
     return False
 
 
-@kernel
+@inner_kernel
 def _box(grid, a, b):  # type: ignore[no-untyped-def]
     """Return the rows and columns that the bounding box of a segment extends over."""
     row_a, row_b = row_of(grid, grid.x[a], grid.y[a]), row_of(grid, grid.x[b], grid.y[b])
@@ -119,7 +119,7 @@ def _box(grid, a, b):  # type: ignore[no-untyped-def]
     return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
 
 
-@kernel
+@inner_kernel
 def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point."""
     is_shared_a, is_shared_b = a in (c, d), b in (c, d)
@@ -139,7 +139,7 @@ def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     return _side(x, y, rounding, c, d, a) * _side(x, y, rounding, c, d, b) <= 0
 
 
-@kernel
+@inner_kernel
 def _side(x, y, rounding, a, b, c):  # type: ignore[no-untyped-def]
     """Return the sign of c's side of the line ab: 1 left, −1 right, 0 on it as far as rounding tells."""
     dx, dy = x[b] - x[a], y[b] - y[a]
@@ -192,7 +192,7 @@ def walk_round(grid, edges, follower, reach, max_reach, start, heading, max_step
     return ring[:n].copy(), end
 
 
-@kernel
+@inner_kernel
 def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
@@ -203,7 +203,7 @@ def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: igno
         seen, reach = reach, min(reach * GROWTH, max_reach)
 
 
-@kernel
+@inner_kernel
 def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none."""
     rows, turns = _free_points(grid, follower, seen, reach, ring, n, back)
@@ -213,7 +213,7 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
     return -1
 
 
-@kernel
+@inner_kernel
 def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the points that a step may lead to, and their clockwise turns; the nearer first."""
     xs, ys, current, start = grid.x, grid.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]
@@ -243,7 +243,7 @@ def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no
     return rows[:count], turns[:count]
 
 
-@kernel
+@inner_kernel
 def _direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from −1 to 3 that grows with the angle of a direction, without trigonometry."""
     slant = dy / (abs(dx) + abs(dy)) if dx != 0 or dy != 0 else 0.0

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.stages.building_model.cells import Cells
 
@@ -60,7 +60,7 @@ def _squares_over(places, spacing):  # type: ignore[no-untyped-def]
     return side, column, row, n_columns, n_rows
 
 
-@kernel
+@inner_kernel
 def _square_of(x, y, squares):  # type: ignore[no-untyped-def]
     """Return the number of the square that a place lies in, -1 beside all."""
     side, first_column, first_row, n_columns, n_rows = squares
@@ -107,7 +107,7 @@ def _heights(places, points, spacing):  # type: ignore[no-untyped-def]
     return squares, lowest, highest, top
 
 
-@kernel
+@inner_kernel
 def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
     """Return the elevation of the highest return around each place, of all where there is none [m]."""
     squares, _, highest, top = _heights(places, points, spacing)

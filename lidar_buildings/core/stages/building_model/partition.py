@@ -52,8 +52,8 @@ def parts_of_one_height(cells: Cells, face: IntArray, planes: FloatArray, min_st
 
 @kernel
 def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no-untyped-def]
-    n, m = len(planes), 0
-    keys, rows = np.empty(len(borders), np.int64), np.empty(len(borders), np.int64)
+    n, m = len(planes), np.int64(0)
+    keys, rows = np.empty(len(borders)), np.empty(len(borders), np.int64)
     for e in range(len(borders)):
         left = face[sides[e, 0]] if sides[e, 0] >= 0 else -1
         right = face[sides[e, 1]] if sides[e, 1] >= 0 else -1
@@ -64,7 +64,7 @@ def _parts(vertices, borders, sides, face, planes, min_step):  # type: ignore[no
     parent = np.arange(n)
     step, length = 0.0, 0.0
     for k in range(m):
-        low, high = keys[k] // n, keys[k] % n
+        low, high = divmod(np.int64(keys[k]), n)
         a, b, c = planes[low] - planes[high]
         ax, ay = vertices[borders[rows[k], 0]]
         bx, by = vertices[borders[rows[k], 1]]
@@ -189,10 +189,12 @@ def _parted(
 
 def _ends_around(places: FloatArray, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest point within some spacings of each place, infinite without any."""
-    away = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:2])
-    is_near = away <= _AROUND * spacing
-    low = np.where(is_near, points[:, 2], np.inf).min(axis=1)
-    high = np.where(is_near, points[:, 2], -np.inf).max(axis=1)
+    reach = _AROUND * spacing
+    west_south, east_north = places.min(axis=0)[:2] - reach, places.max(axis=0)[:2] + reach
+    points = points[((points[:, :2] >= west_south) & (points[:, :2] <= east_north)).all(axis=1)]
+    is_near = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:2]) <= reach
+    low = np.where(is_near, points[:, 2], np.inf).min(axis=1, initial=np.inf)
+    high = np.where(is_near, points[:, 2], -np.inf).max(axis=1, initial=-np.inf)
     is_alone = ~is_near.any(axis=1)
     return np.where(is_alone, -np.inf, low), np.where(is_alone, np.inf, high)
 

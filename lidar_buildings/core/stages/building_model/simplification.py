@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.stages.building_model.cells import Cells
@@ -31,13 +31,13 @@ def grouped(owners, n):  # type: ignore[no-untyped-def]
     return first, places
 
 
-@kernel
+@inner_kernel
 def _turn(e, v, borders, turns):  # type: ignore[no-untyped-def]
     """Direction in which an edge leaves a vertex [rad]."""
     return turns[e] if borders[e, 0] == v else turns[e] - math.copysign(math.pi, turns[e])
 
 
-@kernel
+@inner_kernel
 def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
     """Put the edges round each vertex in place by rising direction."""
     for v in range(len(first) - 1):
@@ -63,10 +63,10 @@ def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # ty
         if total >= most:
             return total
     for v in vertices:
-        start, before, n = -1, -1, 0
+        start, before, n = np.int64(-1), np.int64(-1), np.int64(0)
         for k in range(first[v], first[v + 1]):
             e = rows[k]
-            if plane_beside(e, 0, sides, labels) == plane_beside(e, 1, sides, labels):
+            if plane_of(sides[e, 0], labels) == plane_of(sides[e, 1], labels):
                 continue
             if start < 0:
                 start = e
@@ -94,10 +94,10 @@ def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-
     return total
 
 
-@kernel
-def plane_beside(e, side, sides, labels):  # type: ignore[no-untyped-def]
-    """Plane on one side of an edge, -1 beside the outline."""
-    return labels[sides[e, side]] if sides[e, side] >= 0 else -1
+@inner_kernel
+def plane_of(cell, labels):  # type: ignore[no-untyped-def]
+    """Plane of a cell, −1 beyond the outline."""
+    return labels[cell] if cell >= 0 else -1
 
 
 @kernel
@@ -123,7 +123,7 @@ _MOST_LONGER = 8.0
 EPSILON = 1e-9
 
 
-@kernel
+@inner_kernel
 def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -132,7 +132,8 @@ def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost,
     visit = mark[0]
     tried[own] = visit
     for at in range(begin[start], begin[start + 1]):
-        label = plane_beside(around[at], 0 if sides[around[at], 0] != start else 1, sides, labels)
+        e = around[at]
+        label = plane_of(sides[e, 0] if sides[e, 0] != start else sides[e, 1], labels)
         if label < 0 or tried[label] == visit:
             continue
         tried[label] = visit
@@ -180,7 +181,7 @@ def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost,
     return False
 
 
-@kernel
+@inner_kernel
 def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignore[no-untyped-def]
     """Add a cell's neighbours of a plane to the fringe; what lies round its vertices is to be looked at."""
     first, rows, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -198,7 +199,7 @@ def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignor
     return m
 
 
-@kernel
+@inner_kernel
 def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return by how much a cell with another plane makes the description longer, or `most` and more [m³]."""
     _, _, begin, around, borders, _, _, _, _, _, _ = graph
@@ -217,7 +218,7 @@ def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, cor
     return after - before
 
 
-@kernel
+@inner_kernel
 def note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
     """Note for the cells round a vertex that one of them changed."""
     first, rows, _, _, _, sides, _, _, _, _, _ = graph
@@ -371,7 +372,7 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
                 break
 
 
-@kernel
+@inner_kernel
 def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # type: ignore[no-untyped-def]
     """Write the cells about one that a plane fits no worse than theirs; return their number and the gain."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -391,7 +392,7 @@ def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # t
     return n, gain
 
 
-@kernel
+@inner_kernel
 def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the cells of a cell's face; return how many these are."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -407,7 +408,7 @@ def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-unty
     return n
 
 
-@kernel
+@inner_kernel
 def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the vertices at which a face ends; return how many."""
     _, _, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -415,9 +416,8 @@ def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore
     for c in members:
         for k in range(begin[c], begin[c + 1]):
             e = around[k]
-            for end in range(
-                2 if plane_beside(e, 0, sides, labels) != plane_beside(e, 1, sides, labels) else 0
-            ):
+            is_border = plane_of(sides[e, 0], labels) != plane_of(sides[e, 1], labels)
+            for end in range(2 if is_border else 0):
                 v = borders[e, end]
                 if vertex_mark[v] != mark:
                     vertex_mark[v], vertices[n] = mark, v
@@ -425,7 +425,7 @@ def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore
     return n
 
 
-@kernel
+@inner_kernel
 def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return the neighbours' plane that shortens the description most, by more than `least`; or -1."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 
@@ -64,7 +64,7 @@ def _find_rims(cells, around, roof, in_band, radius, reach, max_step, rim, begin
                 rim[cells.rows[i]] = _is_touched(cells.points, roof, i, runs, radius, max_step, arcs)
 
 
-@kernel
+@inner_kernel
 def _is_near(points, roof, in_band, i, runs, reach, max_step):  # type: ignore[no-untyped-def]
     """Whether a point of the band, of the same roof, is within reach of point i."""
     for begin, end in runs:
@@ -80,11 +80,11 @@ def _is_near(points, roof, in_band, i, runs, reach, max_step):  # type: ignore[n
     return False
 
 
-@kernel
+@inner_kernel
 def _is_touched(points, roof, i, runs, radius, max_step, arcs):  # type: ignore[no-untyped-def]
     """Whether an empty disc touches point i: the arcs that neighbours block are cut out one by one."""
     arcs[0, 0], arcs[0, 1] = 0.0, TURN
-    n_open, diameter, same = 1, 2.0 * radius, (SAME_PLACE * radius) ** 2
+    n_open, diameter, same = np.int64(1), 2.0 * radius, (SAME_PLACE * radius) ** 2
     for begin, end in runs:
         for j in range(begin, end):
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
@@ -96,7 +96,7 @@ def _is_touched(points, roof, i, runs, radius, max_step, arcs):  # type: ignore[
     return True
 
 
-@kernel
+@inner_kernel
 def _without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyped-def]
     """Take the arc that a neighbour blocks out of the open ones; return how many are left."""
     square = dx * dx + dy * dy
@@ -107,7 +107,7 @@ def _without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyp
     return n_open
 
 
-@kernel
+@inner_kernel
 def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     """Return where the arc begins and ends in which a neighbour keeps the disc's centre out."""
     # The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's
@@ -116,7 +116,7 @@ def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     return first, _direction(dx * distance - dy * across, dy * distance + dx * across)
 
 
-@kernel
+@inner_kernel
 def _direction(east, north):  # type: ignore[no-untyped-def]
     """Return a number from 0 to 4 that rises with a vector's direction, anticlockwise from the east."""
     # Quarter turns that are not quite even: it saves the arc tangent.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -105,7 +105,7 @@ def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ign
             votes[rows[i]] += label[i]
 
 
-@kernel
+@inner_kernel
 def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """Label one profile in one direction."""
     # The first points are likely ground, until the profile falls by more than the terrain can: then they were
@@ -132,10 +132,12 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
             continue
         steepest = max_slope if on_ground else REENTRY_SLOPE + max(-slope, 0.0)
         if standing != GROUND and abs(along[i] - along[start]) > max_object:
-            _change(label, start, i, heading, LIKELY, GROUND)
+            _replace_likely(label, start, i, heading, GROUND)
             standing = GROUND
-        if standing != GROUND and z[last] - z[i] > _fallen(steepest, run, on_ground):
-            _change(label, start, i, heading, LIKELY, UNKNOWN)
+        # By how much a profile has to fall until what came before was no ground.
+        fall = max(FALL, steepest * run) if on_ground else FALL + steepest * run
+        if standing != GROUND and z[last] - z[i] > fall:
+            _replace_likely(label, start, i, heading, UNKNOWN)
             start, standing = i, LIKELY
         if on_ground:
             weight = min(1.0, run / SLOPE_MEMORY)
@@ -145,13 +147,7 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
         on_ground, last = True, i
 
 
-@kernel
-def _fallen(steepest, run, on_ground):  # type: ignore[no-untyped-def]
-    """Return by how much a profile has to fall until what came before was no ground [m]."""
-    return max(FALL, steepest * run) if on_ground else FALL + steepest * run
-
-
-@kernel
+@inner_kernel
 def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """Whether point i stands a step above the last ground point, or above one not much further back."""
     # In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
@@ -168,11 +164,11 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     return False
 
 
-@kernel
-def _change(label, start, end, heading, before, after):  # type: ignore[no-untyped-def]
+@inner_kernel
+def _replace_likely(label, start, end, heading, after):  # type: ignore[no-untyped-def]
     i = start
     while i != end:
-        if label[i] == before:
+        if label[i] == LIKELY:
             label[i] = after
         i += heading
 
@@ -278,7 +274,7 @@ def _judge(along, z, first, line, ground, stale, reach, rows, votes):  # type: i
         for heading in (-1, 1):
             begin, end = first[line[i]], first[line[i] + 1]
             is_line, height, slope, sigma = _line_beside(
-                along, z, ground, i, heading, begin, end, POINTS, reach
+                along, z, ground, i, heading, begin, end, np.int64(POINTS), reach
             )
             if not is_line:
                 continue
@@ -361,7 +357,7 @@ def _stand_out(along, z, first, ground, reach, step, rows, votes):  # type: igno
             if not ground[i]:
                 continue
             is_line, height, _, sigma = _line_beside(
-                along, z, ground, i, 0, begin, end, REJECTION_POINTS, reach
+                along, z, ground, i, np.int64(0), begin, end, np.int64(REJECTION_POINTS), reach
             )
             if is_line:
                 votes[rows[i]] = 1 if height > max(step, REJECTION * sigma) else -1

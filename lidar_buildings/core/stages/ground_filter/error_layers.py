@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, cells_in_row, sort_by_cell
 
 
@@ -57,7 +57,7 @@ def _lowest_of_weight(points, begin, first):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@kernel
+@inner_kernel
 def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     """Return the columns (start, stop) within `reach` of column k's place, in the row `step` north of it."""
     row, column = divmod(layers.numbers[k], layers.width)
@@ -70,13 +70,13 @@ def rise(layers, k, east, north):  # type: ignore[no-untyped-def]
     return layers.size * (east * layers.gradient[k, 0] + north * layers.gradient[k, 1])
 
 
-@kernel
+@inner_kernel
 def low_end(layers, layer):  # type: ignore[no-untyped-def]
     """Return the elevation of a layer's lowest point [m]."""
     return layers.points[layers.begin[layer], 2]
 
 
-@kernel
+@inner_kernel
 def high_end(layers, layer):  # type: ignore[no-untyped-def]
     """Return the elevation of a layer's highest point [m]."""
     return layers.points[layers.begin[layer + 1] - 1, 2]

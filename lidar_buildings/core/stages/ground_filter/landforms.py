@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.cell_grid import in_rows_order, raster_cells, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.union_find import flatten, link
@@ -141,7 +141,7 @@ def level_parts(candidates, rows, links, max_slope):  # type: ignore[no-untyped-
     return part
 
 
-@kernel
+@inner_kernel
 def rise_and_length(start, end):  # type: ignore[no-untyped-def]
     """Return the rise from one point to another and their distance in plan [m]."""
     return end[2] - start[2], math.hypot(end[0] - start[0], end[1] - start[1])
@@ -202,7 +202,7 @@ def _try_sides(candidates, rows, around, reach, nearest, found, begin, end):  # 
             found[r] = found[r] or (sums[side, N_MOMENTS] <= nearest and _makes_plane(sums[side]))
 
 
-@kernel
+@inner_kernel
 def _makes_plane(sums):  # type: ignore[no-untyped-def]
     """Whether points make a plane that passes near the candidate, which lies at the origin."""
     n = sums[0]

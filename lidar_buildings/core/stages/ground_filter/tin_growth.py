@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.surfaces.incremental_delaunay import insert_vertex, with_room
-from lidar_buildings.core.surfaces.tin import corners_of, place_of, plane_elevation, plane_slope, walk
+from lidar_buildings.core.surfaces.tin import corners_of, plane_elevation, plane_slope, walk
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 #: How often the terrain is extended to the frame while it grows.
@@ -178,7 +178,7 @@ def join_in_rounds(
         n_triangles, n_pending = _insert(mesh, n_triangles, facets, best, waiting, pending)
 
 
-@kernel
+@inner_kernel
 def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]
@@ -258,7 +258,7 @@ FLAT_DISTANCE = 0.05
 MIRROR_SLOPE = 0.1
 
 
-@kernel
+@inner_kernel
 def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
@@ -266,14 +266,14 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     Infinity where it may not join, neither as it is nor mirrored.
     """
     a, b, c = corners_of(triangle, vertices, triangles)
-    point = place_of(p, vertices)
+    point = vertices[p, 0], vertices[p, 1], vertices[p, 2]
     score = _facet_score(point, a, b, c, limits)
     if score == np.inf:
         score = _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits)
     return score
 
 
-@kernel
+@inner_kernel
 def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     """Return how well a point fits a facet; infinity where it may not join."""
     # Below the facet the distance to it, negative; above it the largest angle at a corner.
@@ -288,7 +288,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     return seen_at if seen_at <= angle or seen_at <= angle + gain * math.atan(slope) else np.inf
 
 
-@kernel
+@inner_kernel
 def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there."""
     # Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are
@@ -296,7 +296,7 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     angle, _, distance = limits
     if plane_slope(*corners_of(triangle, vertices, triangles)) < MIRROR_SLOPE:
         return np.inf
-    x, y, z = place_of(p, vertices)
+    x, y, z = vertices[p, 0], vertices[p, 1], vertices[p, 2]
     corner = _nearest_corner(x, y, triangle, vertices, triangles)
     if n_real <= corner < n_start or abs(z - vertices[corner, 2]) > distance:
         return np.inf
@@ -312,14 +312,14 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return seen_at if seen_at <= angle else np.inf
 
 
-@kernel
+@inner_kernel
 def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
     """Return the largest angle between a facet and the lines from its corners to a point `off` it [rad]."""
     nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
     return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
 
 
-@kernel
+@inner_kernel
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):
@@ -330,7 +330,7 @@ def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-unt
     return nearest
 
 
-@kernel
+@inner_kernel
 def _squared(p, q):  # type: ignore[no-untyped-def]
     return (p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2 + (p[2] - q[2]) ** 2
 
@@ -357,7 +357,7 @@ def edge_gradients(seeds: NDArray[np.float64], frame: NDArray[np.float64]) -> ND
     return np.linalg.solve(normal, np.swapaxes(plan, 1, 2) @ rise)[..., 0]
 
 
-@kernel
+@inner_kernel
 def at_frame(triangle, triangles, n_real, n_start):  # type: ignore[no-untyped-def]
     """Whether a triangle has a virtual corner: rows `n_real` to `n_start` are the virtual vertices."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.surroundings import Cloud
 from lidar_buildings.core.surfaces.plane_geometry import distance_of, fitted_plane, plane_through
@@ -57,7 +57,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int) ->
     return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
 
 
-@kernel
+@inner_kernel
 def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     """Whether a point lies on a plane, and its surroundings along it."""
     if distance_of(plane, cloud.points, i) > limits.distance:
@@ -66,7 +66,7 @@ def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
 
 
-@kernel
+@inner_kernel
 def propose(cloud, limits, labels, seed, samples, plane):  # type: ignore[no-untyped-def]
     """
     Write the best plane around a seed to `plane`; False if there is none through the seed.
@@ -109,7 +109,7 @@ def propose(cloud, limits, labels, seed, samples, plane):  # type: ignore[no-unt
     return True
 
 
-@kernel
+@inner_kernel
 def refit(moments: FloatArray, origin: FloatArray, plane: FloatArray) -> None:
     """Write the plane of sums taken about `origin` to `plane`, unless they are of points on a line."""
     if fitted_plane(moments, plane) >= 0.0:
@@ -231,7 +231,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     return labels
 
 
-@kernel
+@inner_kernel
 def best_of(pool: Pool) -> int:
     """Return the hypothesis with the highest score, of several the first."""
     best = 0
@@ -241,7 +241,7 @@ def best_of(pool: Pool) -> int:
     return best
 
 
-@kernel
+@inner_kernel
 def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Draw seeds until the best hypothesis is likely the largest of all."""
     best = best_of(pool)
@@ -264,7 +264,7 @@ def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: i
             best = added
 
 
-@kernel
+@inner_kernel
 def add_hypothesis(cloud, limits, labels, seed, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not."""
     at = pool.size[0]

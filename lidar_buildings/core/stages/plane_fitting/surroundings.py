@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.cell_grid import CELLS_A_BLOCK, CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -150,14 +150,14 @@ def _look_around(grid, runs, radius, neighbours, planes, roughness, begin, end):
                     n += 1
 
 
-@kernel
+@inner_kernel
 def _fit(moments, plane):  # type: ignore[no-untyped-def]
     """Write the plane of sums and return the variance about it, infinite where there is none."""
     residual = fitted_plane(moments, plane) if moments[0] > 3.0 else -1.0
     return residual / (moments[0] - 3.0) if residual >= 0.0 else np.inf
 
 
-@kernel
+@inner_kernel
 def _gather(points, runs, rows, xyz):  # type: ignore[no-untyped-def]
     """Put the points of runs side by side; return how many."""
     n = 0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import sort_rows
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
@@ -21,7 +21,7 @@ from lidar_buildings.core.surfaces.plane_adjustment import CommonVertex, common_
 _ROUNDING = 1e-3
 
 
-@kernel
+@inner_kernel
 def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
     """Whether a place is surely farther than so much from the line between two others."""
     return (
@@ -197,7 +197,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     return n_pieces
 
 
-@kernel
+@inner_kernel
 def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
     """Vote on whether each plane lies, at one place, on the side of the line where it is lower."""
     votes = 0
@@ -393,7 +393,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
     return moved
 
 
-@kernel
+@inner_kernel
 def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
     best, place = reach, math.nan
@@ -404,7 +404,7 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
     return place
 
 
-@kernel
+@inner_kernel
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest that meets both passes, or NaN."""
     best, place = reach, math.nan

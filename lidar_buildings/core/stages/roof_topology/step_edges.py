@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.roof_topology.directions import (
     main_directions,
@@ -97,7 +97,7 @@ def _linked(ends, order, upper, top):  # type: ignore[no-untyped-def]
     return follows
 
 
-@kernel
+@inner_kernel
 def _highest_pair(around, follows, upper, top):  # type: ignore[no-untyped-def]
     """Return two ends that are still free at which the wall of one roof goes on, of the highest; or -1."""
     one, other, highest = -1, -1, -np.inf
@@ -196,7 +196,7 @@ def _runs(xy, order, begin, is_closed, angles, weight, noise):  # type: ignore[n
     return runs[:n_runs], run
 
 
-@kernel
+@inner_kernel
 def _divided(sums, n, shift, cosines, sines, noise):  # type: ignore[no-untyped-def]
     """Return first side and kind of each line, last to first; steps are as in outlines, without arcs."""
     first, kind, _ = divide_chain(
@@ -344,13 +344,13 @@ def _onto_walls(angle, offset, low, high, gap, walls, spacing):  # type: ignore[
             offset[k] = best_offset
 
 
-@kernel
+@inner_kernel
 def _difference(one, other):  # type: ignore[no-untyped-def]
     turn = one - other
     return turn - 2.0 * math.pi * np.rint(turn / (2.0 * math.pi))
 
 
-@kernel
+@inner_kernel
 def _apart(angle, offset, t, other_angle, other_offset):  # type: ignore[no-untyped-def]
     x = t * math.cos(angle) - offset * math.sin(angle)
     y = t * math.sin(angle) + offset * math.cos(angle)

@@ -128,7 +128,7 @@ def _within_hull(tin: Tin, nodes: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _worst_nodes(candidates, nodes, triangles, neighbours, tolerance):  # type: ignore[no-untyped-def]
     """Return the node of each triangle that is furthest off, where it is by more than the tolerance."""
     worst, most = np.full(len(triangles), -1, dtype=np.int64), np.full(len(triangles), tolerance)
-    triangle, last = 0, -1
+    triangle, last = np.int32(0), -1
     ax = ay = az = east = north = 0.0
     for row in candidates:
         x, y, z = nodes[row]
