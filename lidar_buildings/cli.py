@@ -72,6 +72,9 @@ def console() -> NoReturn:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command and return its exit status."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a name, or ×, that the terminal's encoding lacks ends no command
+            stream.reconfigure(errors="backslashreplace")
     options = command_parser().parse_args(arguments)
     # Matrices are small, and threads that wait for the next one keep cores from tiles.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -82,7 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         check_versions()
         status = options.command(options)
-        sys.stdout.flush()  # here, where a closed pipe is caught
+        if sys.stdout is not None:
+            sys.stdout.flush()  # here, where a closed pipe is caught
         return status
     except LidarBuildingsError as error:
         if options.debug:
@@ -98,6 +102,13 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitStatus.DONE
+    except OSError as error:  # what nobody expected of a file, a folder or a connection is no defect
+        if options.debug:
+            traceback.print_exc()
+        where = f"{str(error.filename)[:200]}: " if error.filename else ""
+        why = printable(f"{where}{error.strerror or error}")
+        print(f"lidar-buildings: {why}: check the path, its permissions and the disk", file=sys.stderr)
+        return ExitStatus.WRONG_USE
     except KeyboardInterrupt:
         print("lidar-buildings: interrupted; run the same command to resume", file=sys.stderr)
         return ExitStatus.INTERRUPTED

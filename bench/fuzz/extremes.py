@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import fields, replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.bounds import MAX_DISTANCE, MAX_ELEVATION, are_held
 from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
 from lidar_buildings.core.scans.cloud_layout import members_of_fields
 from lidar_buildings.core.scans.config import ScanConfig
@@ -106,6 +108,51 @@ def _poked(rows: NDArray[Any], random: np.random.Generator) -> NDArray[Any]:
     return rows
 
 
+#: Numbers within all limits at which cells, angles and areas break.
+_HELD = np.array([0.0, 1e-45, 1e-30, 1e-6, 1e-3, 0.5, 1.0, 1.0 + 2**-23, 100.0, 4095.9, 4096.0])
+_SHAPES = 8
+
+
+def odd_rows(random: np.random.Generator, topic: str) -> NDArray[Any]:
+    """Return a table of points that can be held and lie as no survey's: alike, in lines, steep, far apart."""
+    rows = _rows(random, topic)
+    n, side, shape = (
+        len(rows),
+        float(random.choice([1e-6, 0.1, 5.0, 300.0, 8000.0], p=[0.1, 0.1, 0.6, 0.18, 0.02])),
+        random.integers(_SHAPES),
+    )
+    if shape == 0:  # one place
+        rows["x"], rows["y"] = random.choice(_HELD, 2)
+    elif shape == 1:  # a line
+        rows["x"] = np.linspace(0.0, side, n)
+        rows["y"] = rows["x"] * random.choice([0.0, 1.0, 1e-7])
+    elif shape == 2:  # a grid, some points twice
+        k = max(int(np.sqrt(n)), 1)
+        column, row = np.divmod(random.integers(0, k * k, n), k)
+        rows["x"], rows["y"] = column * side / k, row * side / k
+    elif shape == 3:  # a slope, up to nearly upright
+        rows["x"], rows["y"] = random.uniform(0.0, side, (2, n))
+        rows["z"] = rows["x"] * random.choice([0.1, 5.0, 1e3]) + random.normal(0.0, 1e-3, n)
+    elif shape == 4:  # two heaps, far apart
+        rows["x"] = random.uniform(0.0, 3.0, n) + np.where(random.random(n) < 0.5, side, 0.0)
+    elif shape == 5:  # few numbers
+        for axis in "xyz":
+            rows[axis] = random.choice(_HELD, n) * random.choice([-1.0, 1.0], n)
+    elif shape == 6:  # heights to the limits
+        rows["z"] = random.choice([-MAX_ELEVATION, MAX_ELEVATION, 0.0, 1.0], n)
+    if random.integers(3) == 0:  # columns to the limits of their types
+        for name in rows.dtype.names[3:]:
+            if random.integers(3) == 0:
+                dtype = rows.dtype[name]
+                ends = (
+                    [0, 1, np.iinfo(dtype).max, np.iinfo(dtype).min]
+                    if dtype.kind in "iu"
+                    else [0, 1, -1, 1e4]
+                )
+                rows[name] = random.choice(ends, n)
+    return rows
+
+
 def _message(rows: NDArray[Any], random: np.random.Generator) -> Any:
     n = len(rows)
     stamp = SimpleNamespace(sec=int(random.integers(0, 2**31 - 1)), nanosec=0)
@@ -142,7 +189,8 @@ def extreme_cloud(random: np.random.Generator) -> str:
 def _tile(random: np.random.Generator, topic: str) -> PointTile:
     from lidar_buildings.ros.point_cloud import from_message
 
-    tile = from_message(cloud(random, topic)).tile
+    message = _message(odd_rows(random, topic), random) if random.integers(4) else cloud(random, topic)
+    tile = from_message(message).tile
     if not are_held(tile.points).all():
         raise HeldError("a point of a tile cannot be held")
     if random.integers(3) == 0:
@@ -168,7 +216,23 @@ def _with_info(tile: PointTile, random: np.random.Generator) -> PointTile:
 def extreme_tile(random: np.random.Generator) -> str:
     """Take a cloud of a topic in, and do what its node does with the tile."""
     topic = list(FIELDS_OF_TOPIC)[random.integers(len(FIELDS_OF_TOPIC))]
-    return _WORK[topic](_tile(random, topic), PipelineConfig())
+    return _WORK[topic](_tile(random, topic), _configs()[random.integers(len(_configs()))])
+
+
+@cache
+def _configs() -> list[PipelineConfig]:
+    """Return parameters of all ways: each method, each switch the other way round."""
+    plain = PipelineConfig()
+    found = [plain] * 8
+    for stage in fields(plain):
+        config = getattr(plain, stage.name)
+        for one in fields(config):
+            value = getattr(config, one.name)
+            words = spec_of(one).choices if isinstance(value, str) else ()
+            for other in [not value] if isinstance(value, bool) else words:
+                if other != value:
+                    found.append(replace(plain, **{stage.name: replace(config, **{one.name: other})}))
+    return found
 
 
 def _filter(tile: PointTile, config: PipelineConfig) -> str:
@@ -382,7 +446,7 @@ def refused(target: Callable[[np.random.Generator], str]) -> Callable[[np.random
 #: Name → target, and what share of the cases it gets.
 EXTREMES = {
     "clouds, extreme": (extreme_cloud, 0.5),
-    "tiles and stages, extreme": (refused(extreme_tile), 0.02),
+    "tiles and stages, extreme": (refused(extreme_tile), 0.1),
     "rings, extreme": (extreme_rings, 0.1),
     "texts, extreme": (extreme_text, 0.1),
     "poses and scans, extreme": (extreme_pose, 0.25),

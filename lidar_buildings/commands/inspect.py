@@ -199,7 +199,7 @@ def _named(path: Path) -> list[Path]:
     if not found:
         raise InputError(
             others_within(path)
-            or f"{path}: contains no point cloud (.las, .laz) and no bag: give another folder, or files"
+            or f"{path}: no point cloud (.las, .laz) and no bag is there: give another folder, or files"
         )
     return found
 

@@ -20,7 +20,7 @@ from lidar_buildings.core.model.remarks import Remark, gathered
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.parallel import n_cores
 from lidar_buildings.io.bags.bag_inputs import bags_among
-from lidar_buildings.io.clouds.agreement import about_system, excess_of, in_true_units
+from lidar_buildings.io.clouds.agreement import about_system, excess_of, in_true_units, with_heights_compared
 from lidar_buildings.io.clouds.cloud import CloudExtent
 from lidar_buildings.io.clouds.doubts import sampled_remarks
 from lidar_buildings.io.clouds.find_inputs import open_each
@@ -53,8 +53,8 @@ _REFERENCE = 0.00434
 _REPEATS = 3
 
 
-#: Files of which the first points are looked at, and how many points.
-_LOOKED_AT, _N_FIRST = 8, 100_000
+#: Files of which points are looked at, and how many points.
+_LOOKED_AT, _N_SAMPLED = 8, 100_000
 
 
 class Way(NamedTuple):
@@ -135,8 +135,10 @@ def plan_command(options: argparse.Namespace) -> int:
     problems = [*problems, *filter(None, [excess_of(len(clouds))])]
     way = CLUSTER if options.workers else PROCESSES if options.no_ros else GRAPH
     n_workers = options.workers or n_cores()
-    of_files = chain.from_iterable(map(_remarks_of, clouds[:_LOOKED_AT]))
-    remarks = gathered([*of_files, *about_system(in_true_units(clouds, plan.system))])
+    clouds = with_heights_compared(in_true_units(clouds, plan.system))
+    looked_at = clouds[:: -(-len(clouds) // _LOOKED_AT)]
+    of_files = chain((one.remarks for one in clouds), map(_remarks_of, looked_at))
+    remarks = gathered([*chain.from_iterable(of_files), *about_system(clouds)])
     cost = expected_cost(plan, n_workers, way, request.until, measure_slowness())
     if options.json:
         told = {**_survey(plan), "workers": n_workers, **cost._asdict(), "problems": problems}
@@ -150,11 +152,11 @@ def plan_command(options: argparse.Namespace) -> int:
 
 
 def _remarks_of(extent: CloudExtent) -> list[Remark]:
-    """Return what the header and the first points of a file tell."""
+    """Return what some points of a file tell."""
     try:
-        return [*extent.remarks, *sampled_remarks(open_cloud(extent.path), _N_FIRST)]
+        return sampled_remarks(open_cloud(extent.path), _N_SAMPLED)
     except InputError:  # said when a run reads it
-        return list(extent.remarks)
+        return []
 
 
 def _survey(plan: SurveyPlan) -> dict[str, Any]:

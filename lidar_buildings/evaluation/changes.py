@@ -26,6 +26,7 @@ from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.evaluation.readers.labelled_points import read_class_chunks
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
+from lidar_buildings.evaluation.readers.true_lengths import scale_of, scaled
 from lidar_buildings.evaluation.scores.cells import CellSet, cell_centres, cells_of_polygons, keys_of
 from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 
@@ -394,13 +395,15 @@ class Comparison:
 
     def write(self, path: Path) -> None:
         """Write a GeoPackage: `changes` by place; buildings with theirs, `old` and `new`; or OutputError."""
-        places = shapely.transform([one.place for one in self.changes], lambda xy: xy / self.new.unit)
+        places = shapely.transform(
+            [one.place for one in self.changes], lambda xy: xy / (self.new.unit * self.new.scale)
+        )
         with geopackage_file(path, self.new.crs) as add:
             parts, owner = shapely.get_parts(places, return_index=True)
             rows = self.rows()
             add(VectorLayer("changes", parts, _FIELDS, [rows[k] for k in owner]))
             for name, side, words in zip(("old", "new"), (self.old, self.new), self.words, strict=True):
-                polygons = shapely.transform(side.polygons, lambda xy, unit=side.unit: xy / unit)
+                polygons = shapely.transform(side.polygons, lambda xy, unit=side.unit * side.scale: xy / unit)
                 own = [
                     {_ID: int(one), "change": word}
                     for one, word in zip(side.attributes[_ID], words, strict=True)
@@ -427,6 +430,8 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
             f"{old} is in {sides[0].crs or 'no reference system'}, {new} in {sides[1].crs or 'none'}: "
             "give results in the same one"
         )
+    scale = next((scale_of(side) for side in sides if len(side.polygons)), 1.0)
+    sides = scaled(sides[0], scale), scaled(sides[1], scale)
     polygons = np.concatenate([side.polygons for side in sides])
     if not len(polygons):
         return Comparison(*sides, [], ([], []), 0.0, 0.0, _SMALLEST_CELL)
@@ -434,7 +439,7 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
     cell = max(_SMALLEST_CELL, math.ceil(_CELL_SPACINGS * spacing / _CELL_STEP) * _CELL_STEP)
     shift = _OUTLINE_SIGMAS * math.hypot(*(_median(side, "outline_sigma") for side in sides))
     plan = CellPlan.around(polygons, cell, _MARGIN)
-    before, after = (see(plan, read_class_chunks(path)) for path in (old, new))
+    before, after = (see(plan, read_class_chunks(path, scale)) for path in (old, new))
     offset, scatter = offset_of(before, after)
     least = max(config.min_height, _SURE * scatter)
     limits = Limits(least, config.min_area, config.min_storey, shift + _CELL_SHARE * cell)

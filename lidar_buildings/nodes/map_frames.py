@@ -12,7 +12,7 @@ from rclpy.timer import Timer
 from std_msgs.msg import Header
 
 from lidar_buildings.core.model.map_frame import MapFrame
-from lidar_buildings.io.files.reference_systems import check_place
+from lidar_buildings.io.files.reference_systems import check_place, true_frame
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import FRAME_ID
@@ -56,8 +56,11 @@ class FrameListener:
 
     @property
     def frame(self) -> MapFrame | None:
-        """The frame, None as long as it is not known; in metres where nothing publishes units."""
-        return None if "map_origin" not in self._said or self._silent() else _frame(**self._said)
+        """The frame, None as long as it is not known; in true metres where nothing publishes units."""
+        if "map_origin" not in self._said or self._silent():
+            return None
+        frame = _frame(**self._said)
+        return frame if self._n_own or "map_units" in self._said else true_frame(frame)
 
     def expect(self) -> bool:
         """Return whether the frame is known; if not, a tile waits for it from now on."""

@@ -148,12 +148,12 @@ def test_reset_forgets_points_and_tiles(start):
 
 def test_where_others_say_the_map_lies_is_taken_and_told_on(start):
     end = start("map_origin")
-    frame = MapFrame("EPSG:28992", (1000.0, 2000.0, 3.0))
+    frame = MapFrame("EPSG:25832", (460_000.0, 5_930_000.0, 3.0))
     end.send("map_origin", origin_message(frame))
     wait_until(lambda: end.heard["map_origin"] and end.assembler.tiles._search._found)
     end.send_scans(scan(0))
     wait_until(lambda: len(end.heard["map_origin"]) == 2)
-    assert {one.header.frame_id for one in end.heard["map_origin"]} == {"EPSG:28992"}
+    assert {one.header.frame_id for one in end.heard["map_origin"]} == {"EPSG:25832"}
 
 
 def test_given_parameters_say_where_the_map_lies(start):

@@ -29,6 +29,7 @@ from lidar_buildings.core.scans.scan import (
     timed,
 )
 from lidar_buildings.core.scans.seen_points import SeenPoints
+from lidar_buildings.core.scans.topic_forms import Form, TopicForms
 from lidar_buildings.core.scans.trajectory import Loss, Pose
 from lidar_buildings.core.scans.transform_tree import (
     MAX_FRAMES,
@@ -45,6 +46,7 @@ from lidar_buildings.core.scans.viewpoint import view_from
 NO_POSE = "no pose at their time"
 NO_WAY = "no pose leads from their frame to another one"
 WAITED = "waited too long for poses"
+OTHER_FORM = "scan is of another frame, or has other times, than most of its topic"
 #: Why messages are left out, and what else they tell, in words.
 TWICE = "scans that came twice"
 UNREADABLE = "scans that cannot be read"
@@ -52,6 +54,7 @@ NO_POSES = "poses that are none (not finite, off the Earth, no rotation)"
 TOO_FAST = "steps from pose to pose faster than scan_assembler.max_speed, one of {:,.0f} m/s"
 CLOCK_SET_BACK = "times that the clock was set back"
 TWO_CLOCKS = "messages of a second, earlier clock, left out: two sources on the same topics"
+_OTHER_FORM = "scans {}, unlike most of their topic, left out"
 _OTHER_CLOCK = (
     "the clock of scans of {!r} is {:+} s ahead of that of the poses, as GPS or TAI of UTC: corrected"
 )
@@ -160,7 +163,8 @@ class ScanPlacer:
         self._marks: OrderedDict[tuple[str, int, int, int], None] = OrderedDict()
         self._last: OrderedDict[str, int] = OrderedDict()
         self._clocks = ClockWatch()
-        self._topics: OrderedDict[tuple[str, str, str, int], TopicTimes] = OrderedDict()
+        self._forms = TopicForms()
+        self._topics: OrderedDict[Form, TopicTimes] = OrderedDict()
         self._clock_of: OrderedDict[str, ScanClock] = OrderedDict()
         self._losses: dict[tuple[str, str], Loss] = {}
         self.odometry_child = ""
@@ -169,9 +173,9 @@ class ScanPlacer:
 
     @property
     def n_waiting(self) -> int:
-        """Points that wait for poses, or for scans that tell what their times mean."""
+        """Points that wait for poses, or for scans that tell what their times mean, or whose they are."""
         untimed = (len(times.values) for topic in self._topics.values() for _, times in topic.waiting)
-        return self._waiting.n_points + sum(untimed)
+        return self._waiting.n_points + sum(untimed) + self._forms.n_waiting
 
     @property
     def target(self) -> str:
@@ -226,17 +230,28 @@ class ScanPlacer:
             clock = self._clock_of.get(frame) or ScanClock()
             clock.note(stamp, until)
             _keep(self._clock_of, frame, clock, MAX_FRAMES)
+        if self._is_placed(scan):
+            self._learn_times(scan)
+            return
+        for one in self._forms.take(scan):
+            self._learn_times(one)
+        self._leave_out_others()
+
+    def _leave_out_others(self, *, is_end: bool = False) -> None:
+        """Leave out scans that are not like those of their topic."""
+        for scan in self._forms.refused(is_end=is_end):
+            self._messages[_OTHER_FORM.format(Form.of(scan))] += 1
+            self._leave_out(OTHER_FORM, len(scan.times))
+
+    def _learn_times(self, scan: Scan) -> None:
+        """Have a scan wait until it is known what its times mean, then for poses."""
         if scan.told is None or not len(scan.times):
             self._wait_for_poses(scan)
             return
-        key = (frame, scan.time_field, scan.told.values.dtype.kind, scan.told.values.dtype.itemsize)
+        key = Form.of(scan)
         if key not in self._topics:
-            _keep(
-                self._topics,
-                key,
-                TopicTimes(scan.time_field, "" if self.config.time_unit == "auto" else self.config.time_unit),
-                MAX_FRAMES,
-            )
+            unit = "" if self.config.time_unit == "auto" else self.config.time_unit
+            _keep(self._topics, key, TopicTimes(scan.time_field, unit), MAX_FRAMES)
         topic = self._topics[key]
         with self._refusing(len(topic.waiting) + 1):
             for one in topic.take(scan, scan.told):
@@ -255,6 +270,10 @@ class ScanPlacer:
 
     def _end_waiting_for_times(self) -> None:
         """Have no scan wait any longer for others that tell what its times mean."""
+        for scan in self._forms.rest():
+            with suppress(MessageError):
+                self._learn_times(scan)
+        self._leave_out_others(is_end=True)
         for topic in self._topics.values():
             with suppress(MessageError), self._refusing(len(topic.waiting)):
                 for one in topic.rest():

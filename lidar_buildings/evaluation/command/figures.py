@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import shapely
@@ -18,11 +20,19 @@ from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.evaluation.command.score import BUILDING, LODS, ScoreOptions
 from lidar_buildings.evaluation.readers import labelled_points
-from lidar_buildings.evaluation.readers.city_model import CityBuilding, holds_city_model, read_city_model
+from lidar_buildings.evaluation.readers.city_model import (
+    CityBuilding,
+    CityModel,
+    holds_city_model,
+    read_city_model,
+)
 from lidar_buildings.evaluation.readers.labelled_points import EDGES, LabelledPoints, has_clouds, read_labels
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
+from lidar_buildings.evaluation.readers.true_lengths import scale_of, scaled
 from lidar_buildings.evaluation.scores import cells, edges, models, outlines, planes
 from lidar_buildings.evaluation.scores.cells import CellSet, Confusion, Figures, confusion_of, named, ratio
+
+_Side = TypeVar("_Side", LabelledPoints, MetricPolygons, CityModel)
 
 
 def _members(agreement: Confusion, *names: str) -> Figures:
@@ -45,11 +55,15 @@ def building_figures(result: Path, reference: Path, options: ScoreOptions) -> Fi
     """Compare building cells; and points, too, where both sides are clouds."""
     wanted = BUILDING, options.reference_classes or BUILDING
     if not (has_clouds(result) and has_clouds(reference)):
-        mine, my_crs = _cells_of(result, wanted[0], options, is_reference=False)
-        theirs, their_crs = _cells_of(reference, wanted[1], options, is_reference=True)
-        _check_same_system(my_crs, their_crs, options.area)
-        return _cell_figures(mine, theirs, options)
-    cloud = labelled_points.read_label_pairs(result, reference)
+        mine, reference_side = (
+            _building_side(path, classes, is_reference=path is reference)
+            for path, classes in zip((result, reference), wanted, strict=True)
+        )
+        _check_same_system(mine.crs, reference_side.crs, options.area)
+        scale, options = scale_of(mine), _true(mine, options)[1]
+        sides = (_cells_of(scaled(one, scale), options) for one in (mine, reference_side))
+        return _cell_figures(*sides, options)
+    cloud, options = _true(labelled_points.read_label_pairs(result, reference), options)
     masks = [np.isin(labels, list(classes)) for labels, classes in zip(cloud.labels, wanted, strict=True)]
     mine, theirs = (cells.cells_of_points(cloud.points, mask, options.cell) for mask in masks)
     _check_same_system(cloud.crs, "", options.area)
@@ -65,15 +79,20 @@ def _cell_figures(result: CellSet, reference: CellSet, options: ScoreOptions) ->
     return {"cell": options.cell} | _members(found, "recall", "precision", "iou")
 
 
-def _cells_of(
-    path: Path, classes: Collection[int], options: ScoreOptions, *, is_reference: bool
-) -> tuple[CellSet, str]:
+def _building_side(
+    path: Path, classes: Collection[int], *, is_reference: bool
+) -> MetricPolygons | LabelledPoints:
+    """Return polygons, or points labelled 1 where they are of buildings."""
     if not has_clouds(path):
-        layer = read_metric_polygons(path)
-        return cells.cells_of_polygons(layer.polygons, options.cell), layer.crs
+        return read_metric_polygons(path)
     cloud = read_labels(path, prefer_truth=is_reference)
-    is_building = np.isin(cloud.labels[0], list(classes))
-    return cells.cells_of_points(cloud.points, is_building, options.cell), cloud.crs
+    return replace(cloud, labels=(np.isin(cloud.labels[0], list(classes)).view(np.uint8),))
+
+
+def _cells_of(side: MetricPolygons | LabelledPoints, options: ScoreOptions) -> CellSet:
+    if isinstance(side, MetricPolygons):
+        return cells.cells_of_polygons(side.polygons, options.cell)
+    return cells.cells_of_points(side.points, side.labels[0].view(np.bool_), options.cell)
 
 
 def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
@@ -84,7 +103,7 @@ def edge_figures(result: Path, reference: Path, options: ScoreOptions) -> Figure
     labels are judged by the points they were made of. Alpha shapes go beyond the area of interest.
     """
     _check_labels_were_made(result)
-    cloud, roof = _roofs_of_reference(result, reference, options)
+    cloud, roof, options = _roofs_of_reference(result, reference, options)
     # Façades are of class 6, too, but have no label.
     labelled = np.isin(cloud.labels[0], BUILDING) & (cloud.labels[2] == 0)
     inside = _is_inside(cloud.points, options.area)
@@ -112,14 +131,16 @@ def _check_labels_were_made(result: Path) -> None:
 
 def _roofs_of_reference(
     result: Path, reference: Path, options: ScoreOptions
-) -> tuple[LabelledPoints, NDArray[np.int64]]:
-    """Return the result's points and labels, and each point's roof in the reference."""
+) -> tuple[LabelledPoints, NDArray[np.int64], ScoreOptions]:
+    """Return the result's points and labels, their roofs in the reference, and options in their scale."""
     if not has_clouds(reference):
         cloud = read_labels(result, prefer_truth=False, beside=EDGES)
         layer = read_metric_polygons(reference)
         _check_same_system(cloud.crs, layer.crs, options.area)
-        return cloud, edges.roofs_of_polygons(cloud.points, layer.polygons)
-    cloud = labelled_points.read_label_pairs(result, reference, beside=EDGES)
+        layer = scaled(layer, scale_of(cloud))
+        cloud, options = _true(cloud, options)
+        return cloud, edges.roofs_of_polygons(cloud.points, layer.polygons), options
+    cloud, options = _true(labelled_points.read_label_pairs(result, reference, beside=EDGES), options)
     _check_same_system(cloud.crs, "", options.area)
     rows = np.flatnonzero(np.isin(cloud.labels[3], list(options.reference_classes or BUILDING)))
     points, spacing = cloud.points[rows], measure_spacing(cloud.points[rows])
@@ -127,7 +148,7 @@ def _roofs_of_reference(
     roof[rows] = edges.roofs_of_points(
         points, 2.0 * edges.alpha_of_spacing(spacing), min_points=edges.fewest_points(spacing)
     )
-    return cloud, roof
+    return cloud, roof, options
 
 
 def plane_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
@@ -153,6 +174,8 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> Fig
     """Compare outlines as objects, as area, along their boundaries, and by their corners and angles."""
     sides = [read_metric_polygons(path) for path in (result, reference)]
     _check_same_system(sides[0].crs, sides[1].crs, options.area)
+    scale, options = scale_of(sides[0]), _true(sides[0], options)[1]
+    sides = [scaled(side, scale) for side in sides]
     area = None if options.area is None else options.area.polygons
     mine, theirs = (side.polygons for side in sides)
     covered = outlines.covered_share(mine, theirs, area=area)
@@ -177,14 +200,17 @@ def outline_figures(result: Path, reference: Path, options: ScoreOptions) -> Fig
 def model_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
     """Compare building models with reference models, or with the points of a cloud's roofs."""
     mine = read_city_model(result)
+    scale = scale_of(mine)
+    mine, options = _true(mine, options)
     figures = _own_figures(mine.buildings, options.lod)
     solids = [building.finest(options.lod)[1] for building in mine.buildings]
     if has_clouds(reference) and not holds_city_model(reference):
         points, crs = labelled_points.read_roof_points(reference, options.reference_classes or BUILDING)
         _check_same_system(mine.crs, crs, options.area)
+        points = points * (scale, scale, 1.0)
         score = models.score_model_points(solids, points[_is_inside(points, options.area)])
         return {**figures, "n_roof_points": score.pop("n_points"), **named("point", score)}
-    theirs = read_city_model(reference)
+    theirs = scaled(read_city_model(reference), scale)
     _check_same_system(mine.crs, theirs.crs, options.area)
     area = None if options.area is None else options.area.polygons
     true = [building.finest(max(building.solids, default=""))[1] for building in theirs.buildings]
@@ -225,6 +251,12 @@ def _near_origin(solid: Solid) -> Solid:
 
 def _is_inside(points: NDArray[np.float64], area: MetricPolygons | None) -> NDArray[np.bool_]:
     return outlines.within(points, None if area is None else shapely.union_all(area.polygons))
+
+
+def _true(side: _Side, options: ScoreOptions) -> tuple[_Side, ScoreOptions]:
+    """Return a side with true lengths, and the area of interest in its scale."""
+    scale, area = scale_of(side), options.area
+    return scaled(side, scale), options if area is None else replace(options, area=scaled(area, scale))
 
 
 def _check_same_system(result: str, reference: str, area: MetricPolygons | None) -> None:

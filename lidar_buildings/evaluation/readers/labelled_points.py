@@ -75,10 +75,15 @@ def read_roof_points(path: Path, classes: Collection[int]) -> tuple[NDArray[np.f
     return cloud.points[is_roof], cloud.crs
 
 
-def read_class_chunks(path: Path) -> Iterator[tuple[NDArray[Any], ...]]:
-    """Yield points [m], classes and façade marks of buildings; InputError if a cloud cannot be read."""
+def read_class_chunks(path: Path, scale: float) -> Iterator[tuple[NDArray[Any], ...]]:
+    """
+    Yield points [m], x and y times a factor, classes and façade marks of buildings.
+
+    InputError if a cloud cannot be read.
+    """
     for file in find_clouds(path):
-        yield from _parts(open_cloud(file), (CLASS, FACADE))
+        for points, *labels in _parts(open_cloud(file), (CLASS, FACADE)):
+            yield points * (scale, scale, 1.0), *labels
 
 
 def read_label_pairs(result: Path, reference: Path, *, beside: tuple[str, ...] = ()) -> LabelledPoints:

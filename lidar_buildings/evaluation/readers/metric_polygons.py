@@ -32,6 +32,7 @@ class MetricPolygons:
     #: The layer's columns, one value per polygon, in the file's own units.
     attributes: dict[str, NDArray[Any]] = field(default_factory=dict)
     unit: float = 1.0  #: metres in the file's unit of length
+    scale: float = 1.0  #: what x and y, in metres, are multiplied by to be true lengths
 
 
 def read_metric_polygons(path: Path) -> MetricPolygons:

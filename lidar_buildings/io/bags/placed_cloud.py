@@ -17,7 +17,7 @@ from lidar_buildings.io.bags.bag_inputs import BagConfig, is_point_file
 from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame, with_frames
 from lidar_buildings.io.bags.point_files import write_points
 from lidar_buildings.io.files.atomic_files import atomic_file
-from lidar_buildings.io.files.reference_systems import check_metres
+from lidar_buildings.io.files.reference_systems import check_metres, true_frame
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.io.tiling.map_place import MapPlace, SatelliteFixes
 from lidar_buildings.io.tiling.placed_laz import FAR, PlacedLaz
@@ -65,7 +65,7 @@ def write_placed(bag_path: Path, path: Path, choice: BagConfig, config: ScanConf
                 hand_over(message, placer)
                 if message.type in (POINT, VECTOR):
                     frame = told_frame(message, frame)
-                    file.place(frame)
+                    file.place(frame if config.georeferenced else true_frame(frame))
                 for scan in placer.placed():
                     file.add(place.placed(scan))
             for scan in placer.placed(is_end=True):

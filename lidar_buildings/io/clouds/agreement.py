@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pyproj
+import shapely
 from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError, LidarBuildingsError, ParameterError
@@ -22,11 +23,10 @@ from lidar_buildings.io.clouds.las_crs import described, vertical_crs
 from lidar_buildings.io.clouds.las_records import read_raw_header
 from lidar_buildings.io.files.failures import warn_once
 from lidar_buildings.io.files.reference_systems import (
-    TRUE_SCALE,
     about_units,
     is_same_unit,
     name_of,
-    true_units,
+    true_scale,
     with_heights,
 )
 
@@ -38,8 +38,9 @@ MOST_FILES = 65_535
 ORIGIN_STEP = 100.0
 #: So far from the origin float32 has steps of a millimetre (2^-10 m) [m].
 REACH = 2.0**14
-#: Decimals of a projection's scale.
-_SCALE_DECIMALS = 4
+#: Files that touch have no land so far apart in height between them, however steep it is [m]; they touch if
+#: they are no further apart [m].
+_STEP, _TOUCHING = 50.0, 1.0
 #: The widest survey: its origin lies in its middle [m].
 MAX_EXTENT = 2.0 * (REACH - ORIGIN_STEP)
 
@@ -100,7 +101,7 @@ def given_system(crs: str, first: CloudExtent) -> str:
         given = described(pyproj.CRS.from_user_input(crs))
     except (CRSError, ValueError) as error:
         raise ParameterError(
-            f"crs = {crs!r}: is not a reference system: give one such as EPSG:28992"
+            f"crs = {crs[:100]!r}: is not a reference system: give one such as EPSG:28992"
         ) from error
     if first.crs.name not in ("", given.name):
         raise InputError(f"{first.path}: is in {_system(first)}: remove the crs {crs}")
@@ -114,19 +115,46 @@ def in_true_units(clouds: Sequence[_Extent], crs: str) -> list[_Extent]:
     """
     Return clouds of one system with the true length of its unit, where the projection is not true to scale.
 
-    `crs` names the system. The scale is that in the middle of all, the mean of those along x and y, to a part
-    in ten thousand, so that a survey that grows a little keeps it.
+    `crs` names the system. The scale is that in the middle of all.
     """
     filled = [cloud for cloud in clouds if cloud.point_count]
     if not filled or not crs:
         return list(clouds)
     lows, highs = (np.array([getattr(one, name)[:2] for one in filled]) for name in ("mins", "maxs"))
     middle = (lows.min(axis=0) + highs.max(axis=0)) / 2.0
-    stated = filled[0].crs.horizontal_unit
-    scale = round(float(np.sqrt(true_units(crs, middle[None]).prod())) / stated, _SCALE_DECIMALS)
-    if not abs(scale - 1.0) > TRUE_SCALE or scale <= 0.0:  # not a number where nothing is known
+    if (scale := true_scale(crs, middle)) == 1.0:
         return list(clouds)
+    stated = filled[0].crs.horizontal_unit
     return [replace(one, crs=replace(one.crs, horizontal_unit=stated * scale)) for one in clouds]
+
+
+def in_frame(clouds: Sequence[_Extent], frame: MapFrame) -> list[_Extent]:
+    """Return clouds with the units of their survey's frame, and remarks on their heights."""
+    return with_heights_compared([cloud.in_frame(frame) for cloud in clouds])
+
+
+def with_heights_compared(clouds: Sequence[_Extent]) -> list[_Extent]:
+    """Return clouds with a remark to those whose heights lie apart from those of most that they touch."""
+    scaled = list(clouds)
+    filled = np.array([k for k, cloud in enumerate(scaled) if cloud.point_count], dtype=np.intp)
+    if len(filled) < 2:
+        return scaled
+    lows, highs = (
+        np.array([getattr(scaled[k], end) * scaled[k].units for k in filled]) for end in ("mins", "maxs")
+    )
+    boxes = shapely.box(*lows[:, :2].T, *highs[:, :2].T)
+    one, other = shapely.STRtree(boxes).query(boxes, predicate="dwithin", distance=_TOUCHING)
+    one, other = one[one != other], other[one != other]
+    step = np.maximum(lows[one, 2] - highs[other, 2], lows[other, 2] - highs[one, 2])
+    n_beside, n_apart = (np.bincount(own, minlength=len(filled)) for own in (one, one[step > _STEP]))
+    for row in np.flatnonzero(2 * n_apart > n_beside):
+        cloud = scaled[filled[row]]
+        text = (
+            f"{cloud.path}: its heights, {lows[row, 2]:,.0f} to {highs[row, 2]:,.0f} m, lie "
+            f"{step[one == row].max():,.0f} m apart from those of files that touch it: another unit or level?"
+        )
+        scaled[filled[row]] = replace(cloud, remarks=(*cloud.remarks, Remark("heights_apart", text)))
+    return scaled
 
 
 def about_system(clouds: Sequence[CloudExtent]) -> list[Remark]:

@@ -125,12 +125,19 @@ def search_inputs(inputs: Inputs) -> tuple[list[Path], list[str]]:
             if not files:
                 raise InputError(f"{place}: matches no .las or .laz file: check the pattern")
             for file in files:
+                if not _is_text(str(file)):
+                    raise InputError(f"{file}: its name is no text in UTF-8, which files need: rename it")
                 found.setdefault(file.resolve() if isinstance(file, Path) else file, file)
         except InputError as error:
             problems.append(str(error))
     if not found:
         raise InputError(*problems)
     return list(found.values()), problems
+
+
+def _is_text(name: str) -> bool:
+    """Whether a name can be written into files; bytes of another encoding cannot."""
+    return not any("\ud800" <= one <= "\udfff" for one in name)
 
 
 def named_by(path: Path) -> list[Path]:
@@ -167,7 +174,8 @@ def what_else(path: Path) -> str:
 
 def others_within(path: Path) -> str:
     """Say what else than LAS or LAZ is in a folder; empty if nothing that is known."""
-    return next((f"{one}: {what}" for one in sorted(path.iterdir()) if (what := what_else(one))), "")
+    within = sorted(path.iterdir()) if path.is_dir() else []
+    return next((f"{one}: {what}" for one in within if (what := what_else(one))), "")
 
 
 def open_each(inputs: Inputs, open_one: Callable[[Path], _Opened]) -> tuple[list[_Opened], list[str]]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pyproj
 from numpy.typing import NDArray
-from pyproj.exceptions import CRSError, ProjError
+from pyproj.exceptions import CRSError
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.remarks import Remark
@@ -22,7 +22,9 @@ from lidar_buildings.io.files.reference_systems import (
     FOOT,
     US_SURVEY_FOOT,
     check_metres,
+    degrees_at,
     horizontal_part,
+    is_in_area,
     is_same_unit,
     name_of,
     unbound,
@@ -97,7 +99,7 @@ def _better(
     """Return what to believe of two statements, the preferred one first, and what is odd about them."""
     (first, one), (second, other) = stated.items()
     if not _is_same(one, other, place):
-        fits = [_is_in_area(crs, place) for crs in (one, other)]
+        fits = [place is not None and bool(is_in_area(crs.name, place)) for crs in (one, other)]
         is_other = fits == [False, True] or not one.name
         why = ", as the points lie in its area" if fits[0] != fits[1] else ""
         said = f"is in {_words(one)} by its {first}, in {_words(other)} by its {second}"
@@ -133,29 +135,8 @@ def _is_same(one: SourceCrs, other: SourceCrs, place: NDArray[np.float64] | None
         return False
     if place is None or not (one.name and other.name) or one.name == other.name:
         return True
-    there = np.array([_degrees(crs, place) for crs in (one, other)])
+    there = np.array([degrees_at(crs.name, place) for crs in (one, other)])
     return bool(np.abs(there[0] - there[1]).max() < _SAME_PLACE)  # false of what is not finite
-
-
-def _is_in_area(crs: SourceCrs, place: NDArray[np.float64] | None) -> bool:
-    """Whether a place lies in the area in which a system is used, as far as that is known."""
-    area = pyproj.CRS(crs.name).area_of_use if crs.name else None
-    if place is None or area is None:
-        return False
-    east, north = _degrees(crs, place)
-    is_wrapped = area.west > area.east
-    is_between = east >= area.west or east <= area.east if is_wrapped else area.west <= east <= area.east
-    return bool(is_between and area.south <= north <= area.north)
-
-
-def _degrees(crs: SourceCrs, place: NDArray[np.float64]) -> tuple[float, float]:
-    """Return longitude and latitude of a place in a system, not finite where there is no such place."""
-    try:
-        transformer = pyproj.Transformer.from_crs(crs.name, "EPSG:4326", always_xy=True)
-    except ProjError:
-        return np.nan, np.nan
-    east, north = transformer.transform(*place.tolist())
-    return east, north
 
 
 def metric_crs(

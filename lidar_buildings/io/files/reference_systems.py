@@ -31,8 +31,13 @@ _SMALLEST_UNIT = 1e-6
 _N_CLOUD, _STEEP = 100, 100.0
 #: A projection that changes lengths by less than this is true to scale: zones of UTM stay below.
 TRUE_SCALE = 1e-3
+#: Decimals of a projection's scale: a survey that grows a little keeps it.
+_SCALE_DECIMALS = 4
 #: Lengths are compared over this many units, or metres where a unit is longer.
 _SCALE_BASE = 50.0
+#: Systems are used so far outside the area that they are made for [degrees]: Bavaria in the zone of UTM west
+#: of it.
+_BEYOND_AREA = 4.0
 #: Frames and systems whose units are remembered.
 _KEPT = 16
 
@@ -130,7 +135,8 @@ def about_units(frame: MapFrame, bounds: NDArray[np.float64] | None = None) -> l
 
     `bounds` are least and greatest x and y of the survey in the map frame, shape (2, 2) [m].
     """
-    remarks, unit, system = [], model_frame(frame).vertical_unit, frame.crs.split(",")[0]
+    remarks = [] if bounds is None or not np.isfinite(bounds).all() else _about_area(frame, bounds)
+    unit, system = model_frame(frame).vertical_unit, frame.crs.split(",")[0]
     scale = frame.horizontal_unit / unit
     if not is_same_unit(scale, 1.0):
         text = (
@@ -161,6 +167,67 @@ def _scale_errors(frame: MapFrame, bounds: NDArray[np.float64]) -> NDArray[np.fl
     places = np.column_stack([x.ravel(), y.ravel()])
     units = true_units(frame.crs, places) if frame.crs else np.empty(0)
     return np.abs(units[np.isfinite(units)] / frame.horizontal_unit - 1.0)
+
+
+def true_scale(crs: str, place: NDArray[np.float64]) -> float:
+    """
+    Return the length on the ground of a unit of x and y, by that which the system states; 1 if nearly so.
+
+    `place`, shape (2,), is in the system's own units; the mean of those along x and y counts.
+    """
+    stated = stated_unit(crs)
+    if stated is None:
+        return 1.0
+    scale = round(float(np.sqrt(true_units(crs, place[None]).prod())) / stated, _SCALE_DECIMALS)
+    return scale if abs(scale - 1.0) > TRUE_SCALE and scale > 0.0 else 1.0  # not a number: not known
+
+
+def true_frame(frame: MapFrame) -> MapFrame:
+    """
+    Return a frame that was told in the system's own units with their length on the ground at its origin.
+
+    Scanners and poses measure true lengths: so does the map, whatever the projection makes of them.
+    """
+    stated = stated_unit(frame.crs)
+    if stated is None or not is_same_unit(stated, frame.horizontal_unit):
+        return frame
+    x, y, z = frame.origin
+    scale = true_scale(frame.crs, np.array([x, y]) / stated)
+    return replace(frame, origin=(x * scale, y * scale, z), horizontal_unit=stated * scale)
+
+
+def _about_area(frame: MapFrame, bounds: NDArray[np.float64]) -> list[Remark]:
+    """Say that the middle of map bounds lies where the system is not used, or x and y are swapped."""
+    middle = ((bounds.mean(axis=0) + frame.origin[:2]) / frame.horizontal_unit)[:2]
+    if is_in_area(frame.crs, middle, _BEYOND_AREA) is not False:
+        return []
+    why = "is its system another one?"
+    if is_in_area(frame.crs, middle[::-1]):
+        why = "x and y seem to be swapped: swap them first"
+    text = f"the points lie outside the area in which {frame.crs.split(',')[0]} is used: {why}"
+    return [Remark("outside_area", text)]
+
+
+def is_in_area(crs: str, place: NDArray[np.float64], margin: float = 0.0) -> bool | None:
+    """Whether a place lies in the area in which a system is used, or so near [deg]; None if not known."""
+    area = pyproj.CRS.from_user_input(crs).area_of_use if crs else None
+    if area is None:
+        return None
+    east, north = degrees_at(crs, place)
+    is_wrapped = area.west > area.east
+    is_after, is_before = east >= area.west - margin, east <= area.east + margin
+    is_between = is_after or is_before if is_wrapped else is_after and is_before
+    return bool(is_between and area.south - margin <= north <= area.north + margin)
+
+
+def degrees_at(crs: str, place: NDArray[np.float64]) -> tuple[float, float]:
+    """Return longitude and latitude of a place in a system, not finite where there is no such place."""
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+    except ProjError:
+        return np.nan, np.nan
+    east, north = transformer.transform(*place.tolist())
+    return east, north
 
 
 def true_units(crs: str, places: NDArray[np.float64]) -> NDArray[np.float64]:

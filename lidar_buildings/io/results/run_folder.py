@@ -266,7 +266,7 @@ def sole_use(path: Path) -> Iterator[None]:
     where the file system has no locks, and a part of this process may take the folder again. OutputError if
     another process has it, or it cannot be made.
     """
-    folder = path.resolve()
+    folder = Path(os.path.realpath(path))  # which says nothing of links in a circle
     if folder in _mine:
         yield
         return

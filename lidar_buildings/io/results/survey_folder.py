@@ -17,6 +17,7 @@ from lidar_buildings.core.model.ids import tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.bags.bag_inputs import bags_among, with_clouds
+from lidar_buildings.io.clouds.agreement import in_frame
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.clouds.las import frame_of, open_cloud, open_inputs
 from lidar_buildings.io.results.output_config import OutputConfig, SurveyConfig
@@ -133,7 +134,7 @@ class SurveyFolder:
         written = {one.name: getattr(config, one.name) for one in fields(OutputConfig)}
         self.folder = OutputFolder(
             config.output,
-            [cloud.in_frame(frame).input_file for cloud in clouds],
+            [cloud.input_file for cloud in in_frame(clouds, frame)],
             frame,
             overwrite=config.overwrite and self.folder is None,
             until=config.until,

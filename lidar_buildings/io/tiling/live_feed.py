@@ -63,7 +63,7 @@ class LiveFeed:
         self._n_come = self._n_taken = 0
         self.folder = Path(tiling.spool) if tiling.spool else make_temporary_folder()
         self.recorded = recorded_of(self.folder, tiling)
-        self._search = FrameSearch(frame)
+        self._search = FrameSearch(frame, in_grid=scans.georeferenced)
         self._placer = ScanPlacer(scans)
         self._survey: LiveSurvey | None = None
         self._early: list[PlacedScan] = []

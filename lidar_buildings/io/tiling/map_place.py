@@ -18,7 +18,12 @@ from lidar_buildings.core.scans.placing import Antenna, ScanPlacer, stamp_of
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.core.scans.track_fit import TrackFit, fit_track
 from lidar_buildings.core.scans.transform_tree import WHOLE_CLOCKS, frame_name
-from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up
+from lidar_buildings.io.files.reference_systems import (
+    GEOCENTRIC,
+    GEODETIC,
+    east_north_up,
+    true_frame,
+)
 
 #: Coordinates of what lies beyond all that a grid can hold [m].
 _NOWHERE = 1e8
@@ -338,18 +343,25 @@ _N_LATER, _WORSE = 20, 2.0
 
 
 class FrameSearch:
-    """Settles where the map of a feed lies, unless it is given, once the first points have come."""
+    """
+    Settles where the map of a feed lies, unless it is given, once the first points have come.
 
-    def __init__(self, given: MapFrame | None) -> None:
-        self._found = None if given is None else MapPlace(given)
+    Points that come `in_grid` have its lengths, all others true ones.
+    """
+
+    def __init__(self, given: MapFrame | None, *, in_grid: bool = False) -> None:
+        self._in_grid = in_grid
+        self._found: MapPlace | None = None
         self.fixes = SatelliteFixes()  #: they come after the poses that came before them
         self._by_fixes: MapPlace | None = None
         self._first_at: float | None = None
         self._off = 0.0
+        if given is not None:
+            self.take_frame(given)
 
     def take_frame(self, frame: MapFrame) -> None:
         """Take what others say."""
-        self._found = self._found or MapPlace(frame)
+        self._found = self._found or MapPlace(frame if self._in_grid else true_frame(frame))
 
     def settled(self, placer: ScanPlacer, now: float, n_points: int) -> MapPlace | None:
         """

@@ -20,7 +20,7 @@ from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.io.clouds.agreement import excess_of
+from lidar_buildings.io.clouds.agreement import excess_of, in_frame
 from lidar_buildings.io.clouds.cloud import CHUNK, Cloud
 from lidar_buildings.io.clouds.las import frame_of, open_inputs
 from lidar_buildings.io.files.temporary_folder import temporary_files
@@ -164,7 +164,7 @@ class TileSource:
             raise InputError(why)
         self.unreadable: set[int] = set()
         self.frame: MapFrame = frame_of(self._clouds, crs)
-        self._clouds = [cloud.in_frame(self.frame) for cloud in self._clouds]
+        self._clouds = in_frame(self._clouds, self.frame)
         self._skip, self._submit = skip, submit
         self._areas = [Rectangle.of_cloud(cloud) for cloud in self._clouds]
         self._bounds = shapely.STRtree([area and shapely.box(*area) for area in self._areas])

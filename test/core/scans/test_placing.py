@@ -195,7 +195,7 @@ def test_a_layout_may_change_be_big_endian_or_empty_in_mid_stream():
 
 
 def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came():
-    names = ["lidar", "lidar", "second", "lidar", "lidar", "lidar"]
+    names = ["lidar", "lidar", "second", "lidar", "lidar", "second"]
     one_by_one, at_once = placing.ScanPlacer(), placing.ScanPlacer()
     expected = []
     for placer in (one_by_one, at_once):
@@ -210,8 +210,8 @@ def test_scans_that_are_alike_are_placed_as_one_in_the_order_in_which_they_came(
         at_once.add_scan(message)
         expected += one_by_one.placed(is_end=True)
     found = list(at_once.placed(is_end=True))
-    assert [len(one.points) for one in found] == [6, 3, 6, 3]
-    expected.append(expected.pop(2))  # its frame has one scan, which waits for more to the end
+    assert [len(one.points) for one in found] == [6, 3, 3, 6]
+    expected.insert(4, expected.pop(2))  # its frame has two scans, which wait for more to the end
     for member in ("points", "times"):
         both = (np.concatenate([getattr(one, member) for one in some]) for some in (found, expected))
         np.testing.assert_array_equal(*both)
@@ -406,3 +406,34 @@ def test_poses_that_all_come_first_are_of_no_other_clock(n_before):
         drive.scan(second)
     assert len(drive.end()) > 3 * 75
     assert drive.placer.doubts == []
+
+
+def placer_of(n_scans, frames):
+    """Return a placer that knows poses of frames until after so many scans of 10 Hz."""
+    placer = placing.ScanPlacer()
+    for k in range(n_scans + 2):
+        for child in frames:
+            told = transforms((T0 + k * SECOND // 10, "map", child, (k, 0.0, 0.0)))
+            placer.add_transforms(told, is_static=False)
+    return placer
+
+
+@pytest.mark.parametrize("first", [0, 7])
+def test_few_scans_of_another_frame_or_with_other_times_are_left_out_and_counted(first):
+    placer = placer_of(60, ["lidar", "other"])
+    for k in range(60):
+        frame = "other" if k in (first, first + 20) else "lidar"
+        kind = "<f8" if k == first + 40 else "<f4"
+        placer.add_scan(scan(T0 + k * SECOND // 10, POINTS, frame, kind=kind))
+    assert sum(len(one.points) for one in placer.placed(is_end=True)) == 57 * len(POINTS)
+    assert placer.left_out == {placing.OTHER_FORM: 3 * len(POINTS)}
+    assert sorted(placer.messages.values()) == [1, 2]
+
+
+def test_scans_of_several_scanners_and_a_change_for_good_are_all_placed():
+    frames = ["front", "front", "rear", "front", "front"] * 12 + ["new"] * 20
+    placer = placer_of(len(frames), set(frames))
+    for k, frame in enumerate(frames):
+        placer.add_scan(scan(T0 + k * SECOND // 10, POINTS, frame=frame))
+    assert sum(len(one.points) for one in placer.placed(is_end=True)) == len(frames) * len(POINTS)
+    assert not placer.left_out

@@ -54,11 +54,42 @@ def test_of_a_plain_survey_nothing_is_told(tmp_path):
         (lambda p: p[:, [0, 2, 1]], "axis_up"),
         (lambda p: np.add(p, [0, 0, 11_000]), "odd_elevations"),
         (lambda p: np.vstack([p, [[50.0, 50.0, 900.0]] * 9]), "aloft"),
+        (lambda p: p + np.where(p[:, :1] > 150.0, 800.0, 0.0) * [0, 0, 1], "aloft"),
+        (
+            lambda p: np.where((np.arange(len(p)) % 9 == 0)[:, None], p * [1, 1, 0] - [0, 0, 9999], p),
+            "far_below",
+        ),
         (lambda p: np.vstack([p[:-1], [[2147483.647, 0, 0]]]), "integer_limit"),
+        (lambda p: np.vstack([p[:-1], [[-2147483.647, 0, 0]]]), "integer_limit"),
+        (lambda p: np.maximum(p, [60.0, 0.0, -99.0]), "cut_off"),
+        (lambda p: np.vstack([np.round(p, 0), p[:9]]), "coarse_steps"),
     ],
 )
 def test_coordinates_that_cannot_be_are_told(tmp_path, change, code):
     assert code in told(written(tmp_path / "a.las", change(survey())))
+
+
+def test_times_returns_and_strips_that_the_places_contradict_are_told(tmp_path):
+    p = survey()
+    p = p[np.argsort(np.floor(p[:, 0]) * 1000.0 + p[:, 1])]  # line by line
+    n, times = len(p), np.arange(len(p)) * 1e-4
+    first = np.arange(n) % 2 == 0
+    below = p - first[:, None] * [0, 0, 5.0]
+    mixed = np.random.default_rng(1).permutation(times)
+    cases = [
+        (p, {"gps_time": times}, []),
+        (p, {"gps_time": mixed}, ["times_say_nothing"]),
+        (p, {"gps_time": np.where(first, np.nan, times)}, ["times_say_nothing"]),
+        (p, {"gps_time": times + 300.0 * (np.arange(n) > n // 2)}, ["strips_say_nothing"]),
+        (below, {}, ["returns_contradict"]),
+        (
+            p,
+            {"return_number": np.where(first, 2, 3), "number_of_returns": np.full(n, 3)},
+            ["returns_say_nothing"],
+        ),
+    ]
+    for k, (points, columns, codes) in enumerate(cases):
+        assert told(written(tmp_path / f"{k}.las", points, **columns)) == codes, columns
 
 
 @pytest.mark.parametrize(
@@ -70,6 +101,7 @@ def test_coordinates_that_cannot_be_are_told(tmp_path, change, code):
         ("return_number", 1, "returns_say_nothing"),
         ("return_number", 3, "returns_contradict"),
         ("point_source_id", 0, "strips_say_nothing"),
+        ("intensity", 77, "intensities_say_nothing"),
     ],
 )
 def test_columns_that_say_nothing_are_told(tmp_path, column, value, code):

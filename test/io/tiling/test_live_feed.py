@@ -23,19 +23,19 @@ from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
 
 def test_scans_and_poses_become_tiles_and_files_of_all_points(tmp_path):
-    with Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))) as run:
+    with Running(tmp_path, MapFrame("EPSG:25832", (460_000.0, 5_930_000.0, 0.0))) as run:
         for k in range(4):
             run.feed.add_odometry(odometry(T0 + k * SECOND // 10, (10.0 * k, 0.0, 0.0), frame="map"))
         run.feed.add_scan(scan(T0, points()))
         run.feed.add_scan(scan(T0 + SECOND // 10, points(seed=1)))
         tiles = run.flush()
     assert core(tiles) == 1000
-    assert {tile.frame.crs for tile in tiles} == {"EPSG:28992"}
+    assert {tile.frame.crs for tile in tiles} == {"EPSG:25832"}
     saved = laspy.read(tmp_path / "clouds" / "points_00000.laz")
     assert len(saved) == 1000
     merged = np.concatenate([tile.points[tile.buffer == 0] for tile in tiles])
     index = np.concatenate([tile.index[tile.buffer == 0] for tile in tiles])
-    at = merged[np.argsort(index)] + [1000.0, 2000.0, 0.0]
+    at = merged[np.argsort(index)] + [460_000.0, 5_930_000.0, 0.0]
     np.testing.assert_allclose(saved.xyz, at, atol=0.001)
 
 
@@ -49,12 +49,12 @@ def test_scans_of_the_map_need_no_pose_and_nobody_tells_where_it_lies():
 
 
 def test_a_feed_goes_on_where_it_was_cut_off(tmp_path):
-    first = Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0)))
+    first = Running(tmp_path, MapFrame("EPSG:25832", (460_000.0, 5_930_000.0, 0.0)))
     with first:
         first.feed.add_scan(scan(T0, points(), frame="map"))
         (tile,) = first.flush()
     with Running(tmp_path) as second:
-        assert second.feed.frame == MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))
+        assert second.feed.frame == MapFrame("EPSG:25832", (460_000.0, 5_930_000.0, 0.0))
         assert second.flush() == [], "what was done is not sent again"
         second.feed.add_scan(scan(T0 + SECOND, points(seed=1), frame="map"))
         (again,) = second.flush()
@@ -193,7 +193,7 @@ def test_a_disk_that_is_full_for_a_while_loses_nothing_and_ends_nothing(tmp_path
 
 def test_a_flush_that_begins_while_files_are_written_is_done_after_another(tmp_path, monkeypatch):
     write, is_first = live_feed.write_placed_points, iter([True])
-    with Running(tmp_path, MapFrame("EPSG:28992", (1000.0, 2000.0, 0.0))) as run:
+    with Running(tmp_path, MapFrame("EPSG:25832", (460_000.0, 5_930_000.0, 0.0))) as run:
 
         def write_and_flush(survey, folder):
             yield from write(survey, folder)

@@ -186,8 +186,10 @@ def test_where_the_map_lies_is_waited_for_and_then_taken_as_it_is():
     assert search.settled(ScanPlacer(), 102.0, 10) == map_place.MapPlace()
     told = map_place.FrameSearch(None)
     assert told.settled(ScanPlacer(), 0.0, 10) is None
-    told.take_frame(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
-    assert told.settled(ScanPlacer(), 0.1, 10) == map_place.MapPlace(MapFrame("EPSG:28992", (1.0, 2.0, 3.0)))
+    told.take_frame(MapFrame("EPSG:28992", (85_000.0, 447_000.0, 3.0)))
+    assert told.settled(ScanPlacer(), 0.1, 10) == map_place.MapPlace(
+        MapFrame("EPSG:28992", (85_000.0, 447_000.0, 3.0))
+    )
     by_fix, placer = map_place.FrameSearch(None), placer_at((0.0, 0.0, 0.0))
     by_fix.fixes.take(fix(T0, 52.0, 4.4, 0.0), placer)
     assert by_fix.settled(placer, 0.0, 10) is None

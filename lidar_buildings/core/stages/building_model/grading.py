@@ -35,8 +35,9 @@ _ALL_ROUND, _WIDE = 0.7, 0.25
 #: Of so many points next to one that is off, half are as far off, but for this [m], if all are a detail; so
 #: much of all that are off has to be.
 _NEXT, _ALIKE, _MOSTLY = 4, 0.25, 0.4
-#: A wall is looked at in so many steps a spacing; so many spots tell how far points are apart.
-_STEPS, _MOST_SPOTS = 2.0, 200
+#: A wall is looked at in so many steps a spacing, all walls in so many together, whatever the spacing is; so
+#: many spots tell how far points are apart.
+_STEPS, _MOST_STEPS, _MOST_SPOTS = 2.0, 100_000, 200
 #: So many points around a corner, those nearer than this [spacings] alone, say how high it may be.
 _AROUND, _REACH = 64, 3.0
 #: What rises or sinks more than this beyond them, besides what its slope does over so much, is a spike [m],
@@ -98,7 +99,8 @@ def _gaps(
     tree: cKDTree, walls: FloatArray, length: FloatArray, spacing: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean and the median distance of each wall to the nearest point."""
-    n = np.maximum(length * (_STEPS / spacing), 1.0).astype(np.int64)
+    often = min(_STEPS / spacing, _MOST_STEPS / float(length.sum()))
+    n = np.maximum(length * often, 1.0).astype(np.int64)
     wall = np.repeat(np.arange(len(walls)), n)
     first = np.cumsum(n) - n
     step = (np.arange(len(wall)) - first[wall] + 0.5) / n[wall]

@@ -19,6 +19,8 @@ MIN_VOID_CELLS = 5
 MIN_VOID_WIDTH = 1.5
 #: Voids longer than this are gaps between strips, water, or what lies beyond the cloud [m].
 MAX_LENGTH = 30.0
+#: Cells are no finer, however dense the points are [m].
+FINEST = 0.1
 #: How far from a void its rim reaches, in spacings, since lines of a scan may be that far apart; and
 #: how much farther along the plane, since square windows do not reach into the corners of turned roofs.
 RIM_REACH = 2.5
@@ -57,6 +59,7 @@ def find_wet_roofs(
     [m]; `is_open` says which may become roof, `is_roof` which are: these count as rim. What is farther away
     than `MAX_LENGTH` does not matter.
     """
+    spacing = max(spacing, FINEST)
     found = np.zeros(len(points), dtype=bool)
     raised = np.flatnonzero((is_open | is_roof) & (height >= config.min_height))
     open_rows = np.flatnonzero(is_open & ~is_roof & (height >= config.min_height))
