@@ -20,6 +20,7 @@ from lidar_buildings.core.model.bounds import BEYOND, are_held, checked_id
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.ids import readable_id
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, WALL_SURFACE, Face, Solid
 from lidar_buildings.core.stages.building_model.result import BuildingModel
@@ -120,9 +121,16 @@ def feature_line(
 
 
 def _terrain_line(mesh: TerrainMesh) -> str:
-    surfaces = [[corners] for corners in mesh.triangles.tolist()]
-    geometry = {"type": "CompositeSurface", "lod": "2", "boundaries": surfaces}
-    relief = {"type": "TINRelief", "geometry": [geometry]}
+    """Return a square's line; a composite surface is connected, so each part is one of its own."""
+    first, second, third = mesh.triangles.T
+    pairs = np.concatenate([first, second]), np.concatenate([second, third])
+    part = sets_of_pairs(len(mesh.vertices), *pairs)[first]
+    parts = (mesh.triangles[part == one].tolist() for one in dict.fromkeys(part.tolist()))
+    geometry = [
+        {"type": "CompositeSurface", "lod": "2", "boundaries": [[corners] for corners in own]}
+        for own in parts
+    ]
+    relief = {"type": "TINRelief", "geometry": geometry}
     return _line(mesh.name, relief, np.rint(mesh.vertices / GRID).astype(np.int64).tolist())
 
 

@@ -53,13 +53,16 @@ def characteristic_ring(xy: NDArray[np.float64], max_edge: float) -> NDArray[np.
 
     The boundary of the Delaunay triangulation is worn away from outside, the longest boundary edge first,
     until none is longer than `max_edge` except where the ring would break in two: the characteristic shape of
-    Duckham et al. (2008).
+    Duckham et al. (2008). Of points so close that they cannot be triangulated it is the convex hull.
     """
     points = shapely.multipoints(xy)
-    edges = shapely.length(shapely.get_parts(shapely.delaunay_triangles(points, only_edges=True)))
-    least, longest = edges.min(initial=np.inf), edges.max(initial=0.0)
-    share = 1.0 if max_edge >= longest else max(max_edge - least, 0.0) / (longest - least)
-    hull = shapely.concave_hull(points, ratio=share)
+    try:
+        edges = shapely.length(shapely.get_parts(shapely.delaunay_triangles(points, only_edges=True)))
+        least, longest = edges.min(initial=np.inf), edges.max(initial=0.0)
+        share = 1.0 if max_edge >= longest else max(max_edge - least, 0.0) / (longest - least)
+        hull = shapely.concave_hull(points, ratio=share)
+    except shapely.errors.GEOSException:  # points that lie closer than GEOS tells apart
+        hull = shapely.convex_hull(points)
     return np.asarray(cKDTree(xy).query(shapely.get_coordinates(hull)[:-1])[1], dtype=np.int64)
 
 
