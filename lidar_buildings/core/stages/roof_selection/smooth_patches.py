@@ -243,7 +243,8 @@ def narrow_levels(
     plan = (columns.points, columns.first, columns.numbers, columns.n_columns)
     cut = np.append(begins, len(chosen))
     for start, end, low, shape, top in zip(cut[:-1], cut[1:], lows, shapes, tops, strict=True):
-        rows, (y, x) = chosen[start:end], (places[start:end] - low).T
+        # Not the transposed view: its rows are contiguous if they hold one cell, and strided else.
+        rows, (y, x) = chosen[start:end], np.ascontiguousarray((places[start:end] - low).T)
         own, (below, others) = np.zeros(shape, np.int32), np.zeros((2, *shape), np.uint8)
         _draw(*plan, y, x, low, top, own, below, others)
         if is_bare and not others.any():
