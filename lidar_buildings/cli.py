@@ -265,8 +265,11 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
 
 def _pair(text: str) -> tuple[float, float]:
     """Read two numbers with a comma between."""
-    one, other = text.split(",")
-    return float(one), float(other)
+    try:
+        one, other = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be two numbers, such as 0.02,0.1") from None
+    return one, other
 
 
 def _simulate(options: argparse.Namespace) -> int:

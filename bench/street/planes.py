@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 #: Points are thinned to one per voxel of this size; on a plane they lie within that of it [m].
-VOXEL, ON_PLANE = 0.1, 0.05
+VOXEL, ON_PLANE = 0.2, 0.05
 #: A try looks at points up to here from its first one; a plane ends where no point lies for so long [m].
 NEAR, GAP = 4.0, 1.0
 #: Planes hold so many points, and so many a metre, and are so long at least; points this near a plane are
 #: used up [m].
-MIN_POINTS, MIN_DENSITY, MIN_LENGTH, USED = 30, 15.0, 0.75, 0.15
+MIN_POINTS, MIN_DENSITY, MIN_LENGTH, USED = 20, 12.0, 0.75, 0.15
 #: Tries for each plane, and planes that fail before the search ends.
-N_TRIES, N_FAILURES = 40, 60
+N_TRIES, N_FAILURES = 40, 40
 
 
 def vertical_planes(points: NDArray[np.float64], seed: int = 0) -> list[shapely.LineString]:
