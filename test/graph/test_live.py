@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import PointCloud2
@@ -14,6 +15,7 @@ from std_srvs.srv import Trigger
 from support.node_bench import running
 from support.node_processes import LAST, NodeProcesses
 from support.results import assert_buildings_once, contents
+from support.waiting import wait_until
 
 from lidar_buildings.io.tiling.spool import RECORD
 from lidar_buildings.nodes.graph import feed_folder, survey_nodes
@@ -56,12 +58,26 @@ class Driver:
         self._publisher = self.node.create_publisher(PointCloud2, "scan", QoSProfile(depth=10_000))
         self._executor = rclpy.executors.SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
+        self._n_come = 0
+        self.node.create_subscription(DiagnosticArray, "diagnostics", self._on_diagnostics, 100)
 
     def send(self, scans):
-        wait_for(lambda: self._publisher.get_subscription_count())
-        for one in scans:
+        """Send scans, the first until one has come: before the assembler knows of this node it hears none."""
+
+        def has_come():
+            self._publisher.publish(scans[0])  # copies are left out
+            self._executor.spin_once(timeout_sec=0.1)
+            return self._n_come
+
+        wait_until(has_come)
+        for one in scans[1:]:
             self._publisher.publish(one)
-        assert self._publisher.wait_for_all_acked(Duration(seconds=60))
+        assert self._publisher.wait_for_all_acked(Duration(seconds=240))
+
+    def _on_diagnostics(self, message):
+        for status in message.status:
+            if status.name == f"{SOURCE}: summary":
+                self._n_come = int({pair.key: pair.value for pair in status.values}["scans"])
 
     def call(self, service):
         """Call a service until it answers: one of a node that was killed is seen for a while."""
@@ -150,4 +166,5 @@ def test_nodes_may_be_killed_and_the_whole_graph_restarted_while_a_feed_is_on(
         graph.start_all()
         own.call(f"{SOURCE}/flush")
         wait_for((output / "run.json").exists, tails=graph.tails)
+        graph.end("model_writer")  # not in the middle of files that another call has it make
     assert contents(output) == contents(undisturbed)

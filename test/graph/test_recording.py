@@ -4,14 +4,13 @@ import json
 
 import pyogrio
 import pytest
+from support.cli_runs import SMALL_TILES
 from support.cloud_files import fill_the_disk
 
 from lidar_buildings.io.bags.bag_summary import summarise_bag
 from lidar_buildings.nodes.table import RECORDED
 
 pytestmark = pytest.mark.graph
-
-SMALL_TILES = ["--tile-size", "100", "--set", "tile_player.buffer=20"]
 
 
 def buildings(folder):
@@ -24,8 +23,8 @@ def buildings(folder):
     return geometries, sorted(features)
 
 
-def test_the_bag_of_a_run_gives_the_same_buildings(command, survey, tmp_path):
-    run = ("run", survey, *SMALL_TILES, "--output", tmp_path / "first", "--record", tmp_path / "bag.mcap")
+def test_the_bag_of_a_run_gives_the_same_buildings(command, house, tmp_path):
+    run = ("run", house, *SMALL_TILES, "--output", tmp_path / "first", "--record", tmp_path / "bag.mcap")
     spoken = command(*run)
     assert (spoken.status, spoken.err) == (0, [])
     assert spoken.out[-2].startswith(f"  {tmp_path / 'bag'}: ")
@@ -40,9 +39,9 @@ def test_the_bag_of_a_run_gives_the_same_buildings(command, survey, tmp_path):
     assert buildings(tmp_path / "first")[1]
 
 
-def test_a_full_disk_under_the_bag_leaves_the_run_alone(command, survey, tmp_path, monkeypatch):
+def test_a_full_disk_under_the_bag_leaves_the_run_alone(command, house, tmp_path, monkeypatch):
     fill_the_disk(monkeypatch, ".mcap", 1000)
-    run = ("run", survey, *SMALL_TILES, "--output", tmp_path / "out", "--record", tmp_path / "bag")
+    run = ("run", house, *SMALL_TILES, "--output", tmp_path / "out", "--record", tmp_path / "bag")
     spoken = command(*run, "--until", "ground_filter")
     assert spoken.status == 2
     assert spoken.err[0].startswith(
@@ -52,9 +51,9 @@ def test_a_full_disk_under_the_bag_leaves_the_run_alone(command, survey, tmp_pat
     assert (tmp_path / "out" / "run.json").exists()
 
 
-def test_a_recording_that_cannot_be_made_is_refused_before_anything_is_touched(command, survey, tmp_path):
+def test_a_recording_that_cannot_be_made_is_refused_before_anything_is_touched(command, house, tmp_path):
     (tmp_path / "bag").mkdir()
-    run = ("run", survey, "--output", tmp_path / "out", "--record")
+    run = ("run", house, "--output", tmp_path / "out", "--record")
     assert "already exists" in command.refused(*run, tmp_path / "bag")
     assert "remove --no-ros or --record" in command.refused(*run, tmp_path / "new", "--no-ros")
     assert not (tmp_path / "out").exists()

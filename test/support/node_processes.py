@@ -101,6 +101,11 @@ class NodeProcesses:
         self._processes[name].send_signal(signal.SIGKILL)
         self._processes[name].wait()
 
+    def end(self, name: str) -> None:
+        """End a node as a user does."""
+        self._processes[name].send_signal(signal.SIGINT)
+        self._processes[name].wait(240)
+
     def n_on_disk(self) -> int:
         return len(list((self.output / ".partial").glob("*.npz")))
 
