@@ -24,6 +24,8 @@ _MODULES = {
     "core.stages.footprints.config": ("FootprintConfig",),
     "core.stages.regularisation.config": ("RegularisationConfig",),
     "core.stages.regularisation.regularising": ("regularise_outline",),
+    "core.stages.facades.config": ("FacadesConfig",),
+    "core.stages.facades.finding": ("find_facades",),
     "core.stages.plane_fitting.config": ("PlaneFittingConfig",),
     "core.stages.plane_fitting.fitting": ("fit_roof_planes",),
     "core.stages.building_model.config": ("BuildingModelConfig",),

@@ -18,6 +18,8 @@ SUMMARIES = {
     "buffer.",
     "outline_regulariser": "Fits straight edges and the building's own directions to traced outlines. An "
     "outline that cannot be regularised goes on as it is.",
+    "facade_finder": "Finds the walls of buildings that were seen from the street, tells them from fences, "
+    "hedges and vehicles, and says how sure it is. Of what was seen from above it makes nothing.",
     "plane_fitter": "Finds the planes of each building's roof. It numbers them within their building.",
     "model_builder": "Builds solids from outlines and roof planes. Every building comes out, with a status "
     "that says what became of it.",
@@ -58,6 +60,13 @@ MEANINGS = {
     "closes the tile",
     "outline_quality": "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from "
     "the traced ring, and why it is the traced one, if it is",
+    "street_points": "the points of all classes but noise that were seen from the street (`view` 2 and 3)",
+    "facades": "walls as they were seen from the street, an upright face a message, with ids of their own; "
+    "one that a tile had in an earlier revision and has no more comes without vertices; one with id −1 and "
+    "no vertices closes the tile",
+    "facade_records": "JSON of a tile: of each façade its foot line, which steps of it were seen, `bottom` "
+    "and `top`, `coverage`, `sigma`, `n_points`, `confidence`, `kind`, `building_id` (−1: not known)",
+    "facade_markers": "the façades' edges, for RViz, the surer the more opaque",
     "roof_faces": "the models' roofs in 3D; ids are the buildings'; one with id −1 and no vertices closes "
     "the tile",
     "city_model": "one CityJSONFeature per building; without `CityObjects` and `vertices` of one that a "

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import share_cores
@@ -27,6 +28,7 @@ from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.intensity import brightness_raster
 from lidar_buildings.core.surfaces.plane_adjustment import common_point
 from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.tile_facades import find_tile_facades, street_points
 from lidar_buildings.pipeline.tile_models import build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -96,6 +98,9 @@ def _rare() -> None:
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
     times = np.arange(2)
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])
+    tile = sample_tile().tile
+    street = tile.with_columns(view=np.full(len(tile), View.STREET))
+    find_tile_facades(street_points(street), (), _CONFIG.facades)
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 
 

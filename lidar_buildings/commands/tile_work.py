@@ -212,5 +212,11 @@ def products_of(result: TileResult, frame: MapFrame, rasters: TerrainRasters | N
         for one in result.models
     ]
     return TileProducts.from_tiles(
-        result.classified, result.roofs, result.traced, result.outlines, features, rasters
+        result.classified,
+        result.roofs,
+        result.traced,
+        result.outlines,
+        features,
+        result.facades,
+        rasters,
     )

@@ -32,10 +32,10 @@ from lidar_buildings.nodes.map_frames import FrameListener
 from lidar_buildings.nodes.table import NODE_STAGES, nodes_until, writer_topics
 from lidar_buildings.pipeline.tile_stages import rasterise_tile
 from lidar_buildings.ros.polygons import outlines_of
-from lidar_buildings.ros.qos import BUILDING, EVENT, LATCHED, LATCHED_HISTORY
+from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode, reason_of
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.text_messages import closed_tile, is_model
+from lidar_buildings.ros.text_messages import closed_tile, facades_of, is_model
 from lidar_buildings.ros.tile_table import Parts, agree_on_buildings
 
 #: So long diagnostics of the last tiles are waited for, which are sent right after the results; and how often
@@ -44,6 +44,7 @@ _PATIENCE, _TICK = 0.5, 0.05
 #: How many models wait for their tile; wide margin: a tile has hundreds. The oldest are of tiles sent again.
 _MAX_FEATURES = 100_000
 _MODELS, _OUTLINES, _TRACED = "city_model", "outlines", "traced_outlines"
+_FACADES = "facade_records"
 
 
 class ModelWriter(StageNode):
@@ -84,6 +85,8 @@ class ModelWriter(StageNode):
         for topic in self._topics:
             if topic == _MODELS:
                 self.create_subscription(String, topic, self.on_feature, BUILDING)
+            elif topic == _FACADES:
+                self.create_subscription(String, topic, self.on_facades, CLOUD)
             elif topic in (_TRACED, _OUTLINES):
                 self.subscribe_rings(topic, outlines_of)
             else:
@@ -141,6 +144,7 @@ class ModelWriter(StageNode):
             "traced": parts.get(_TRACED, ()),
             "outlines": parts.get(_OUTLINES, ()),
             "features": features,
+            "facades": parts.get(_FACADES, ()),
             "rasters": rasterise() if self.pool is None else self.pool.submit(rasterise).result(),
         }
         try:
@@ -161,6 +165,11 @@ class ModelWriter(StageNode):
             self._features.move_to_end(number)
             while len(self._features) > _MAX_FEATURES:
                 self._features.popitem(last=False)
+
+    def on_facades(self, message: String) -> None:
+        """Take a tile's façades."""
+        stamp, facades = facades_of(message)
+        self.add_part(stamp, _FACADES, facades)
 
     def _fits(self, parts: Parts) -> bool:
         return agree_on_buildings(parts) and self._modelled(parts) <= self._features.keys()

@@ -21,6 +21,8 @@ from lidar_buildings.core.model.withdrawals import Withdrawals
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
 from lidar_buildings.core.stages.edge_labelling.config import EdgeLabellingConfig
+from lidar_buildings.core.stages.facades.config import FacadesConfig
+from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
@@ -36,6 +38,7 @@ from lidar_buildings.nodes.configs import (
     MapFrameConfig,
 )
 from lidar_buildings.nodes.map_frames import FrameListener
+from lidar_buildings.pipeline.tile_facades import find_tile_facades, street_points
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -49,7 +52,7 @@ from lidar_buildings.pipeline.tile_stages import (
     select_roof_points,
 )
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
-from lidar_buildings.ros.markers import model_markers
+from lidar_buildings.ros.markers import facade_markers, model_markers
 from lidar_buildings.ros.point_cloud import grid_message, to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, MAP, MAP_RINGS
@@ -57,6 +60,7 @@ from lidar_buildings.ros.stage_node import StageNode, publish_all
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.text_messages import (
     Qualities,
+    facades_message,
     qualities_of,
     quality_message,
     tile_closing_message,
@@ -100,6 +104,7 @@ class RoofSelector(StageNode):
         super().__init__("roof_selector", NODE_CONFIGS["roof_selector"], **kwargs)
         self._classified_points = self.create_output(PointCloud2, "classified_points", CLOUD)
         self._roof_points = self.create_output(PointCloud2, "roof_points", CLOUD)
+        self._street_points = self.create_output(PointCloud2, "street_points", CLOUD)
         self.take_tiles(("ground_points",), self.work, self.publish)
         self.subscribe_tiles("ground_points")
 
@@ -111,6 +116,7 @@ class RoofSelector(StageNode):
         """Publish one tile's points, and its roofs apart."""
         self.summary.passed_on(len(classified))
         self._roof_points.publish(to_message(roof_points(classified)))
+        self._street_points.publish(to_message(street_points(classified)))
         self._classified_points.publish(to_message(classified))
 
 
@@ -211,6 +217,36 @@ class OutlineRegulariser(StageNode):
         )
         self.summary.passed_on(0)
         self.summary.count_buildings(one.quality.status.value for one in outlines)
+
+
+class FacadeFinder(StageNode):
+    """Finds the façades that were seen from the street, and withdraws those that a tile has no more."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("facade_finder", NODE_CONFIGS["facade_finder"], **kwargs)
+        self._withdrawals = Withdrawals()
+        self._records = self.create_output(String, "facade_records", CLOUD)
+        self._facades = self.create_publisher(PolygonInstanceStamped, "facades", MAP_RINGS)
+        self._markers = self.create_publisher(MarkerArray, "facade_markers", MAP)
+        self.take_tiles(("street_points", "outlines"), self.work, self.publish)
+        self.subscribe_rings("outlines", outlines_of)
+        self.subscribe_tiles("street_points")
+
+    def work(self, tile: PointTile, outlines: Outlines) -> Future[tuple[Facade, ...]]:
+        """Find one tile's façades."""
+        return self.submit(find_tile_facades, tile, outlines, self.parameters[FacadesConfig])
+
+    def publish(self, stamp: int, facades: tuple[Facade, ...]) -> None:
+        """Publish one tile's façades."""
+        gone = self._withdrawals.of(stamp, (one.facade_id for one in facades))
+        self._records.publish(facades_message(stamp, facades))
+        rings = {one.facade_id: (one.ring,) for one in facades}
+        publish_all(self._facades, ring_messages(stamp, {**dict.fromkeys(gone, ()), **rings}))
+        shown = facade_markers(stamp, facades, gone)
+        if shown.markers:  # late viewers get the last messages
+            self._markers.publish(shown)
+        self.summary.passed_on(0)
+        self.summary.counts["facades"] += len(facades)
 
 
 class PlaneFitter(StageNode):

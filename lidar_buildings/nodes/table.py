@@ -44,6 +44,10 @@ TOPICS = (
     Topic("roof_faces", _RINGS, "MAP_RINGS"),
     Topic("city_model", _TEXT, "BUILDING"),
     Topic("city_model", _TEXT, "LATCHED"),  # its header
+    Topic("street_points", _CLOUD, "CLOUD"),
+    Topic("facades", _RINGS, "MAP_RINGS"),
+    Topic("facade_records", _TEXT, "CLOUD"),
+    Topic("facade_markers", "visualization_msgs/MarkerArray", "MAP"),
     Topic("building_markers", "visualization_msgs/MarkerArray", "MAP"),
     Topic("map_origin", "geometry_msgs/PointStamped", "LATCHED"),
     Topic("map_units", "geometry_msgs/Vector3Stamped", "LATCHED"),
@@ -120,6 +124,7 @@ _OF_FILES = (
     ("edge_points", "building_points", "plane_points"),
     ("traced_outlines",),
     ("outlines",),
+    ("facade_records",),
     ("city_model",),
 )
 
@@ -143,6 +148,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard("edge_labeller"),
     NodeCard("building_tracer", (*_FRAME, "classified_points")),
     NodeCard("outline_regulariser"),
+    NodeCard("facade_finder"),
     NodeCard("plane_fitter"),
     NodeCard("model_builder", _FRAME, ("tile_done",)),
     NodeCard(

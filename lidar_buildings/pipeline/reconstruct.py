@@ -10,9 +10,11 @@ from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.core.stages.footprints.footprints import Footprints
 from lidar_buildings.pipeline.building_pool import BuildingPool
 from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.pipeline.tile_facades import find_tile_facades, street_points
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -35,6 +37,7 @@ class TileResult:
     #: Before and after regularisation, by rising building id.
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
+    facades: tuple[Facade, ...] = ()  #: walls seen from the street, from west to east
     models: tuple[TileModel, ...] = ()  #: one per outline
     #: On which sides a building of this tile, or what may be one, reaches beyond it; the chain then ends with
     #: the stage that found it.
@@ -106,8 +109,11 @@ def _results(
     outlines = regularise_outlines(traced, regularisation, pool)
     yield TileResult(classified, roofs, traced, outlines)
 
+    facades = find_tile_facades(street_points(classified), outlines, config.facades)
+    yield TileResult(classified, roofs, traced, outlines, facades)
+
     roofs = fit_planes(roofs, config.plane_fitting, pool)
-    yield TileResult(classified, roofs, traced, outlines)
+    yield TileResult(classified, roofs, traced, outlines, facades)
 
     models = build_models(roofs, outlines, config.building_model, pool)
-    yield TileResult(classified, roofs, traced, outlines, models)
+    yield TileResult(classified, roofs, traced, outlines, facades, models)

@@ -1,8 +1,8 @@
-"""Solids as markers for RViz."""
+"""Solids and façades as markers for RViz."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
@@ -11,6 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lidar_buildings.core.solids.shell import Solid
+from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.ros.stamps import header_of
 
 
@@ -26,16 +27,41 @@ def model_markers(
     return MarkerArray(markers=[_marker(stamp, number, solids) for number, solids in shown.items()])
 
 
+def facade_markers(stamp: int, facades: Iterable[Facade], withdrawn: Iterable[int] = ()) -> MarkerArray:
+    """
+    Return the edges of each façade as a list of lines, the surer it is the more opaque.
+
+    The marker of one that is withdrawn is deleted.
+    """
+    gone = [_lines(stamp, "facades", number, (), _FACADE) for number in withdrawn]
+    shown = []
+    for one in facades:
+        ends = np.stack([one.ring, np.roll(one.ring, -1, axis=0)], axis=1).reshape(-1, 3)
+        colour = ColorRGBA(r=_FACADE.r, g=_FACADE.g, b=_FACADE.b, a=one.confidence)
+        shown.append(_lines(stamp, "facades", one.facade_id, ends.tolist(), colour))
+    return MarkerArray(markers=[*gone, *shown])
+
+
+_BUILDING = ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0)
+_FACADE = ColorRGBA(r=0.1, g=0.6, b=1.0, a=1.0)
+
+
 def _marker(stamp: int, building_id: int, solids: Iterable[Solid]) -> Marker:
     corners = [corner for solid in solids for corner in _edges(solid).tolist()]
+    return _lines(stamp, "buildings", building_id, corners, _BUILDING)
+
+
+def _lines(
+    stamp: int, namespace: str, number: int, corners: Sequence[Sequence[float]], colour: ColorRGBA
+) -> Marker:
     marker = Marker(
         header=header_of(stamp),
-        ns="buildings",
-        id=building_id - (building_id >> 31 << 32),  # a marker's id has a sign
+        ns=namespace,
+        id=number - (number >> 31 << 32),  # a marker's id has a sign
         type=Marker.LINE_LIST,
         action=Marker.ADD if corners else Marker.DELETE,
         scale=Vector3(x=0.15),  # width of the lines [m]
-        color=ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0),
+        color=colour,
         points=[Point(x=x, y=y, z=z) for x, y, z in corners],
     )
     marker.pose.orientation.w = 1.0

@@ -18,6 +18,7 @@ from lidar_buildings.core.model.bounds import MAX_STAMP, checked_id, checked_len
 from lidar_buildings.core.model.errors import MessageError
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
+from lidar_buildings.core.stages.facades.facade import Facade
 
 #: Characters of a message; wide margin: the outlines of a tile take 200 each.
 MAX_LENGTH = 20_000_000
@@ -63,6 +64,20 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
         return checked_stamp(said["stamp"]), found
 
     return read_json("outline_quality", message, read)
+
+
+def facades_message(stamp: int, facades: Iterable[Facade]) -> String:
+    """Return all that is known of a tile's façades."""
+    return String(data=json.dumps({"stamp": stamp, "facades": [one.record for one in facades]}))
+
+
+def facades_of(message: String) -> tuple[int, tuple[Facade, ...]]:
+    """Return a tile's stamp [ns] and its façades; MessageError if it is not understood."""
+
+    def read(said: Any) -> tuple[int, tuple[Facade, ...]]:
+        return checked_stamp(said["stamp"]), tuple(map(Facade.of_record, said["facades"]))
+
+    return read_json("facade_records", message, read)
 
 
 def withdrawal_message(readable_id: str) -> String:

@@ -34,10 +34,11 @@ DESIGN = {
     "tile_player": ({"tile_done"}, {"points", "map_origin", "/clock"}),
     "scan_assembler": ({"scan", "odometry"}, {"points", "map_origin"}),
     "ground_filter": ({"points"}, {"ground_points", "dtm"}),
-    "roof_selector": ({"ground_points"}, {"classified_points", "roof_points"}),
+    "roof_selector": ({"ground_points"}, {"classified_points", "roof_points", "street_points"}),
     "edge_labeller": ({"roof_points"}, {"edge_points"}),
     "building_tracer": ({"edge_points"}, {"building_points", "traced_outlines"}),
     "outline_regulariser": ({"traced_outlines"}, {"outlines"}),
+    "facade_finder": ({"street_points", "outlines"}, {"facades", "facade_records", "facade_markers"}),
     "plane_fitter": ({"building_points"}, {"plane_points"}),
     "model_builder": (
         {"plane_points", "outlines"},

@@ -5,7 +5,8 @@ import pytest
 from visualization_msgs.msg import Marker
 
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
-from lidar_buildings.ros.markers import model_markers
+from lidar_buildings.core.stages.facades.facade import Facade
+from lidar_buildings.ros.markers import facade_markers, model_markers
 
 STAMP = 5_000_000_001
 TETRAHEDRON = Solid(
@@ -35,3 +36,27 @@ def test_what_is_gone_or_has_no_solid_is_deleted():
 def test_every_id_of_a_building_fits_a_marker(number):
     (marker,) = model_markers(STAMP, {number: []}).markers
     assert marker.id % 2**32 == number
+
+
+FACADE = Facade(
+    np.array([[0.0, 0.0], [4.0, 0.0]]),
+    1.0,
+    3.0,
+    np.ones(16, dtype=bool),
+    0.9,
+    0.02,
+    100,
+    0.5,
+    "straight",
+    7,
+    9,
+)
+
+
+def test_a_facade_is_a_rectangle_the_surer_the_more_opaque_and_deleted_when_it_is_gone():
+    shown = facade_markers(STAMP, [FACADE], withdrawn=[8]).markers
+    assert {one.id: one.action for one in shown} == {8: Marker.DELETE, 9: Marker.ADD}
+    (drawn,) = (one for one in shown if one.action == Marker.ADD)
+    assert drawn.ns == "facades"
+    assert drawn.color.a == 0.5
+    assert [(p.x, p.y, p.z) for p in drawn.points[::2]] == [(0, 0, 1), (4, 0, 1), (4, 0, 3), (0, 0, 3)]

@@ -54,7 +54,7 @@ STAGE_TABLE = (
         verb="tile_stages.select_roof_points",
         configs=("roof_selection",),
         reads=("ground_points",),
-        writes=("classified_points", "roof_points"),
+        writes=("classified_points", "roof_points", "street_points"),
         columns=(("facade", "u1"),),
     ),
     Stage(
@@ -92,6 +92,14 @@ STAGE_TABLE = (
         reads=("traced_outlines",),
         writes=("outlines", "outline_quality"),
         is_by_building=True,
+    ),
+    Stage(
+        "facades",
+        node="facade_finder",
+        verb="tile_facades.find_tile_facades",
+        configs=("facades",),
+        reads=("street_points", "outlines"),
+        writes=("facades", "facade_records", "facade_markers"),
     ),
     Stage(
         "plane_fitting",

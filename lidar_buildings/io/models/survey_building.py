@@ -139,8 +139,9 @@ class TerrainMesh:
     triangles: NDArray[np.int32]
 
 
-#: What a writer of a format gives: adds a building, or a piece of the terrain.
-Add = Callable[[SurveyBuilding | TerrainMesh], None]
+#: What a writer of a format gives: adds a building, or a piece of the terrain; one of layers takes façades,
+#: too.
+Add = Callable[[Any], None]
 
 
 class ModelHeading(NamedTuple):

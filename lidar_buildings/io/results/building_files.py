@@ -23,12 +23,19 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.remarks import Remark
+from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, writing
 from lidar_buildings.io.files.reference_systems import is_same_unit, model_frame, reprojected, unit_name
 from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError
-from lidar_buildings.io.results.output_config import FORMAT_FILES, OUTPUT_FORMATS, TILES, OutputConfig
+from lidar_buildings.io.results.output_config import (
+    FORMAT_FILES,
+    OUTPUT_FORMATS,
+    STREET_LAYERS,
+    TILES,
+    OutputConfig,
+)
 from lidar_buildings.io.results.run_folder import BLOCKS, output_names
 from lidar_buildings.io.results.run_summary import BuildingCounts
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
@@ -63,13 +70,14 @@ def write_buildings(
     formats: Collection[str],
     heading: ModelHeading,
     terrain: Iterable[TerrainMesh] = (),
+    facades: Sequence[Facade] = (),
 ) -> tuple[list[str], BuildingCounts]:
     """
     Write buildings in some of `OUTPUT_FORMATS`; a file appears, complete, when its last building is written.
 
-    `terrain` stands behind the buildings in every format of models. Returned are the names of the files, and
-    counts of the buildings; of those with an outline, where there are any outlines. OutputError if a file
-    cannot be written.
+    `terrain` stands behind the buildings in every format of models, `facades` in layers. Returned are the
+    names of the files, and counts of the buildings; of those with an outline, where there are any outlines.
+    OutputError if a file cannot be written.
     """
     # 3D Tiles stand on the earth, or nowhere
     chosen = [name for name in FORMAT_FILES if name in formats and (heading.earth or name != TILES)]
@@ -91,10 +99,16 @@ def write_buildings(
                 outlined.count(building.attributes)
             if building.traced is not None:
                 traced.count(building.attributes)
+        for facade, name in product(facades, chosen):
+            if OUTPUT_FORMATS[name].of_outlines:
+                with writing(paths[name]):
+                    opened[paths[name]](facade)
         if not all(OUTPUT_FORMATS[name].of_outlines for name in chosen):
             for mesh in terrain:
                 add_to_all(mesh)
     files = [file for name in chosen for file in FORMAT_FILES[name]]
+    if facades and _INSTEAD["gpkg"] in chosen:
+        files += [f"{layer}.fgb" for layer in STREET_LAYERS]
     return files, outlined if outlined.total else traced
 
 
@@ -121,6 +135,7 @@ def write_in_blocks(
     formats: Collection[str],
     heading: ModelHeading,
     terrain: Iterable[TerrainMesh] = (),
+    facades: Sequence[Facade] = (),
     *,
     largest: int,
 ) -> tuple[list[str], BuildingCounts]:
@@ -132,6 +147,9 @@ def write_in_blocks(
     """
     in_blocks = {_INSTEAD.get(name, name) for name in formats if name != TILES}
     squares = squares_of(buildings.places(), largest)
+    fronts: list[list[Facade]] = [[] for _ in squares]
+    for facade in facades:
+        fronts[_nearest(squares, facade.foot.mean(axis=0))].append(facade)
     tiles: list[str] = []
     total = BuildingCounts()
     items = []
@@ -140,14 +158,15 @@ def write_in_blocks(
         meshes: Waiting[int, TerrainMesh] = Waiting(file)
         for mesh in terrain:
             middle = (mesh.vertices[:, :2].min(axis=0) + mesh.vertices[:, :2].max(axis=0)) / 2.0
-            away = [square.distance(middle) for square, _ in squares]
-            meshes.add(away.index(min(away)), mesh)
+            meshes.add(_nearest(squares, middle), mesh)
         parts = buildings.parts(rows for _, rows in squares)
         for number, ((square, rows), part) in enumerate(zip(squares, parts, strict=True)):
             x, y, _ = buildings.frame.to_source(np.array([[square.west, square.south, 0.0]]))[0]
             block = blocks / f"block-{x:.0f}-{y:.0f}"
             block.mkdir()
-            files, counts = write_buildings(block, part, in_blocks, heading, meshes.of(number))
+            files, counts = write_buildings(
+                block, part, in_blocks, heading, meshes.of(number), fronts[number]
+            )
             total.add(counts)
             items.append(
                 _item(
@@ -164,6 +183,11 @@ def write_in_blocks(
             all_meshes = chain.from_iterable(map(meshes.of, range(len(squares))))
             tiles, _ = write_buildings(folder, buildings, [TILES], heading, all_meshes)
     return [BLOCKS, *tiles], total
+
+
+def _nearest(squares: Sequence[tuple[Square, NDArray[np.intp]]], place: NDArray[np.float64]) -> int:
+    away = [square.distance(place) for square, _ in squares]
+    return away.index(min(away))
 
 
 def _item(block: Path, files: list[str], facts: dict[str, Any], part: SurveyBuildings) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
+from lidar_buildings.core.stages.facades.facade import NO_BUILDING, Facade
 from lidar_buildings.io.models.survey_building import (
     BUILDING_FIELDS,
     FACE_FIELDS,
@@ -44,7 +45,31 @@ LAYERS: dict[str, dict[str, type]] = {
         **_ELEVATIONS,
     },
 }
+#: Those of what was seen from the street, which are there only where something was.
+STREET_LAYERS: dict[str, dict[str, type]] = {
+    "facades": {
+        "facade_id": int,
+        "building_id": int,
+        "kind": str,
+        "length": float,
+        **_ELEVATIONS,
+        "coverage": float,
+        "seen_share": float,
+        "sigma": float,
+        "n_points": int,
+        "confidence": float,
+    },
+    "street_lines": {
+        "facade_id": int,
+        "building_id": int,
+        "seen": int,
+        "length": float,
+        "sigma": float,
+        "confidence": float,
+    },
+}
 _KINDS = {"outlines": "Polygon", "traced": "Polygon", "roof_faces": "Polygon Z", "roof_lines": "LineString Z"}
+_KINDS |= {"facades": "Polygon Z", "street_lines": "LineString"}
 #: So many rows are written at a time.
 _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
@@ -72,23 +97,26 @@ def flatgeobuf_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
 
 
 @contextmanager
-def _added(
-    write: Callable[[VectorLayer], None], heading: ModelHeading, portion: float
-) -> Iterator[Callable[[SurveyBuilding | TerrainMesh], None]]:
+def _added(write: Callable[[VectorLayer], None], heading: ModelHeading, portion: float) -> Iterator[Add]:
     """Give a function that gathers rows; they are written in portions, at first all layers, even empty."""
-    rows: dict[str, _Rows] = {name: [] for name in LAYERS}
+    columns = LAYERS | STREET_LAYERS
+    rows: dict[str, _Rows] = {name: [] for name in columns}
     frame, begun = heading.frame, set[str]()
 
     def write_all() -> None:
         for name, own in rows.items():
-            if own or name not in begun:
+            if own or name in LAYERS.keys() - begun:
                 rows[name] = []
                 geometries, known = [geometry for _, geometry in own], [row for row, _ in own]
-                write(VectorLayer(name, geometries, LAYERS[name], known, _KINDS[name]))
+                write(VectorLayer(name, geometries, columns[name], known, _KINDS[name]))
                 begun.add(name)
 
-    def add(building: SurveyBuilding | TerrainMesh) -> None:
+    def add(building: SurveyBuilding | TerrainMesh | Facade) -> None:
         if isinstance(building, TerrainMesh):
+            return
+        if isinstance(building, Facade):
+            rows["facades"].append(_facade(building, frame))
+            rows["street_lines"] += _street_lines(building, frame)
             return
         names = {"building_id": building.building_id, READABLE_ID: building.readable_id}
         if building.outline is not None:
@@ -102,6 +130,38 @@ def _added(
 
     yield add
     write_all()
+
+
+def _facade(facade: Facade, frame: MapFrame) -> tuple[dict[str, Any], shapely.Polygon]:
+    corners = frame.to_source(facade.ring)
+    low, high = np.round([corners[:, 2].min(), corners[:, 2].max()], _DECIMALS).tolist()
+    known = {
+        **_of_facade(facade, facade.length, frame),
+        "kind": facade.kind,
+        "elevation_min": low,
+        "elevation_max": high,
+        "coverage": round(facade.coverage, _DECIMALS),
+        "seen_share": round(facade.seen_share, _DECIMALS),
+        "n_points": facade.n_points,
+    }
+    return known, shapely.Polygon(corners)
+
+
+def _street_lines(facade: Facade, frame: MapFrame) -> Iterator[tuple[dict[str, Any], shapely.LineString]]:
+    for line, is_seen in facade.stretches:
+        length = float(np.hypot(*np.diff(line, axis=0).T).sum())
+        known = _of_facade(facade, length, frame) | {"seen": int(is_seen)}
+        yield known, shapely.LineString(frame.to_source(np.insert(line, 2, 0.0, axis=1))[:, :2])
+
+
+def _of_facade(facade: Facade, length: float, frame: MapFrame) -> dict[str, Any]:
+    return {
+        "facade_id": facade.facade_id,
+        "building_id": None if facade.building_id == NO_BUILDING else facade.building_id,
+        "length": round(length / frame.vertical_unit, _DECIMALS),
+        "sigma": round(facade.sigma / frame.vertical_unit, _DECIMALS),
+        "confidence": round(facade.confidence, _DECIMALS),
+    }
 
 
 def _roof_faces(

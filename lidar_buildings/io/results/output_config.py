@@ -26,6 +26,8 @@ class OutputFormat(NamedTuple):
 TILES = "3dtiles"
 #: Layers of buildings, in one file or in one each.
 LAYERS = ("outlines", "traced", "roof_faces", "roof_lines")
+#: Those of what was seen from the street, which are there only where something was.
+STREET_LAYERS = ("facades", "street_lines")
 _BY_LAYER = "results.building_layers"
 #: The one declaration of each format: its name in `formats`, files and writer.
 OUTPUT_FORMATS = {

@@ -47,6 +47,7 @@ from lidar_buildings.io.results.run_summary import (
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings, seam_pieces
 from lidar_buildings.io.results.tile_products import (
     TileProducts,
+    load_facades,
     load_outlines,
     load_raster_window,
     load_shapes,
@@ -296,7 +297,11 @@ class OutputFolder:
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
-            return *write(self.path, buildings, formats, heading, terrain), remarks
+            facades = sorted(
+                (one for fragment in fragments for one in load_facades(fragment)),
+                key=lambda one: (*one.foot.ravel().tolist(), one.bottom),
+            )
+            return *write(self.path, buildings, formats, heading, terrain, facades), remarks
 
 
 def _may_reach(fragment: Path, areas: Sequence[shapely.Polygon]) -> bool:

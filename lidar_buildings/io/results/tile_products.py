@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import COLUMNS, PointTile
+from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.core.stages.terrain.rasters import TerrainRasters
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.io.files.atomic_files import atomic_file
@@ -52,6 +53,7 @@ class TileProducts:
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
     features: tuple[str, ...] = ()  #: CityJSONFeature lines
+    facades: tuple[Facade, ...] = ()  #: walls seen from the street
     rasters: TerrainRasters | None = None  #: ground and surface cell by cell, None where none are wanted
 
     @property
@@ -67,6 +69,7 @@ class TileProducts:
         traced: Iterable[BuildingOutline] = (),
         outlines: Iterable[BuildingOutline] = (),
         features: Iterable[str] = (),
+        facades: Iterable[Facade] = (),
         rasters: TerrainRasters | None = None,
     ) -> TileProducts:
         """
@@ -88,6 +91,7 @@ class TileProducts:
             tuple(traced),
             tuple(outlines),
             tuple(features),
+            tuple(facades),
             rasters,
         )
 
@@ -118,6 +122,7 @@ class TileProducts:
                 sources=sources,
                 shapes=_as_bytes(shapes),
                 features=_as_bytes(list(self.features)),
+                facades=_as_bytes([one.record for one in self.facades]),
                 **by_source,
                 **rasters,
             )
@@ -151,6 +156,12 @@ def load_outlines(path: Path) -> tuple[BuildingOutline, ...]:
     with _opened(path) as held:
         shapes = json.loads(held["shapes"].tobytes())
     return _outlines_from_lists(shapes["outlines"] or shapes["traced"])
+
+
+def load_facades(path: Path) -> tuple[Facade, ...]:
+    """Read the façades of a saved tile."""
+    with _opened(path) as held:
+        return tuple(Facade.of_record(one) for one in json.loads(held["facades"].tobytes()))
 
 
 def load_raster_window(path: Path) -> RasterWindow | None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,10 @@ from numpy.typing import NDArray
 STRAIGHT, ARC = "straight", "arc"
 #: Building of a façade of which none is known.
 NO_BUILDING = -1
+_NUMBERS = ("bottom", "top", "coverage", "sigma", "confidence")
+_COUNTS = ("n_points", "building_id", "facade_id")
+#: Vertices nearer to each other are one [m].
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +36,53 @@ class Facade:
     confidence: float  #: 0 to 1 that it is of a building
     kind: str  #: `STRAIGHT` or `ARC`
     building_id: int = NO_BUILDING  #: see `lidar_buildings.core.model.ids`
+    facade_id: int = 0  #: 1 to 2³² − 1, another one for each façade of a survey; 0 if not numbered
+
+    @property
+    def ring(self) -> NDArray[np.float64]:
+        """Corners of the upright face: along its foot at the bottom, back at the top, shape (2 n, 3)."""
+        low, high = (np.insert(self.foot, 2, z, axis=1) for z in (self.bottom, self.top))
+        return np.concatenate([low, high[::-1]])
+
+    @property
+    def stretches(self) -> list[tuple[NDArray[np.float64], bool]]:
+        """Pieces of the foot line, all of which were seen, or not, each with its vertices, shape (n, 2)."""
+        steps = np.hypot(*np.diff(self.foot, axis=0).T)
+        reached = np.concatenate([[0.0], np.cumsum(steps)])
+        n = len(self.is_seen)
+        bounds = [0, *(np.flatnonzero(np.diff(self.is_seen)) + 1).tolist(), n]
+        pieces = []
+        for begin, end in pairwise(bounds):
+            low, high = begin / n * reached[-1], end / n * reached[-1]
+            inner = reached[(reached > low + _SAME) & (reached < high - _SAME)]
+            places = np.concatenate([[low], inner, [high]])
+            line = np.column_stack([np.interp(places, reached, axis) for axis in self.foot.T])
+            pieces.append((line, bool(self.is_seen[begin])))
+        return pieces
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All that is known of it, as JSON holds it."""
+        known = {one.name: getattr(self, one.name) for one in fields(self)}
+        return known | {"foot": self.foot.tolist(), "is_seen": self.is_seen.astype(int).tolist()}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Facade:
+        """
+        Return the façade of a record.
+
+        LookupError, TypeError or ValueError if it is none.
+        """
+        foot = np.array(record["foot"], dtype=np.float64)
+        seen = np.array(record["is_seen"], dtype=bool)
+        if foot.ndim != 2 or foot.shape[1] != 2 or len(foot) < 2 or seen.ndim != 1 or not len(seen):
+            raise ValueError("a foot line is two or more positions in plan, with steps that were seen or not")
+        numbers = {name: float(record[name]) for name in _NUMBERS}
+        if not np.isfinite([*foot.ravel(), *numbers.values()]).all():
+            raise ValueError("a façade's numbers are finite")
+        counts = {name: int(record[name]) for name in _COUNTS}
+        known: dict[str, Any] = {**numbers, **counts}
+        return cls(foot=foot, is_seen=seen, kind=str(record["kind"]), **known)
 
     @property
     def length(self) -> float:

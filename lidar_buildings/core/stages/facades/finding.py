@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -84,7 +85,8 @@ def find_facades(
                 found.append(one)
     walls = [one for one in without_layers(found, around, config.max_gap) if one.length >= config.min_length]
     lines = [one.curve.chords(one.first, one.last) for one in walls]
-    alone = ~touching(lines, TOUCH)
+    of_line = Counter(tuple(one.curve.origin) for one in walls)
+    alone = ~touching(lines, TOUCH) & np.array([of_line[tuple(one.curve.origin)] == 1 for one in walls], bool)
     facades = []
     for wall, foot, is_alone in zip(walls, join_corners(lines), alone, strict=True):
         sure = confidence(wall, around, scenery)

@@ -30,8 +30,9 @@ HIGHER, RISE = 0.3, 0.1
 #: Share of a wall's length with ground close behind, with things behind, or with something over it: up to
 #: the first it says nothing, from the second on there is no building.
 GROUND_SHARES, BEHIND_SHARES, OVER_SHARES = (0.2, 0.7), (0.6, 1.0), (0.1, 0.6)
-#: A wall as short as this that touches no other one is as likely a pillar, a board or a box [m].
-LONE_LENGTH = 2.0
+#: A wall shorter than this that neither touches another one nor goes on elsewhere may be a pillar, a board
+#: or a box, the shorter the likelier [m].
+LONE_LENGTH = 3.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,73 @@
+"""A tile's façades: what its points from the street show, and of which building each is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from lidar_buildings.core.model.classes import ON_TERRAIN, PointClass, is_of_groups
+from lidar_buildings.core.model.ids import building_id
+from lidar_buildings.core.model.outline import BuildingOutline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.facades.config import FacadesConfig
+from lidar_buildings.core.stages.facades.facade import Facade
+from lidar_buildings.core.stages.facades.finding import find_facades
+
+#: Classes of points that are no part of the scene.
+_NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
+#: A façade is of a building whose outline most of it lies so near to [m]: eaves reach out that far.
+_OF_OUTLINE = 1.2
+#: Places on a façade that are asked for the outline they lie on.
+_ASKED = np.linspace(0.05, 0.95, 19)
+
+
+def street_points(tile: PointTile) -> PointTile:
+    """Return what of a classified tile was seen from the street, without noise."""
+    return tile.select(tile.is_from_street & ~np.isin(tile.classification, _NOISE))
+
+
+def find_tile_facades(
+    tile: PointTile, outlines: Sequence[BuildingOutline], config: FacadesConfig
+) -> tuple[Facade, ...]:
+    """
+    Find the façades that the core of what `street_points` returns shows, each with its number and building.
+
+    A façade's number is made from its middle as a building's id is from its anchor.
+    """
+    if not len(tile):
+        return ()
+    classes = tile.classification
+    is_ground = is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND)
+    found = find_facades(tile.points, tile.height_above_ground, is_ground, config, is_core=tile.is_core)
+    return tuple(_numbered(_owned(found, outlines)))
+
+
+def _owned(found: Sequence[Facade], outlines: Sequence[BuildingOutline]) -> list[Facade]:
+    """Return façades with the building on whose outline most of each lies."""
+    rings = np.array([shapely.boundary(one.outline.polygon) for one in outlines], dtype=object)
+    owned = []
+    for one in found:
+        places = shapely.line_interpolate_point(shapely.LineString(one.foot), _ASKED, normalized=True)
+        near = np.array([shapely.dwithin(ring, places, _OF_OUTLINE).sum() for ring in rings])
+        if len(near) and 2 * near.max() > len(places):
+            number = outlines[int(np.argmax(near))].building_id
+            one = replace(one, building_id=number)
+        owned.append(one)
+    return owned
+
+
+def _numbered(found: Sequence[Facade]) -> list[Facade]:
+    """Return façades with numbers of their own, where two middles share a cell with the next free one."""
+    taken: set[int] = set()
+    numbered = []
+    for one in found:
+        middle = shapely.line_interpolate_point(shapely.LineString(one.foot), 0.5, normalized=True)
+        number = building_id(np.array([middle.x, middle.y]))
+        while number in taken:
+            number = number % 0xFFFFFFFF + 1
+        taken.add(number)
+        numbered.append(replace(one, facade_id=number))
+    return numbered
