@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from lidar_buildings.core.stages.facades.surroundings import PointsAbout, Scenery
-from lidar_buildings.core.stages.facades.walls import Wall
+from lidar_buildings.core.stages.facades.walls import BIN, Wall
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +30,9 @@ HIGHER, RISE = 0.3, 0.1
 #: Share of a wall's length with ground close behind, with things behind, or with something over it: up to
 #: the first it says nothing, from the second on there is no building.
 GROUND_SHARES, BEHIND_SHARES, OVER_SHARES = (0.2, 0.7), (0.6, 1.0), (0.1, 0.6)
+#: Share of a wall's length at which a layer of it has points, and the widest gap between two layers [m]:
+#: windows from wall to wall are lower.
+MIN_FILLED, MAX_STOREY_GAP = 0.15, 2.0
 #: A wall shorter than this that neither touches another one nor goes on elsewhere may be a pillar, a board
 #: or a box, the shorter the likelier [m].
 LONE_LENGTH = 3.0
@@ -111,18 +114,30 @@ def confidence(wall: Wall, around: PointsAbout, scenery: Scenery) -> float:
     _, over = scenery.along(wall.curve, place, OVER)
     is_higher = over > (top + HIGHER)[:, None] + RISE * np.abs(OVER)
     is_over = is_higher.any(axis=1) & (top < MAX_FENCE)
-    height = float(np.median(top))
+    height = min(float(np.median(top)), _unbroken_top(wall, around))
     is_vehicle = float(np.clip((MAX_VEHICLE - height) / (MAX_VEHICLE - MAX_FENCE), 0.0, 1.0))
     # its own roof is behind a wall as well, but over it
     is_beyond = np.isfinite(highest) & (highest <= (top + HIGHER)[:, None])
     is_behind = _unlikely(float(is_beyond.any(axis=1).mean()), BEHIND_SHARES)
     sure = [
         float(np.clip((height - LOW) / (TALL - LOW), 0.0, 1.0)),
-        _unlikely(float(is_ground.any(axis=1).mean()), GROUND_SHARES),
+        1.0 - is_vehicle * (1.0 - _unlikely(float(is_ground.any(axis=1).mean()), GROUND_SHARES)),
         1.0 - is_vehicle * (1.0 - is_behind),
         _unlikely(float(is_over.mean()), OVER_SHARES),
     ]
     return float(np.prod(sure))
+
+
+def _unbroken_top(wall: Wall, around: PointsAbout) -> float:
+    """Return how high above ground a wall goes on without a wide gap; what is far above is something else."""
+    layer = np.floor(around.height[wall.rows] / BIN).astype(np.int64)
+    squares = np.unique(np.column_stack([layer, wall.bins]), axis=0)
+    layers, counts = np.unique(squares[:, 0], return_counts=True)
+    held = layers[counts >= MIN_FILLED * len(wall.is_seen)]
+    if not len(held):
+        return 0.0
+    ends = np.flatnonzero(np.diff(held) * BIN > MAX_STOREY_GAP)
+    return float(held[ends[0] if len(ends) else -1] + 1) * BIN
 
 
 def _unlikely(share: float, shares: tuple[float, float]) -> float:

@@ -16,16 +16,21 @@ Floats = NDArray[np.float64]
 
 #: Walls nearer to each other than this are one [m]: windows lie so deep, and frames stand out so far.
 ONE_WALL = 0.4
-#: What lies so far behind a front was seen through its glass [m], unless it is higher by this [m].
-GLASS_REACH, HIGHER = 1.6, 0.5
+#: What lies so far behind a front was seen through its glass [m], unless it is higher by this [m], and by so
+#: much a metre of distance: rays rise that go in.
+GLASS_REACH, HIGHER, RISE = 2.0, 0.5, 0.5
 #: Walls that go in directions farther apart are two: cosine of 45°.
 ALIKE = 0.7
 
 
 def without_layers(walls: Sequence[Wall], around: PointsAbout, max_gap: float) -> Iterator[Wall]:
-    """Yield the walls, those that most was seen of first, without what lies on or closely behind another."""
+    """
+    Yield the walls without what lies on or closely behind another.
+
+    Those come first of which most was seen and which are the plainest: what is left of two layers is rough.
+    """
     places, normals, tops = np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)
-    strengths = [_cells_of(one, around) for one in walls]
+    strengths = [_cells_of(one, around) / one.sigma for one in walls]
     for k in np.argsort([-one for one in strengths], kind="stable"):
         wall = walls[k]
         high = profile_of(wall, around).high
@@ -60,6 +65,7 @@ def _are_hidden(
         aside = np.abs(away[:, 0] * facing[:, 1] - away[:, 1] * facing[:, 0])
         is_beside = (aside <= BIN) & (np.abs(facing @ turned[k]) >= ALIKE)
         is_one = np.abs(offset) <= ONE_WALL
-        is_behind = (offset < 0.0) & (offset >= -GLASS_REACH) & (high[k] <= tops[near] + HIGHER)
+        is_behind = (offset < 0.0) & (offset >= -GLASS_REACH)
+        is_behind &= high[k] <= tops[near] + HIGHER - RISE * offset
         hidden[k] = bool((is_beside & (is_one | is_behind)).any())
     return hidden
