@@ -66,6 +66,7 @@ class Surfaces(NamedTuple):
 
 #: Members that compiled code takes from `tuple(surfaces)` by their place.
 TERRAIN, CELL_START = Surfaces._fields.index("terrain"), Surfaces._fields.index("cell_start")
+WALL_TABLE = Surfaces._fields.index("walls")
 
 
 def surfaces_of(scene: VirtualScene, max_scan_angle_deg: float, slack: float = SLACK) -> Surfaces:

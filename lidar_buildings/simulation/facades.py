@@ -25,7 +25,7 @@ class SurfaceKind(IntEnum):
     REVEAL = 6  #: what is between the face of a wall and a pane or a leaf
     EAVE = 7  #: edge and underside of what hangs over
     CEILING = 8  #: of an arcade
-    INTERIOR = 9  #: behind a pane
+    INTERIOR = 9  #: behind a pane: a room, or a wall from within
     TREE = 10
     HEDGE = 11
     FENCE = 12

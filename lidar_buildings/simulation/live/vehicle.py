@@ -27,6 +27,7 @@ from lidar_buildings.simulation.casting import (
     ON_ROOF,
     ON_TERRAIN,
     ON_WALL,
+    WALL_TABLE,
     WALLS,
     cell_of,
     crown_crossing,
@@ -74,6 +75,7 @@ THROUGH_GLASS, THROUGH_FENCE = 0.4, 0.5
 #: Mean way of a ray into a hedge [m].
 HEDGE_DEPTH = 0.06
 WINDOW, FENCE, HEDGE = int(SurfaceKind.WINDOW), int(SurfaceKind.FENCE), int(SurfaceKind.HEDGE)
+INTERIOR = int(SurfaceKind.INTERIOR)
 #: A ray's random numbers: its noise, its way into a crown, its brightness, whether it passes, its way into a
 #: hedge.
 DRAW_RANGE, DRAW_LEAF, DRAW_BRIGHTNESS, DRAW_PASS, DRAW_HEDGE = np.array([0, 2, 3, 4, 5])
@@ -100,6 +102,8 @@ def measure_rays(origins, directions, first_ray, seed, leg, scanner, size, surfa
         x, y = origin[0] + distance * direction[0], origin[1] + distance * direction[1]
         height = origin[2] + distance * steepness - terrain_elevation(x, y, surfaces[0])
         building, plane_id, surface, part = owner_of(kind, item, surfaces)
+        if kind == ON_WALL and part > 0 and _is_behind(direction, surfaces[WALL_TABLE][item]):
+            surface, part = INTERIOR, 0
         if surface == HEDGE:
             distance += HEDGE_DEPTH * exponential(key, DRAW_HEDGE)
         asphalt = kind == ON_TERRAIN and on_road(x, y, cell_of(x, y, surfaces[6], surfaces[7]), surfaces)
@@ -110,6 +114,12 @@ def measure_rays(origins, directions, first_ray, seed, leg, scanner, size, surfa
         out[row, TRUE_CLASS] = class_of(kind, building, surface, height)
         out[row, TRUE_KIND], out[row, TRUE_PART] = surface, part
         out[row, TRUE_BUILDING], out[row, TRUE_PLANE] = building, plane_id
+
+
+@kernel
+def _is_behind(direction, wall):
+    """Whether a ray comes from within a building, through a pane; outside is to the right of the wall."""
+    return direction[0] * (wall.y_1 - wall.y_0) > direction[1] * (wall.x_1 - wall.x_0)
 
 
 @kernel
