@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.errors import ExitStatus, InputError, printable
 from lidar_buildings.core.model.remarks import Remark
+from lidar_buildings.core.neighbours.point_spacing import surface_spacings
 from lidar_buildings.io.bags.bag_inputs import is_bag, is_bag_file, is_point_file
 from lidar_buildings.io.clouds.agreement import about_system, in_true_units
 from lidar_buildings.io.clouds.cloud import Cloud
@@ -30,11 +31,19 @@ from lidar_buildings.io.files.failures import log_to_terminal
 from lidar_buildings.io.files.locations import located
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.survey_spacing import expected_spacing, sample_square
+from lidar_buildings.io.tiling.survey_views import SurveyViews
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.io.tiling.tile_stamps import WEEK, stamp_of_time
+from lidar_buildings.io.tiling.tiling_config import VIEWS
 
 if TYPE_CHECKING:
     from lidar_buildings.io.bags.bag_summary import BagSummary
+
+
+#: What views are called in words.
+_PLACES = {"above": "above", "street": "the street"}
+#: How far about the middle spacings on surfaces are measured [m], and at how many points.
+_NEAR_MIDDLE, _PROBES = 30.0, 2_000
 
 
 @dataclass
@@ -65,6 +74,11 @@ class CloudSummary:
     #: Point source ids; points that the file says are not to be used.
     n_strips: int = 0
     n_withheld: int = 0
+    #: From where strips were seen (``above``, ``street``) → strips, by the hour where one number has several.
+    views: dict[str, int] = field(default_factory=dict)
+    #: Of what was seen from the street the spacings on surfaces, in space: the tenth percentile, the median
+    #: and the ninetieth [m].
+    surface_spacings: list[float] = field(default_factory=list)
     remarks: list[Remark] = field(default_factory=list)  #: what can hardly be so
 
     @property
@@ -91,12 +105,13 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
     found.n_points = cloud.point_count
     found.mins, found.maxs = cloud.mins.tolist(), cloud.maxs.tolist()
     returns, classes, strips, sample, times = Counter[int](), Counter[int](), set[int](), [], []
-    square, doubts = sample_square(area), CloudDoubts(cloud)
+    square, doubts, survey = sample_square(area), CloudDoubts(cloud), SurveyViews()
     for chunk in cloud.chunks():
         doubts.add(chunk)
         points, columns = xyz_of(chunk) * cloud.units, point_columns(chunk)
         pulses = last_returns(points, columns["return_number"], columns["number_of_returns"])
         found.n_pulses += len(pulses)
+        survey.count(0, points, columns, area)
         found.n_withheld += int(np.count_nonzero(chunk.withheld))
         sample.append(pulses[square.holds(pulses[:, 0], pulses[:, 1])])
         returns.update(_occurrences(columns["number_of_returns"]))
@@ -106,6 +121,10 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
         times += [known.min(), known.max()] if known.any() else []
     found.remarks = [*cloud.remarks, *about_system([cloud]), *doubts.remarks()]
     found.n_strips = len(strips)
+    views = survey.learn(0)
+    found.views = {name: n for name, view in VIEWS.items() if (n := list(views.values()).count(view))}
+    if "street" in found.views:
+        found.surface_spacings = _on_surfaces(np.concatenate(sample))
     found.returns, found.classes = dict(sorted(returns.items())), dict(sorted(classes.items()))
     found.times = [_time(cloud, one) for one in ((min(times), max(times)) if times else ())]
     spacing = expected_spacing(sample)
@@ -115,6 +134,15 @@ def summarise_cloud(path: str | Path) -> CloudSummary:
         found.density, found.density_from = found.n_pulses / found.area, "bounds"
     found.point_spacing = found.density**-0.5 if found.density else 0.0
     return found
+
+
+def _on_surfaces(points: NDArray[np.float64]) -> list[float]:
+    """Return the spacings on surfaces about the middle of some points [m]."""
+    if not len(points):
+        return []
+    near = (np.abs(points - np.median(points, axis=0))[:, :2] <= _NEAR_MIDDLE).all(axis=1)
+    spacings = surface_spacings(points.compress(near, axis=0), _PROBES)
+    return [float(one) for one in np.percentile(spacings, (10, 50, 90))] if len(spacings) else []
 
 
 def _occurrences(values: NDArray[Any]) -> dict[int, int]:
@@ -235,8 +263,20 @@ def cloud_lines(found: CloudSummary) -> list[str]:
         "withheld": f"{found.n_withheld:,}" if found.n_withheld else "",
         "times": " to ".join(found.times) or "none",
         "strips": f"{found.n_strips:,}" if found.n_strips else "",
+        "seen": _view_words(found),
     }
     return [*lines, *(f"  {name:8} {text}" for name, text in rows.items() if text), *remarks]
+
+
+def _view_words(found: CloudSummary) -> str:
+    """Say from where strips were seen, nothing if from above alone."""
+    if "street" not in found.views:
+        return ""
+    words = ", ".join(f"{counted(n, 'strip')} from {_PLACES[name]}" for name, n in found.views.items())
+    if not found.surface_spacings:
+        return words
+    low, middle, high = found.surface_spacings
+    return f"{words}; on surfaces {middle:.3f} m apart in the middle (80 % within {low:.3f} to {high:.3f} m)"
 
 
 def bag_lines(found: BagSummary) -> list[str]:

@@ -56,6 +56,22 @@ def measure_spacing(points: ArrayLike, max_probes: int = MAX_PROBES) -> float:
     return middle * math.sqrt(math.pi / (k + 1 / 3))
 
 
+def surface_spacings(points: ArrayLike, max_probes: int = MAX_PROBES) -> NDArray[np.float64]:
+    """
+    Measure the spacing on surfaces about some points of a cloud (n_points, 3) seen from the side [m], rising.
+
+    As `measure_spacing`, but with neighbours in space: in plan the points of a wall lie on one another, and
+    from the street the spacing grows with the distance from the scanner, so that one number says little.
+    Empty for fewer than `NEIGHBOURS` points.
+    """
+    cloud = checked_points(points)
+    if len(cloud) <= NEIGHBOURS:
+        return np.empty(0)
+    tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
+    distance = tree.query(cloud[:: math.ceil(len(cloud) / max_probes)], [NEIGHBOURS + 1])[0].ravel()
+    return np.sort(distance) * math.sqrt(math.pi / (NEIGHBOURS + 1 / 3))
+
+
 def distinct_positions(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the distinct positions in plan by x, then y, shape (n_positions, 2) [m]."""
     plan = points[np.lexsort((points[:, 1], points[:, 0])), :2]

@@ -17,8 +17,8 @@ CELL, LEVEL = 2.0, 0.5
 #: points of 60 strips from above, forests and double pulses among them, lie in cells at most 2.2 times as
 #: dense as the middle of the area.
 MIN_UNEVEN = 6.0
-#: A clip of a street may be even: of as many points [1/m²] as no aircraft measures, most in cells that hold
-#: points at so many levels, on walls.
+#: A clip of a street may be even: half of its points are where they are as dense [1/m²] as no aircraft
+#: measures, and most in cells that hold points at so many levels, on walls.
 MIN_DENSE, MIN_STACKED, STACKED_LEVELS = 400.0, 0.8, 6
 #: Strips with fewer points or cells tell nothing of themselves.
 MIN_POINTS, MIN_CELLS = 500, 10
@@ -107,7 +107,7 @@ def _view_of(counts: NDArray[Any]) -> View:
         return View.STREET
     bits = np.unpackbits(np.ascontiguousarray(counts["levels"]).view(np.uint8)).reshape(-1, 64)
     on_walls = counts["count"][bits.sum(axis=1) >= STACKED_LEVELS].sum()
-    is_clip = of_area >= MIN_DENSE * CELL**2 and on_walls >= MIN_STACKED * total
+    is_clip = of_points >= MIN_DENSE * CELL**2 and on_walls >= MIN_STACKED * total
     return View.STREET if is_clip else View.ABOVE
 
 

@@ -44,13 +44,19 @@ class SurveyViews:
 
     def add(self, source: int, records: NDArray[Any], area: Rectangle | None) -> None:
         """Count a chunk of a file, `io.tiling.spool.RECORD`, that covers an area in plan [m]."""
+        points = np.stack([records[name] for name in "xyz"], axis=1).astype(np.float64)
+        self.count(source, points, records, area)
+
+    def count(
+        self, source: int, points: NDArray[np.float64], columns: Records, area: Rectangle | None
+    ) -> None:
+        """Count points of a file, shape (n, 3) [m], by their columns."""
         if self.given is not View.UNKNOWN or area is None:
             return
         extent = (area.x_max - area.x_min) * (area.y_max - area.y_min)
-        points = np.stack([records[name] for name in "xyz"], axis=1).astype(np.float64)
-        strip = strip_numbers(records["point_source_id"], records["gps_time"], len(records))
-        if records["view"].any():  # what is told stands for a strip below all others
-            strip = np.where(records["view"] == View.UNKNOWN, strip, -records["view"].astype(np.int64))
+        strip = strip_numbers(columns["point_source_id"], columns["gps_time"], len(points))
+        if columns["view"].any():  # what is told stands for a strip below all others
+            strip = np.where(columns["view"] == View.UNKNOWN, strip, -columns["view"].astype(np.int64))
         step = max(1, math.ceil(extent / CELL**2 / MAX_CELLS))
         self._counts.setdefault(source, []).append(count_cells(points, strip, step))
 
@@ -62,8 +68,8 @@ class SurveyViews:
         """Take what another process has counted of a file."""
         self._counts.setdefault(source, []).append(counts)
 
-    def learn(self, source: int) -> None:
-        """Tell the strips of a file that was read to its end."""
+    def learn(self, source: int) -> dict[int, View]:
+        """Tell the strips of a file that was read to its end; return strip, below 0 if it told, → view."""
         counts = joined_counts(self._counts.pop(source, []))
         views = views_of_counts(counts[counts["strip"] >= 0])
         from_street = [number for number, view in views.items() if view is View.STREET]
@@ -72,6 +78,8 @@ class SurveyViews:
         self._of_files[source] = View.STREET if 2 * n_street > int(counts["count"].sum()) else View.ABOVE
         if View.STREET in views.values():
             self._of_strips[source] = views
+        told = (-int(number) for number in np.unique(counts["strip"]) if number < 0)
+        return views | {-number: View(number) for number in told}
 
     def forget(self, source: int) -> None:
         """Drop what was counted of a file that turned out unreadable."""
