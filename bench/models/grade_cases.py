@@ -24,6 +24,8 @@ DENSITIES, NOISES = (1.0, 2.0, 4.0, 8.0, 16.0), (0.02, 0.03, 0.05)
 MIN_POINTS = 12
 #: Smallest footprint [m²].
 _SMALLEST = 4.0
+#: So far around a footprint the ground was seen, too [m].
+_GROUND_AROUND = 4.0
 
 
 class Roof(NamedTuple):
@@ -44,6 +46,19 @@ class Case(NamedTuple):
     truth: RoofTruth
     ground: float
     outline: Outline | None  #: to be used as it is; None: to be traced
+
+    @property
+    def ground_points(self) -> NDArray[np.float64]:
+        """The ground around the building, as dense as the roof was seen, shape (n, 3) [m]."""
+        plan = self.truth.plan
+        around = plan if self.outline is None else plan | self.outline.polygon
+        density = len(self.points) / plan.area
+        west, south, east, north = around.buffer(_GROUND_AROUND).bounds
+        chance = np.random.default_rng(zlib.crc32(f"{self.name} {self.kind} {len(self.points)}".encode()))
+        n = int(density * (east - west) * (north - south))
+        xy = chance.uniform((west, south), (east, north), (n, 2))
+        xy = xy[~shapely.contains_xy(plan, *xy.T)]
+        return np.column_stack([xy, np.full(len(xy), self.ground)])
 
 
 def _largest(plan: shapely.Geometry) -> shapely.Polygon:

@@ -24,6 +24,8 @@ _MIN_ON_FACE, _ON_FACE = 0.5, 0.15
 #: Smallest drawn face that is judged [m²]; corners nearer than this in plan stand over one another [m].
 _MIN_FACE, _SAME_PLACE = 0.5, 0.05
 _MOST_TRIPLES = 400
+#: Walls are drawn to about a point spacing; what was seen farther beyond them was not drawn [m].
+_BEYOND_WALLS = 0.25
 
 
 class RoofTruth(NamedTuple):
@@ -64,11 +66,15 @@ def drawn_truth(roof: DrawnRoof) -> RoofTruth:
 
 
 def largest_part(truth: RoofTruth, points: NDArray[np.float64]) -> tuple[RoofTruth, NDArray[np.float64]]:
-    """Return the largest of several buildings, and the points that are nearest to it."""
+    """
+    Return the largest of several buildings, and the points that are nearest to it.
+
+    What was seen beyond all walls that were drawn is no part of it: annexes and neighbours that nobody drew.
+    """
     parts = sorted(shapely.get_parts(truth.plan), key=lambda one: -one.area)
     away = shapely.distance(np.array(parts)[:, None], shapely.points(points[:, :2]))
     faces = tuple(face for face in truth.faces if parts[0].contains(face.polygon.representative_point()))
-    return RoofTruth(faces, parts[0]), points[np.argmin(away, axis=0) == 0]
+    return RoofTruth(faces, parts[0]), points[(np.argmin(away, axis=0) == 0) & (away[0] < _BEYOND_WALLS)]
 
 
 def _drawn_plane(

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import argparse
 import zlib
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +23,9 @@ from bench.common.arguments import data_parser
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.models.grade_cases import Case, cases_of, roofs
-from bench.models.grade_truth import Difference, difference
+from bench.models.grade_truth import OFF_SHARE, Difference, difference
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.grade import Grade, causes_in
+from lidar_buildings.core.model.grade import Cause, Grade, causes_in
 from lidar_buildings.core.model.outline import BuildingOutline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
@@ -35,6 +34,8 @@ from lidar_buildings.pipeline.tile_models import TileModel
 
 HEADINGS = ("cases", "off", "found", "recall", "poor", "not off", "flagged", "false alarms", "poor")
 _NUMBER = 7
+#: So near to the limit [share] it is chance, also how exactly somebody drew, on which side of it a model is.
+_UNDECIDED = 0.01
 
 
 class Graded(NamedTuple):
@@ -54,16 +55,20 @@ class Graded(NamedTuple):
 
 def models_of(case: Case, config: PipelineConfig) -> tuple[TileModel, ...]:
     """Take a case through the chain, from segmentation on or on its footprint."""
+    ground = case.ground_points
+    points = np.concatenate([case.points, ground])
+    is_roof = np.arange(len(points)) < len(case.points)
     tile = PointTile(
-        case.points,
-        classification=np.full(len(case.points), PointClass.BUILDING, dtype=np.uint8),
-        height_above_ground=case.points[:, 2] - case.ground,
+        points,
+        classification=np.where(is_roof, PointClass.BUILDING, PointClass.GROUND).astype(np.uint8),
+        height_above_ground=points[:, 2] - case.ground,
     )
     if case.outline is None:
+        tile = tile.select(is_roof)
         found = tile_tracing.trace_buildings(tile, config.segmentation, config.boundary_tracing)
         outlines, tile = tile_outlines.regularise_outlines(found.outlines, config.regularisation), found.tile
     else:
-        is_own = shapely.contains_xy(case.outline.polygon, *case.points[:, :2].T)
+        is_own = is_roof & shapely.contains_xy(case.outline.polygon, *points[:, :2].T)
         tile = tile.with_columns(building_id=np.where(is_own, _NUMBER, 0).astype(np.uint32))
         outlines = (BuildingOutline(_NUMBER, case.outline.as_carried(), float(np.float32(case.ground))),)
     return tile_models.build_models(
@@ -77,6 +82,7 @@ def graded(case: Case, config: PipelineConfig) -> Graded:
     solids = [one.model.solids[max(one.model.solids)] for one in models if one.model.solids]
     grades = [Grade(one.attributes["quality"]) for one in models] or [Grade.POOR]
     causes = {cause for one in models for cause in causes_in(one.attributes["quality_reasons"])}
+    causes |= set() if models else {Cause.NO_MODEL.value}
     worst = max(grades, key=list(Grade).index)
     return Graded(case, difference(solids, case.truth), worst, tuple(sorted(causes)), models)
 
@@ -91,26 +97,34 @@ def all_graded(options: argparse.Namespace) -> Iterator[Graded]:
 
 
 def grade_table(found: Sequence[Graded]) -> str:
-    """Return a line per kind of roof and of what is wrong with it, and one of all."""
+    """Return a line per kind of roof and of what is wrong with it, of all, and of clear cases."""
     groups: dict[str, list[Graded]] = {}
     for one in found:
         origin = "drawn" if one.case.name.startswith("drawn") else "virtual"
-        for name in (f"{origin}, {one.case.kind}", f"{origin}, all", "all"):
+        names = [f"{origin}, {one.case.kind}", f"{origin}, all", "all"]
+        if abs(one.difference.total - OFF_SHARE) > _UNDECIDED:
+            names.append(f"{origin}, clear")
+        for name in names:
             groups.setdefault(name, []).append(one)
     return table(("roofs", *HEADINGS), ([name, *_cells(group)] for name, group in sorted(groups.items())))
 
 
-def cause_table(found: Iterable[Graded]) -> str:
-    """Return for each reason how many models off, and others, have it, and have it alone."""
-    counts: dict[str, Counter[tuple[bool, bool]]] = {}
-    for one in found:
-        for cause in one.causes:
-            counts.setdefault(cause, Counter())[one.is_off, len(one.causes) == 1] += 1
+def cause_table(found: Sequence[Graded]) -> str:
+    """Return what each reason is worth: who has it, and what grades find without it."""
+    off, fine = ([one for one in found if one.is_off == is_off] for is_off in (True, False))
+
+    def shares(without: str) -> list[str]:
+        kept = ([set(one.causes) - {without} for one in part] for part in (off, fine))
+        return [percent(sum(map(bool, part)) / max(len(part), 1)) for part in kept]
+
+    causes = sorted({cause for one in found for cause in one.causes})
     rows = [
-        [cause, *(str(n[off, True] + n[off, False]) + f" ({n[off, True]})" for off in (True, False))]
-        for cause, n in sorted(counts.items())
+        ["(all)", *(str(sum(map(bool, (one.causes for one in part)))) for part in (off, fine)), *shares("")]
     ]
-    return table(("reason", "off (it alone)", "not off (it alone)"), rows)
+    for cause in causes:
+        n = [str(sum(cause in one.causes for one in part)) for part in (off, fine)]
+        rows.append([cause, *n, *shares(cause)])
+    return table(("reason", "off", "not off", "recall without it", "false alarms without it"), rows)
 
 
 def _cells(group: Sequence[Graded]) -> list[str]:
@@ -134,9 +148,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     found = list(all_graded(options))
     for one in found if options.each else ():
-        print(
-            f"{one.case.name}, {one.case.kind}: off {one.off:.3f}, {one.grade.value}: {' '.join(one.causes)}"
-        )
+        share, causes = one.difference.total, " ".join(one.causes)
+        print(f"{one.case.name}, {one.case.kind}: off {share:.3f}, {one.grade.value}: {causes}")
     print(grade_table(found), end="\n\n")
     print(cause_table(found))
 

@@ -8,16 +8,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import shapely
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.classes import Facade
+from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.grading import BESIDE, beside_doubts
+from lidar_buildings.core.stages.building_model.grading import BESIDE, beside_doubts, ground_doubts
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
 from lidar_buildings.core.stages.footprints.footprints import remark_on_points
@@ -72,8 +73,8 @@ def build_models(
         return BuildingModel({}, known, BuildingStatus.FAILED, reason, doubts)
 
     models = map_buildings(pool, jobs, list(map(len, buildings)), failed, "no model was built")
-    beside = _points_beside(tile, ordered)
-    return tuple(map(_with_attributes, buildings, ordered, models, beside))
+    beside, n_ground = _points_beside(tile, ordered), _ground_within(tile, ordered)
+    return tuple(map(_with_attributes, buildings, ordered, models, beside, n_ground))
 
 
 def _points_beside(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list[FloatArray]:
@@ -89,6 +90,21 @@ def _points_beside(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list
             rows = slice(*np.searchsorted(free[:, 0], (low[0], high[0])))
             beside[k] = free[rows][(free[rows, 1] >= low[1]) & (free[rows, 1] <= high[1])]
     return beside
+
+
+def _ground_within(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list[int]:
+    """Return how many points of the ground lie within each footprint; 0 for traced outlines."""
+    if tile.classification is None or all(one.ground_elevation is None for one in outlines):
+        return [0] * len(outlines)
+    ground = tile.points[tile.classification == PointClass.GROUND, :2]
+    ground = ground[np.argsort(ground[:, 0], kind="stable")]
+    found = []
+    for one in outlines:
+        plan = one.outline.polygon if one.ground_elevation is not None else shapely.Polygon()
+        west, _, east, _ = plan.bounds if plan.area else (0.0, 0.0, 0.0, 0.0)
+        near = ground[slice(*np.searchsorted(ground[:, 0], (west, east)))]
+        found.append(int(np.count_nonzero(shapely.contains_xy(plan, *near.T))))
+    return found
 
 
 def _is_closed(building: PointTile, one: BuildingOutline) -> bool:
@@ -125,7 +141,7 @@ def _outline_doubts(quality: OutlineQuality | None) -> Iterator[Doubt]:
 
 
 def _with_attributes(
-    building: PointTile, one: BuildingOutline, model: BuildingModel, beside: FloatArray
+    building: PointTile, one: BuildingOutline, model: BuildingModel, beside: FloatArray, n_ground: int
 ) -> TileModel:
     is_closed = _is_closed(building, one)
     remark = "" if is_closed else remark_on_points(building)
@@ -143,7 +159,9 @@ def _with_attributes(
     outside = beside_doubts(
         one.outline, model.solids.get(model.attributes["lod"]), beside, model.attributes["point_spacing"]
     )
-    attributes.update(grade_attributes([*model.doubts, *outside, *_outline_doubts(one.quality)]))
+    on_ground = ground_doubts(n_ground, len(building)) if model.solids else ()
+    doubts = [*model.doubts, *on_ground, *outside, *_outline_doubts(one.quality)]
+    attributes.update(grade_attributes(doubts))
     ring = one.outline.exterior
     west = ring.min(axis=0) if len(ring) else np.zeros(2)
     if len(building):

@@ -154,14 +154,16 @@ def trace_footprints(
     Take given footprints for a tile's outlines, and give their points their ids.
 
     `classified` are all points of the tile, `roofs` what `roof_points` returns of them, with edge labels;
-    those that are taken at footprints next to without roof points are labelled by `edge_labelling`.
+    those that are taken at footprints next to without roof points are labelled by `edge_labelling`. Where the
+    ground was seen within footprints it is kept, without an id: no roof is there.
     """
     found = assign_footprints(classified, footprints, config)
     is_own = roofs_and_walls(classified) & classified.is_roof
     is_other = (found.building_id > 0) & ~is_own
     roofs = roofs.select(roofs.is_roof)
-    tile = _with_others(classified, roofs, is_own, is_other, found.building_id, edge_labelling)
-    chosen = np.flatnonzero(is_own | is_other)
+    is_added = is_other | (found.is_ground & ~is_own)
+    tile = _with_others(classified, roofs, is_own, is_added, found.building_id, edge_labelling)
+    chosen = np.flatnonzero(is_own | is_added)
     return TracedTile(tile.with_columns(building_id=found.building_id[chosen]), found.outlines, found.clipped)
 
 
@@ -177,9 +179,10 @@ def _with_others(
     if not is_other.any():
         return roofs
     # what stands in a footprint is labelled together with the few roof points there
-    together = np.flatnonzero(np.isin(building_id, building_id[is_other]))
-    every = np.ones(len(together), dtype=bool)
-    labelled = label_roof_edges(classified.select(together), edge_labelling, is_roof=every).tile
+    numbers = building_id[is_other & (building_id > 0)]
+    together = np.flatnonzero(np.isin(building_id, numbers) | is_other)
+    stands = building_id[together] > 0
+    labelled = label_roof_edges(classified.select(together), edge_labelling, is_roof=stands).tile
     others = labelled.select(is_other[together])
     rows = np.concatenate([np.flatnonzero(is_own), np.flatnonzero(is_other)])
     return roofs.joined(others).select(np.argsort(rows, kind="stable"))

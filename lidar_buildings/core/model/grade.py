@@ -35,14 +35,12 @@ class Cause(str, Enum):
     SCATTERED = "scattered"
     #: Large parts of the outline have no points.
     NO_POINTS = "no_points"
-    #: The outline lies beyond the points, all round.
-    TOO_WIDE = "too_wide"
+    #: On parts of the footprint the ground was seen.
+    ON_GROUND = "on_ground"
     #: The roof goes on beside the footprint.
     TOO_NARROW = "too_narrow"
     #: Points are too far apart to tell where a building of this size ends.
     SPARSE = "sparse"
-    #: A corner of the roof rises above, or sinks below, all points near.
-    SPIKE = "spike"
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ class _Roof:
     spacing: float
     topology: RoofTopology
     has_extent: bool
-    is_traced: bool | None
+    is_traced: bool
     seen: SeenWalls | None
 
 
@@ -189,7 +189,7 @@ def build_model(
     ground_elevation: float | None = None,
     point_spacing: float | None = None,
     is_roof_seen: bool = True,
-    is_traced: bool | None = None,
+    is_traced: bool = False,
     seen: SeenWalls | None = None,
 ) -> BuildingModel:
     """
@@ -210,8 +210,7 @@ def build_model(
     - `point_spacing`, optional: Measured from the points if not given [m].
     - `is_roof_seen`: Whether the points show the roof; else they are the tops of walls with at most a part of
       it, and LoD1.2 is all that is built.
-    - `is_traced`, optional: Whether the outline was traced from the points, so that it is no better than they
-      are; told by how near they come to it if not given.
+    - `is_traced`: Whether the outline was traced from the points, so that it is no better than they are.
     - `seen`, optional: Walls seen from the street; without any there is no LoD2.3.
 
     ValueError if an array has another shape, or a value is not finite.
@@ -254,7 +253,7 @@ def _model(
     outline: Outline,
     spacing: float,
     ground_elevation: float | None,
-    is_traced: bool | None,
+    is_traced: bool,
     seen: SeenWalls | None,
     attributes: dict[str, Any],
     config: BuildingModelConfig,
@@ -346,7 +345,7 @@ def _finished(
         faces = {LOD12: [RoofFacePatch(roof.outline.rings, whole, np.arange(len(roof.points)))]}
     measured = LOD22 if finest == LOD23 else finest  # as seen from above
     quality = measure_model(faces[measured], solids[measured], roof.points, roof.outline, roof.spacing)
-    evidence = evidence_of(faces[measured], roof.points, roof.outline, roof.spacing, quality.support)
+    evidence = evidence_of(roof.points, roof.outline, roof.spacing, quality.support)
     doubts = [*level_doubts(measured, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])

@@ -204,19 +204,20 @@ def _off_planes(points, rows, ends, planes):  # type: ignore[no-untyped-def]
 
 
 #: What the points near a spot of an outline say of the model: it is no spot of the outline; there are none;
-#: it fits; they lie off it as one surface does; they lie off it here and there, as branches do.
-BESIDE, EMPTY, FITS, OFF, ROUGH = range(5)
+#: there are some; they lie off it, scattered, as those of branches do.
+BESIDE, EMPTY, SEEN, ROUGH = range(4)
 
 
 @dataclass(frozen=True, eq=False)
 class Support:
     """What the points say of the model on a grid of spots over the outline."""
 
-    state: NDArray[np.int8]  #: one of the five above, shape (n_rows, n_columns)
+    state: NDArray[np.int8]  #: one of the four above, shape (n_rows, n_columns)
     is_covered: NDArray[np.bool_]  #: whether a point near agrees, of the same shape
     x: FloatArray  #: of the columns [m]
     y: FloatArray  #: of the rows [m]
     above: FloatArray  #: how far each point lies above the model, NaN over no face [m], shape (n_points,)
+    middle: FloatArray  #: the median of that near each spot, 0 where too few are, of the shape of `state` [m]
 
     @property
     def spots(self) -> FloatArray:
@@ -241,7 +242,12 @@ def outline_support(
     if len(outline.exterior) < 3 or outline.area <= 0 or not len(xy):
         none = np.zeros(1)
         return Support(
-            np.full((1, 1), EMPTY, dtype=np.int8), np.zeros((1, 1), dtype=np.bool_), none, none, above
+            np.full((1, 1), EMPTY, dtype=np.int8),
+            np.zeros((1, 1), dtype=np.bool_),
+            none,
+            none,
+            above,
+            none[None],
         )
     low, high = outline.exterior.min(axis=0), outline.exterior.max(axis=0)
     step = max(spacing, float(np.prod(high - low) / _MAX_SPOTS) ** 0.5)
@@ -250,14 +256,15 @@ def outline_support(
     edges = ring_walls(rings).reshape(-1, 4)
     state, is_covered = np.zeros((len(y), len(x)), dtype=np.int8), np.zeros((len(y), len(x)), dtype=np.bool_)
     reach = _EMPTY_DISTANCE * spacing
-    _probe(edges, x, y, np.ascontiguousarray(xy), agrees, above, reach, state, is_covered)
+    middle = np.zeros(state.shape)
+    _probe(edges, x, y, np.ascontiguousarray(xy), agrees, above, reach, state, is_covered, middle)
     if not state.any():
         state[:] = EMPTY
-    return Support(state, is_covered, x, y, above)
+    return Support(state, is_covered, x, y, above, middle)
 
 
 @kernel
-def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: ignore[no-untyped-def]
+def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered, middle):  # type: ignore[no-untyped-def]
     """Write what the points near the spots inside say."""
     west, south = x[0] - reach, y[0] - reach
     extent = max(x[-1] - west, y[-1] - south) + reach
@@ -280,7 +287,7 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
             if not is_inside(edges, crossed, n, x[column], y[row]):
                 continue
             at_u, at_v = int((x[column] - west) / size), int((y[row] - south) / size)
-            n_near, n_all, n_high, n_low, covered = 0, 0, 0, 0, False
+            n_near, n_all, covered = 0, 0, False
             for v in range(max(at_v - 1, 0), min(at_v + 2, n_rows)):
                 # The cells of a row lie one after the other.
                 west_most, east_most = max(at_u - 1, 0), min(at_u + 1, n_columns - 1)
@@ -294,17 +301,16 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered):  # type: i
                     if square < (_DECIDES * reach) ** 2 and n_all < _MOST_NEAR and not np.isnan(above[i]):
                         near[n_all] = above[i]
                         n_all += 1
-                        n_high += above[i] > OFF_HEIGHT
-                        n_low += above[i] < -OFF_HEIGHT
             is_covered[row, column] = covered
-            state[row, column] = FITS if n_near else EMPTY
-            if n_all < 2 or 2 * max(n_high, n_low) < n_all:
+            state[row, column] = SEEN if n_near else EMPTY
+            if n_all < 2:
                 continue
             near[:n_all].sort()
-            middle = near[n_all // 2]
+            here = 0.5 * (near[n_all // 2] + near[(n_all - 1) // 2])
+            middle[row, column] = here
             spread = 0.5 * (near[(3 * n_all) // 4] - near[n_all // 4])
-            if abs(middle) > OFF_HEIGHT:
-                state[row, column] = OFF if spread < _COHERENT * abs(middle) else ROUGH
+            if abs(here) > OFF_HEIGHT and spread >= _COHERENT * abs(here):
+                state[row, column] = ROUGH
 
 
 @inner_kernel

@@ -312,6 +312,7 @@ class AssignedPoints:
     building_id: NDArray[np.uint32]  #: 0 for points of no footprint of this tile, shape (n_points,)
     outlines: tuple[BuildingOutline, ...]  #: the footprints of this tile as they are given, by rising id
     clipped: Sides  #: on which sides one of them reaches beyond the tile's `bounds`
+    is_ground: NDArray[np.bool_]  #: points of the ground within one of them, shape (n_points,)
 
 
 def assign_footprints(
@@ -329,7 +330,7 @@ def assign_footprints(
     config = config or FootprintConfig()
     building_id = np.zeros(len(tile), dtype=np.uint32)
     if not len(tile) or not len(footprints):
-        return AssignedPoints(building_id, (), NONE)
+        return AssignedPoints(building_id, (), NONE, np.zeros(len(tile), dtype=bool))
     (west, south), (east, north) = extent_of(tile.points)[:, :2].tolist()
     far = _SEARCH_DISTANCE
     places = footprints.touching((west - far, south - far, east + far, north + far))
@@ -357,7 +358,10 @@ def assign_footprints(
             ground = float(np.float32(np.min(tile.points[next_to_it, 2] - above)))
         outlines.append(BuildingOutline(number, outline, ground))
     outlines.sort(key=lambda one: one.building_id)
-    return AssignedPoints(building_id, tuple(outlines), clipped)
+    is_ground = np.zeros(len(tile), dtype=bool)
+    if tile.classification is not None:
+        is_ground = (owner >= 0) & (tile.classification == PointClass.GROUND)
+    return AssignedPoints(building_id, tuple(outlines), clipped, is_ground)
 
 
 def remark_on_points(building: PointTile) -> str:

@@ -5,24 +5,23 @@ import pytest
 import shapely
 
 from bench.scenes.models import GROUND, model_scene
-from lidar_buildings.core.model.grade import Cause, causes_in
+from lidar_buildings.core.model.grade import causes_in
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
-from lidar_buildings.core.stages.building_model.grading import doubts_of, evidence_of
 from lidar_buildings.core.stages.building_model.model import build_model
-from lidar_buildings.core.stages.building_model.quality import outline_support
-from lidar_buildings.core.stages.building_model.result import RoofFacePatch
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
 from lidar_buildings.pipeline.tile_models import build_models
 
 RANDOM = np.random.default_rng(1)
 
 
-def graded(points, outline):
+def graded(points, outline, is_traced=False):
     """The grade and the codes of the model of roof points."""
     planes = fit_roof_planes(points)
-    model = build_model(points, outline, plane_id=planes.plane_id, ground_elevation=GROUND)
+    model = build_model(
+        points, outline, plane_id=planes.plane_id, ground_elevation=GROUND, is_traced=is_traced
+    )
     return model.attributes["quality"], causes_in(model.attributes["quality_reasons"])
 
 
@@ -64,18 +63,10 @@ def test_branches_over_a_roof_are_scattered():
     assert "scattered" in causes_in(model.attributes["quality_reasons"])
 
 
-def test_large_parts_without_points_are_told_and_are_poor_where_most_is_missing():
+def test_a_roof_most_of_which_has_no_points_is_poor():
     scene = model_scene("gable")
     grades = [graded(scene.points[along(scene.points) < kept], scene.outline) for kept in (0.6, 0.3)]
-    assert [grade for grade, _ in grades] == ["check", "poor"]
-    assert all(causes == ["no_points"] for _, causes in grades)
-
-
-@pytest.mark.parametrize("density", [2.0, 16.0])
-def test_a_footprint_drawn_too_wide_is_told(density):
-    scene = model_scene("hip", density=density)
-    wide = Outline.of(scene.outline.polygon.buffer(1.2, join_style="mitre"))
-    assert "too_wide" in graded(scene.points, wide)[1]
+    assert grades == [("good", []), ("poor", ["no_points"])]
 
 
 def test_a_roof_that_goes_on_beside_its_footprint_is_told_and_a_tree_beside_is_not():
@@ -97,20 +88,32 @@ def test_a_roof_that_goes_on_beside_its_footprint_is_told_and_a_tree_beside_is_n
         assert causes_in(one.attributes["quality_reasons"]) == expected
 
 
+def test_ground_that_was_seen_on_a_footprint_is_told():
+    scene = model_scene("gable")
+    low, high = scene.outline.exterior.min(axis=0) - 4.0, scene.outline.exterior.max(axis=0) + 4.0
+    xy = RANDOM.uniform(low, high, (int(8 * np.prod(high - low)), 2))
+    xy = xy[~shapely.contains_xy(scene.outline.polygon, *xy.T)]
+    points = np.concatenate([scene.points, np.column_stack([xy, np.full(len(xy), GROUND)])])
+    wing = shapely.box(*(scene.outline.polygon.centroid.coords[0]), *high)
+    for outline, expected in ((scene.outline.polygon, False), (scene.outline.polygon | wing, True)):
+        is_roof = np.arange(len(points)) < len(scene.points)
+        is_own = is_roof & shapely.contains_xy(outline, *points[:, :2].T)
+        tile = PointTile(
+            points,
+            classification=np.where(is_roof, 6, 2).astype(np.uint8),
+            building_id=is_own.astype(np.uint32),
+            plane_id=is_own.astype(np.uint16),
+        )
+        outlines = (BuildingOutline(1, Outline.of(outline), GROUND),)
+        (one,) = build_models(tile, outlines, BuildingModelConfig())
+        assert ("on_ground" in causes_in(one.attributes["quality_reasons"])) == expected
+
+
 def test_an_outline_through_the_outermost_of_few_points_is_sparse():
     scene = model_scene("flat", density=1.0)
     hull = Outline.of(shapely.convex_hull(shapely.multipoints(scene.points[:, :2])))
-    assert graded(scene.points, hull) == ("check", ["sparse"])
-
-
-def test_a_corner_far_above_or_below_all_points_near_is_a_spike():
-    square = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
-    points, none = np.column_stack([RANDOM.uniform(0.0, 10.0, (600, 2)), np.full(600, 6.0)]), np.zeros(600)
-    support = outline_support(Outline(square), points[:, :2], none < 1.0, none, 0.4)
-    for rise, is_spike in ((0.0, False), (0.05, False), (1.0, True), (-1.0, True)):
-        face = RoofFacePatch((square,), np.array([rise, 0.0, 6.0 - 5.0 * rise]), np.arange(600))
-        evidence = evidence_of([face], points, Outline(square), 0.4, support)
-        assert (Cause.SPIKE in {doubt.cause for doubt in doubts_of(evidence)}) == is_spike
+    assert graded(scene.points, hull, is_traced=True) == ("check", ["sparse"])
+    assert graded(scene.points, hull) == ("good", [])
 
 
 def test_a_model_that_is_not_there_is_poor():

@@ -156,6 +156,15 @@ def test_a_footprints_points_are_the_roof_points_within():
     assert not found.clipped
 
 
+def test_the_ground_within_footprints_is_known():
+    tile, wide = town(HOUSE), HOUSE.buffer(2.0)
+    found = assign_footprints(tile, footprints(wide))
+    inside = shapely.contains_xy(wide, tile.points[:, :2])
+    assert found.is_ground.any()
+    assert np.array_equal(found.is_ground, inside & (tile.classification == 2))
+    assert not found.building_id[found.is_ground].any()
+
+
 def test_where_footprints_lie_over_each_other_the_smaller_one_has_the_points():
     tower = shapely.box(12, 12, 15, 15)
     tile = town(HOUSE)
