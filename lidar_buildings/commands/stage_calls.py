@@ -47,7 +47,10 @@ SAMPLE = Path(__file__).with_name("sample_tile.npz")
 
 
 def _ground() -> None:
-    filter_ground(sample_tile().tile, _CONFIG.ground_filter)
+    tile = sample_tile().tile
+    filter_ground(tile, _CONFIG.ground_filter)
+    street = np.full(len(tile), View.STREET, dtype=np.uint8)
+    filter_ground(tile.with_columns(view=street), _CONFIG.ground_filter)
 
 
 def _roofs() -> None:

@@ -71,6 +71,7 @@ def filter_ground(tile: PointTile, config: GroundFilterConfig) -> FilteredTile:
         scan_direction_flag=tile.scan_direction_flag,
         point_source_id=tile.point_source_id,
         set_aside=None if before is None else is_of_groups(before, set(kept) - set(ON_TERRAIN)),
+        from_street=None if tile.view is None else tile.is_from_street,
         point_spacing=tile.point_spacing,
     )
     classes = result.classification

@@ -1,4 +1,4 @@
-"""Points judged against a terrain that others have told."""
+"""Points seen from the street, judged against a terrain that others have told."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.point_array import extent_of
-from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell, rows_by_cell
+from lidar_buildings.core.neighbours.cell_grid import in_rows_order, lowest_per_cell, rows_by_cell
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING, GroundFilterConfig
-from lidar_buildings.core.stages.ground_filter.progressive_tin import near_terrain
+from lidar_buildings.core.stages.ground_filter.street_ground import street_ground
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
@@ -25,10 +25,7 @@ def judge_beside(
     vertices = ground.take(lowest_per_cell(ground, CANDIDATE_SPACING), axis=0)
     extent = extent_of(np.concatenate([extent_of(points), extent_of(ground)]))[:, :2]
     cells = rows_by_cell(points, CANDIDATE_SPACING)  # near ones are found quickly one after the other
-    elevation, slope = build_tin(vertices, extent).elevation_and_slope(cells.points)
-    height, classes = np.empty(len(points)), np.empty(len(points), dtype=np.uint8)
-    height[cells.rows] = own = cells.points[:, 2] - elevation
-    classes[cells.rows] = np.where(
-        near_terrain(own, slope, config), PointClass.GROUND, PointClass.UNCLASSIFIED
-    )
-    return classes, height
+    height = cells.points[:, 2] - build_tin(vertices, extent).elevation(cells.points)
+    is_ground = street_ground(cells, np.ones(len(points), dtype=bool), height, config.ground_distance)
+    classes = np.where(is_ground, PointClass.GROUND, PointClass.UNCLASSIFIED).astype(np.uint8)
+    return in_rows_order(cells, classes), in_rows_order(cells, height)

@@ -27,6 +27,7 @@ from lidar_buildings.core.stages.ground_filter.progressive_tin import (
     near_terrain,
 )
 from lidar_buildings.core.stages.ground_filter.scan_profiles import find_scan_lines
+from lidar_buildings.core.stages.ground_filter.street_ground import street_ground, street_terrain
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
 
@@ -52,6 +53,7 @@ def classify_ground(
     scan_direction_flag: ArrayLike | None = None,
     point_source_id: ArrayLike | None = None,
     set_aside: ArrayLike | None = None,
+    from_street: ArrayLike | None = None,
     point_spacing: float | None = None,
 ) -> GroundResult:
     """
@@ -82,6 +84,8 @@ def classify_ground(
       tells scan lines apart [s], [deg]; only ``bidirectional_slope`` looks at them.
     - `set_aside`, shape (n_points,), optional: Points that are known not to be of the terrain; class 1 or
       noise, unless nothing else is left.
+    - `from_street`, shape (n_points,), optional: Points that a scanner on the street has seen; their ground
+      is found by `street_terrain`, whatever the method, and closes the terrain of the others.
     - `point_spacing`, optional: Spacing of the pulses [m]; measured if not given. Tiles of a survey agree if
       all are given the same.
 
@@ -113,17 +117,27 @@ def classify_ground(
     free = classes == 0
     if aside is not None and (free & ~aside[cloud.rows]).any():  # unless nothing else is left
         free &= ~aside[cloud.rows]
+    street = np.zeros(len(points), dtype=bool)
+    if from_street is not None:
+        street = checked_column("from_street", from_street, len(points), bool)[cloud.rows]
     labels = None
     if config.method == "slope_pairs":
         labels = slope_pair_ground(points, in_rows_order(cloud, free), config, **scan)[cloud.rows]
     if point_spacing is not None:
         point_spacing = max(given_or_measured(points, point_spacing), CANDIDATE_SPACING)
     may_be_ground = free if labels is None else labels
-    vertices, cut_off = _ground_of_cells(points, cloud, may_be_ground, point_spacing, config, scan)
+    seen, vertices, cut_off = free & street, np.empty((0, 3)), NO_EXTENTS
+    if not seen.any() or (free & ~street).any():
+        above = may_be_ground & ~street
+        vertices, cut_off = _ground_of_cells(points, cloud, above, point_spacing, config, scan)
+    if seen.any():
+        vertices = np.concatenate((vertices, street_terrain(cloud, seen)))
     terrain = build_tin(vertices, extent_of(cloud.points)[:, :2])
     elevation, slope = terrain.elevation_and_slope(cloud.points)
     height = np.subtract(cloud.points[:, 2], elevation, out=elevation)
     ground = near_terrain(height, slope, config) if labels is None else labels
+    if seen.any():
+        ground = np.where(seen, street_ground(cloud, seen, height, config.ground_distance), ground)
     classes[classes == 0] = PointClass.UNCLASSIFIED
     classes[ground & free] = PointClass.GROUND
     return GroundResult(in_rows_order(cloud, classes), in_rows_order(cloud, height), cut_off)
