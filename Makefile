@@ -90,6 +90,8 @@ bench: setup
 	@$(BIN)/python -m bench.ground.providers
 	@echo "Gross errors:"
 	@$(BIN)/python -m bench.ground.noise
+	@echo "Ground from the street:"
+	@$(BIN)/python -m bench.ground.street
 	@echo "Roof scenes:"
 	@$(BIN)/python -m bench.roofs.scenes
 	@$(BIN)/python -m bench.roofs.spires
