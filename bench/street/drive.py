@@ -28,7 +28,7 @@ from bench.common.plotting import plt
 from bench.common.tables import table
 from bench.street.lines import offsets_to, places_along, share_within
 from bench.street.walls import Lines, facade_lines, read_lines
-from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.classes import PointClass, View
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.scans.config import ScanConfig
@@ -74,7 +74,10 @@ def placed_tile(bag: Path) -> PointTile:
         write_placed(bag, path, BagConfig(), ScanConfig())
         tile, frame = read_files([path])
     points = frame.to_source(tile.points)
-    return PointTile(points=points, intensity=tile.intensity, point_spacing=measure_spacing(points))
+    view = np.full(len(points), View.STREET, dtype=np.uint8)
+    return PointTile(
+        points=points, intensity=tile.intensity, view=view, point_spacing=measure_spacing(points)
+    )
 
 
 def lines_of(bag: Path) -> Lines:
