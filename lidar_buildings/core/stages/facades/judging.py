@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 #: Bins over which heights are smoothed: what is longer than half of it is told from what stands beside.
 SMOOTHED = 7
 #: Top above ground of fences, hedges, garden walls and cars, at most, and from which a wall is none [m].
-LOW, TALL = 1.6, 2.3
+LOW, TALL = 1.6, 2.1
 #: What is higher is a fence no more, or a vehicle, whatever is seen over or behind it [m].
 MAX_FENCE, MAX_VEHICLE = 2.9, 4.0
 #: How far before and behind a wall it is asked for [m].
