@@ -155,10 +155,13 @@ def trace_footprints(
 
     `classified` are all points of the tile, `roofs` what `roof_points` returns of them, with edge labels;
     those that are taken at footprints next to without roof points are labelled by `edge_labelling`. Where the
-    ground was seen within footprints it is kept, without an id: no roof is there.
+    ground was seen within footprints it is kept, without an id: no roof is there. Covered points, which tell
+    no roofs, are none of a footprint's.
     """
+    is_own, kept = roofs_and_walls(classified) & classified.is_roof, ~classified.is_covered
+    if not kept.all():
+        classified, is_own = classified.select(kept), is_own[kept]
     found = assign_footprints(classified, footprints, config)
-    is_own = roofs_and_walls(classified) & classified.is_roof
     is_other = (found.building_id > 0) & ~is_own
     roofs = roofs.select(roofs.is_roof)
     is_added = is_other | (found.is_ground & ~is_own)
