@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,7 @@ from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.text_messages import (
     Qualities,
     facades_message,
+    facades_of,
     qualities_of,
     quality_message,
     tile_closing_message,
@@ -238,8 +240,9 @@ class FacadeFinder(StageNode):
 
     def publish(self, stamp: int, facades: tuple[Facade, ...]) -> None:
         """Publish one tile's façades."""
-        gone = self._withdrawals.of(stamp, (one.facade_id for one in facades))
         self._records.publish(facades_message(stamp, facades))
+        facades = tuple(one for one in facades if one.is_core)
+        gone = self._withdrawals.of(stamp, (one.facade_id for one in facades))
         rings = {one.facade_id: (one.ring,) for one in facades}
         publish_all(self._facades, ring_messages(stamp, {**dict.fromkeys(gone, ()), **rings}))
         shown = facade_markers(stamp, facades, gone)
@@ -284,9 +287,10 @@ class ModelBuilder(StageNode):
         self._frame = MapFrame()
         self._names, self._numbers = Withdrawals(), Withdrawals()
         self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
-        topics = ("plane_points", "outlines", "outline_quality")
+        topics = ("plane_points", "outlines", "outline_quality", "facade_records")
         self.take_tiles(topics, self.work, self.publish, agree_on_buildings)
         self.create_subscription(String, "outline_quality", self.on_quality, CLOUD)
+        self.create_subscription(String, "facade_records", self.on_facades, CLOUD)
         self.subscribe_rings("outlines", outlines_of)
         self.subscribe_tiles("plane_points")
 
@@ -305,12 +309,18 @@ class ModelBuilder(StageNode):
         stamp, qualities = qualities_of(message)
         self.add_part(stamp, "outline_quality", qualities)
 
+    def on_facades(self, message: String) -> None:
+        """Take a tile's façades."""
+        stamp, facades = facades_of(message)
+        self.add_part(stamp, "facade_records", facades)
+
     def work(
-        self, points: PointTile, outlines: Outlines, qualities: Qualities
+        self, points: PointTile, outlines: Outlines, qualities: Qualities, facades: tuple[Facade, ...]
     ) -> Future[tuple[TileModel, ...]]:
         """Build one tile's models."""
         outlines = tuple(replace(one, quality=qualities.get(one.building_id)) for one in outlines)
-        return self.submit_shared(build_models, points, outlines, self.parameters[BuildingModelConfig])
+        config = self.parameters[BuildingModelConfig]
+        return self.submit_shared(partial(build_models, facades=facades), points, outlines, config)
 
     def publish(self, stamp: int, models: Sequence[TileModel]) -> None:
         """Publish one tile's models."""

@@ -37,7 +37,7 @@ class TileResult:
     #: Before and after regularisation, by rising building id.
     traced: tuple[BuildingOutline, ...] = ()
     outlines: tuple[BuildingOutline, ...] = ()
-    facades: tuple[Facade, ...] = ()  #: walls seen from the street, from west to east
+    facades: tuple[Facade, ...] = ()  #: walls seen from the street, context too
     models: tuple[TileModel, ...] = ()  #: one per outline
     #: On which sides a building of this tile, or what may be one, reaches beyond it; the chain then ends with
     #: the stage that found it.
@@ -115,5 +115,5 @@ def _results(
     roofs = fit_planes(roofs, config.plane_fitting, pool)
     yield TileResult(classified, roofs, traced, outlines, facades)
 
-    models = build_models(roofs, outlines, config.building_model, pool)
+    models = build_models(roofs, outlines, config.building_model, pool, facades=facades)
     yield TileResult(classified, roofs, traced, outlines, facades, models)

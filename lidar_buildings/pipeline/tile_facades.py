@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import ON_TERRAIN, PointClass, is_of_groups
 from lidar_buildings.core.model.ids import building_id
@@ -20,6 +21,10 @@ from lidar_buildings.core.stages.facades.finding import find_facades
 _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
 #: A façade is of a building whose outline most of it lies so near to [m]: eaves reach out that far.
 _OF_OUTLINE = 1.2
+#: Points under eaves lie so far before a wall, as soffits, not more than this below its top [m].
+_OFF_WALL, EAVES_REACH, _BELOW_TOP = 0.1, 1.5, 1.0
+#: A façade keeps no more of them.
+_MOST_UNDER = 200
 #: Places on a façade that are asked for the outline they lie on.
 _ASKED = np.linspace(0.05, 0.95, 19)
 
@@ -33,16 +38,17 @@ def find_tile_facades(
     tile: PointTile, outlines: Sequence[BuildingOutline], config: FacadesConfig
 ) -> tuple[Facade, ...]:
     """
-    Find the façades that the core of what `street_points` returns shows, each with its number and building.
+    Find the façades that what `street_points` returns shows, each with its number and building.
 
-    A façade's number is made from its middle as a building's id is from its anchor.
+    Those that context shows are no core. A façade's number is made from its middle as a building's id is from
+    its anchor.
     """
     if not len(tile):
         return ()
     classes = tile.classification
     is_ground = is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND)
     found = find_facades(tile.points, tile.height_above_ground, is_ground, config, is_core=tile.is_core)
-    return tuple(_numbered(_owned(found, outlines)))
+    return tuple(_numbered(_with_eaves(_owned(found, outlines), outlines, tile.points)))
 
 
 def _owned(found: Sequence[Facade], outlines: Sequence[BuildingOutline]) -> list[Facade]:
@@ -57,6 +63,31 @@ def _owned(found: Sequence[Facade], outlines: Sequence[BuildingOutline]) -> list
             one = replace(one, building_id=number)
         owned.append(one)
     return owned
+
+
+def _with_eaves(
+    found: Sequence[Facade], outlines: Sequence[BuildingOutline], points: NDArray[np.float64]
+) -> list[Facade]:
+    """Return façades with some of the points before them, near their top, under their building's roof."""
+    roofs = {one.building_id: one.outline.polygon for one in outlines}
+    above = points[points[:, 2] >= min((one.top for one in found), default=0.0) - _BELOW_TOP]
+    with_points = []
+    for one in found:
+        if one.building_id in roofs:
+            low, high = one.foot.min(axis=0) - EAVES_REACH, one.foot.max(axis=0) + EAVES_REACH
+            near = above[((above[:, :2] >= low) & (above[:, :2] <= high)).all(axis=1)]
+            near = near[near[:, 2] >= one.top - _BELOW_TOP]
+            places, line = shapely.points(near[:, :2]), shapely.LineString(one.foot)
+            away = shapely.distance(line, places)
+            under = near[
+                (away >= _OFF_WALL)
+                & (away <= EAVES_REACH)
+                & shapely.contains_xy(roofs[one.building_id], near[:, 0], near[:, 1])
+            ]
+            under = under[np.lexsort(under.T)][:: 1 + len(under) // _MOST_UNDER]
+            one = replace(one, under_eaves=under)
+        with_points.append(one)
+    return with_points
 
 
 def _numbered(found: Sequence[Facade]) -> list[Facade]:

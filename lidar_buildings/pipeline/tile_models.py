@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 import shapely
 
+from lidar_buildings.core.model import classes
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.grade import Cause, Doubt, Grade, grade_attributes
 from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_building
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.eaves import SeenWalls
 from lidar_buildings.core.stages.building_model.grading import BESIDE, beside_doubts, ground_doubts
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
+from lidar_buildings.core.stages.facades.facade import NO_BUILDING, Facade
 from lidar_buildings.core.stages.footprints.footprints import remark_on_points
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
@@ -47,19 +50,26 @@ def build_models(
     outlines: tuple[BuildingOutline, ...],
     config: BuildingModelConfig,
     pool: BuildingPool | None = None,
+    *,
+    facades: Sequence[Facade] = (),
 ) -> tuple[TileModel, ...]:
     """
     Build the model of every outline from the tile's points that carry its id.
 
     The points have `building_id` and `plane_id`, the outlines their quality, if it is known. Models are built
-    in `pool`; here, one after the other, if not given.
+    in `pool`; here, one after the other, if not given. `facades` are walls seen from the street, which give
+    their buildings LoD2.3.
     """
+    seen = _seen_walls(facades)
     rows_of = dict(rows_by_building(tile.building_id)) if tile.building_id is not None else {}
     no_rows = np.zeros(0, dtype=np.intp)
     needed = tile.with_columns(**dict.fromkeys(tile.columns.keys() - _NEEDED))
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
-    jobs = [(one.building_id, _job(part, one, config)) for one, part in zip(ordered, buildings, strict=True)]
+    jobs = [
+        (one.building_id, _job(part, one, config, seen.get(one.building_id)))
+        for one, part in zip(ordered, buildings, strict=True)
+    ]
 
     def failed(k: int, reason: str) -> BuildingModel:
         known: dict[str, Any] = dict.fromkeys(ATTRIBUTES) | {
@@ -112,11 +122,29 @@ def _is_closed(building: PointTile, one: BuildingOutline) -> bool:
     return building.has_bare_walls and one.ground_elevation is None
 
 
-def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig) -> partial[BuildingModel]:
+def _seen_walls(facades: Sequence[Facade]) -> dict[int, SeenWalls]:
+    """Return what was seen of the walls of each building, by its id."""
+    by_building: dict[int, list[Facade]] = {}
+    for one in facades:
+        by_building.setdefault(one.building_id, []).append(one)
+    by_building.pop(NO_BUILDING, None)
+    seen = {}
+    for number, own in by_building.items():
+        lines = [line for one in own for line, is_seen in one.stretches if is_seen]
+        edges = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
+        seen[number] = SeenWalls(
+            np.concatenate([np.empty((0, 2, 2)), *edges]), np.concatenate([one.under_eaves for one in own])
+        )
+    return seen
+
+
+def _job(
+    building: PointTile, one: BuildingOutline, config: BuildingModelConfig, seen: SeenWalls | None
+) -> partial[BuildingModel]:
     points, plane_id, ground = building.points, building.plane_id, one.ground_elevation
     is_closed = _is_closed(building, one)
     if is_closed:  # of points those that tell the height of the walls, or lie above them
-        is_bare, z = building.facade == Facade.BARE, points[:, 2]
+        is_bare, z = building.facade == classes.Facade.BARE, points[:, 2]
         points, plane_id = points[is_bare | (z >= np.median(z[is_bare]) - _LEVEL)], None
     if building.height_above_ground is not None and len(building):  # the lowest ground under it
         ground = float(np.min(building.points[:, 2] - building.height_above_ground))
@@ -129,6 +157,7 @@ def _job(building: PointTile, one: BuildingOutline, config: BuildingModelConfig)
         ground_elevation=ground,
         is_roof_seen=not is_closed,
         is_traced=one.ground_elevation is None,
+        seen=seen,
     )
 
 

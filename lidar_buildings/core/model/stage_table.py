@@ -116,7 +116,7 @@ STAGE_TABLE = (
         node="model_builder",
         verb="tile_models.build_models",
         configs=("building_model",),
-        reads=("plane_points", "outlines", "outline_quality"),
+        reads=("plane_points", "outlines", "outline_quality", "facade_records"),
         writes=("roof_faces", "city_model", "building_markers"),
         is_by_building=True,
     ),

@@ -91,7 +91,7 @@ class TileProducts:
             tuple(traced),
             tuple(outlines),
             tuple(features),
-            tuple(facades),
+            tuple(one for one in facades if one.is_core),
             rasters,
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Any
 
@@ -37,6 +37,9 @@ class Facade:
     kind: str  #: `STRAIGHT` or `ARC`
     building_id: int = NO_BUILDING  #: see `lidar_buildings.core.model.ids`
     facade_id: int = 0  #: 1 to 2³² − 1, another one for each façade of a survey; 0 if not numbered
+    is_core: bool = True  #: False if points of a neighbouring tile show it, whose façade it is
+    #: Points seen under eaves in front of it, some of them [m], shape (n, 3).
+    under_eaves: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def ring(self) -> NDArray[np.float64]:
@@ -64,7 +67,8 @@ class Facade:
     def record(self) -> dict[str, Any]:
         """All that is known of it, as JSON holds it."""
         known = {one.name: getattr(self, one.name) for one in fields(self)}
-        return known | {"foot": self.foot.tolist(), "is_seen": self.is_seen.astype(int).tolist()}
+        arrays = {"foot": self.foot.tolist(), "under_eaves": self.under_eaves.tolist()}
+        return known | arrays | {"is_seen": self.is_seen.astype(int).tolist()}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> Facade:
@@ -77,12 +81,13 @@ class Facade:
         seen = np.array(record["is_seen"], dtype=bool)
         if foot.ndim != 2 or foot.shape[1] != 2 or len(foot) < 2 or seen.ndim != 1 or not len(seen):
             raise ValueError("a foot line is two or more positions in plan, with steps that were seen or not")
+        under = np.array(record["under_eaves"], dtype=np.float64).reshape(-1, 3)
         numbers = {name: float(record[name]) for name in _NUMBERS}
-        if not np.isfinite([*foot.ravel(), *numbers.values()]).all():
+        if not np.isfinite([*foot.ravel(), *under.ravel(), *numbers.values()]).all():
             raise ValueError("a façade's numbers are finite")
         counts = {name: int(record[name]) for name in _COUNTS}
-        known: dict[str, Any] = {**numbers, **counts}
-        return cls(foot=foot, is_seen=seen, kind=str(record["kind"]), **known)
+        known: dict[str, Any] = {**numbers, **counts, "kind": str(record["kind"])}
+        return cls(foot=foot, is_seen=seen, is_core=bool(record["is_core"]), under_eaves=under, **known)
 
     @property
     def length(self) -> float:

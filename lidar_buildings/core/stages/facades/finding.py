@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -56,7 +57,7 @@ def find_facades(
     - `height_above_ground`, shape (n_points,): [m].
     - `is_ground`, shape (n_points,): True for points on the terrain.
     - `config`, optional: The stage's parameters.
-    - `is_core`, shape (n_points,), optional: Only what these points show is returned; the others are context.
+    - `is_core`, shape (n_points,), optional: What the other points show is returned as no core.
 
     Returned by the place of their first vertex, from west to east; each has its front on its left. ValueError
     if an array has another shape, or a number is not finite. The order of the points does not matter.
@@ -93,7 +94,8 @@ def find_facades(
         if is_alone:
             sure *= min(1.0, wall.length / LONE_LENGTH)
         if sure >= config.min_confidence:
-            facades += [_facade(own, line, sure, around) for own, line in _own_parts(wall, foot, around)]
+            for part, line, is_own in _parts(wall, foot, around, config.max_gap):
+                facades.append(replace(_facade(part, line, sure, around), is_core=is_own))
     return tuple(sorted(facades, key=lambda one: tuple(one.foot[0])))
 
 
@@ -105,20 +107,23 @@ def _scenery(
     return Scenery(ground, points.take(others, axis=0), height[others])
 
 
-def _own_parts(wall: Wall, foot: Floats, around: PointsAbout) -> Iterator[tuple[Wall, Floats]]:
-    """Yield the stretches of a wall that core points show, and their foot lines."""
+def _parts(
+    wall: Wall, foot: Floats, around: PointsAbout, max_gap: float
+) -> Iterator[tuple[Wall, Floats, bool]]:
+    """Yield the stretches of a wall that core points show, or others, their foot lines, and which it is."""
     n = np.bincount(wall.bins, minlength=len(wall.is_seen))
     n_core = np.bincount(wall.bins[around.is_core[wall.rows]], minlength=len(wall.is_seen))
-    if (n == n_core).all():
-        yield wall, foot
+    if (n == n_core).all() or not n_core.any():
+        yield wall, foot, bool(n_core.any())
         return
-    own = np.flatnonzero(wall.is_seen & (2 * n_core > n))
-    for part in stretches(wall, own, np.inf):
-        line = part.curve.chords(part.first, part.last)
-        for end, is_same in ((0, part.first == wall.first), (-1, part.last == wall.last)):
-            if is_same:
-                line[end] = foot[end]
-        yield part, line
+    for is_own in (True, False):
+        rows = np.flatnonzero(wall.is_seen & ((2 * n_core > n) == is_own))
+        for part in stretches(wall, rows, np.inf if is_own else max_gap):
+            line = part.curve.chords(part.first, part.last)
+            for end, is_same in ((0, part.first == wall.first), (-1, part.last == wall.last)):
+                if is_same:
+                    line[end] = foot[end]
+            yield part, line, is_own
 
 
 def _facade(wall: Wall, foot: Floats, sure: float, around: PointsAbout) -> Facade:
