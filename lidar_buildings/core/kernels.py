@@ -18,8 +18,9 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def inner_kernel(function: Callable[..., Any]) -> Any:
     """
-    Compile a loop as a part of the loops that call it: for short ones, and those called in one place.
+    Compile a few lines of arithmetic as a part of the loops that call it, whatever kind its arguments are of.
 
-    It has no machine code of its own unless Python calls it, which makes less to compile and to load.
+    It has no machine code of its own unless Python calls it. What loops itself or calls others is a `kernel`:
+    copies within copies take minutes to compile.
     """
     return njit(nogil=True, cache=True, error_model="numpy", inline="always")(function)

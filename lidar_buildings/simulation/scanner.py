@@ -52,26 +52,26 @@ def mixed(z):
     return z ^ (z >> np.uint64(31))
 
 
-@inner_kernel
+@kernel
 def pulse_key(seed, strip, pulse):
     """Where a pulse's sequence of random numbers starts."""
     key = mixed(np.uint64(seed) * GAMMA + np.uint64(strip))
     return mixed(key + np.uint64(pulse) * GAMMA)
 
 
-@inner_kernel
+@kernel
 def uniform(key, draw):
     """Number `draw` of a sequence, uniform in [0, 1)."""
     return np.float64(mixed(key + np.uint64(draw + 1) * GAMMA) >> np.uint64(11)) * ULP
 
 
-@inner_kernel
+@kernel
 def exponential(key, draw):
     """Number `draw` of a sequence, exponential with mean 1."""
     return -np.log(1.0 - uniform(key, draw))
 
 
-@inner_kernel
+@kernel
 def normal_pair(key, draw):
     """Two independent standard normal numbers from draws `draw` and `draw` + 1 (Box & Muller 1958)."""
     radius = np.sqrt(2.0 * exponential(key, draw))
@@ -122,7 +122,7 @@ LOW_FROM, LOW_TO, HIGH_FROM, HIGH_TO = 2.0, 10.0, 40.0, 100.0
 DRAW_ERROR, DRAW_FOOTPRINT, DRAW_SOLID, DRAW_CROWN, DRAW_NOISE = np.array([0, 4, 6, 8, 64])
 
 
-@inner_kernel
+@kernel
 def gross_error(key, share, terrain_z, hits):
     """Write a gross error with this probability; the number of returns, 0 or 1."""
     if uniform(key, DRAW_ERROR) >= share:
@@ -134,7 +134,7 @@ def gross_error(key, share, terrain_z, hits):
     return _write(hits, np.int64(0), z, kind, NO_ROW)
 
 
-@inner_kernel
+@kernel
 def returns_of(key, beam, divergence, cell, terrain_z, surfaces, hits):
     """Write elevation, kind and row of each return, highest first; the number of returns."""
     z, kind, row = first_hit(beam, cell, terrain_z, surfaces)
@@ -162,7 +162,7 @@ def _write(hits, n_returns, z, kind, row):
     return n_returns + 1
 
 
-@inner_kernel
+@kernel
 def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     """What the rim of the beam hits, in a random direction from its axis."""
     foot_x, foot_y, top, lean_x, lean_y = beam
@@ -172,7 +172,7 @@ def _rim_hit(key, beam, divergence, cell, terrain_z, surfaces):
     return first_hit(rim, cell, terrain_hit(rim, terrain_z, surfaces[TERRAIN]), surfaces)
 
 
-@inner_kernel
+@kernel
 def _crown_returns(key, beam, cell, solid_z, surfaces, hits):
     """Write the returns from leaves above the solid hit; their number."""
     n_returns, draw = np.int64(0), DRAW_CROWN
@@ -228,7 +228,7 @@ def measure(window, seed, strip_number, flight, scanner, size, surfaces, numbers
     return row
 
 
-@inner_kernel
+@kernel
 def _write_point(numbers, marks, key, what, beam, noise, cell, terrain_z, surfaces):
     """Write where a return was measured, and what it is."""
     true_z, kind, row, number = what

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.simulation import roof_shapes
 from lidar_buildings.simulation.building import Building
@@ -45,7 +45,7 @@ class Terrain:
         return _elevations(np.ascontiguousarray(xy, dtype=np.float64), self.coefficients())
 
 
-@inner_kernel
+@kernel
 def terrain_elevation(x, y, coefficients):
     """Elevation at one position [m]; `coefficients` as `Terrain.coefficients` gives them."""
     z = coefficients[0, 0] + coefficients[0, 1] * x + coefficients[0, 2] * y

@@ -239,7 +239,7 @@ def _fill_cells(points, rows, ordered, first, begin, end):  # type: ignore[no-un
             ordered[i, axis] = points[rows[i], axis]
 
 
-@inner_kernel
+@kernel
 def _sort_cell(points, rows, elevation):  # type: ignore[no-untyped-def]
     """Sort a cell's rows by their points' z, x, y (Shell 1959); `elevation` is room for as many numbers."""
     for i in range(len(rows)):

@@ -298,7 +298,7 @@ def _are_mates(pulses, group, i, j):  # type: ignore[no-untyped-def]
     return group[i] == group[j] and (len(pulses.strip) == 0 or pulses.strip[i] == pulses.strip[j])
 
 
-@inner_kernel
+@kernel
 def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ignore[no-untyped-def]
     """Write neighbours (dx, dy, squared distance) to `near`; return how many, and the second distance."""
     count, nearest, second = 0, np.inf, np.inf
@@ -325,7 +325,7 @@ def _gather(pulses, cells, runs, group, i, spacing, by_time, near):  # type: ign
     return count, second
 
 
-@inner_kernel
+@kernel
 def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     """Return the weighted mean of (cos 2φ, sin 2φ) over neighbours."""
     cosine, sine, total = 0, 0, 0
@@ -342,7 +342,7 @@ def _mean_direction(near, second):  # type: ignore[no-untyped-def]
     return cosine / total, sine / total
 
 
-@inner_kernel
+@kernel
 def _mean_step(near, second, axis, spacing):  # type: ignore[no-untyped-def]
     """Return the mean distance along an axis of the nearest neighbours on it [spacings], NaN if none."""
     total, count = 0, 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from lidar_buildings.core.kernels import inner_kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 #: Sectors of 45° each; the opposite of one is half of them on.
 N_SECTORS = 8
 
 
-@inner_kernel
+@kernel
 def sector_of(dx, dy):  # type: ignore[no-untyped-def]
     """Return the sector of a direction in plan, 0 to 7 counterclockwise from east, without trigonometry."""
     if dy < 0.0 or (dy == 0.0 and dx < 0.0):

@@ -109,7 +109,7 @@ def measure(vertices, edges, planes, v, fan, value, ground, within):  # type: ig
             first = last
 
 
-@inner_kernel
+@kernel
 def level_of(edges: IntArray, e: int, piece: int) -> int:
     """Return the elevation of a piece at the start of a half-edge beside it."""
     other = edges[e, CW]
@@ -122,7 +122,7 @@ def level_of(edges: IntArray, e: int, piece: int) -> int:
 DRAWN_BACK = 10
 
 
-@inner_kernel
+@kernel
 def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
     """Return the first and the last sector of the shallowest valley to cut, −1 if the vertex is sound."""
     chosen, chosen_last, shallowest = -1, -1, 0
@@ -156,7 +156,7 @@ def valley_to_cut(edges: IntArray, fan: IntArray, n: int) -> tuple[int, int]:
             return chosen, chosen_last
 
 
-@inner_kernel
+@kernel
 def find_apex(vertices: IntArray, edges: IntArray, v: int, first: int, last: int, new: int) -> None:
     """Put a vertex on the bisector between two half-edges, the first one clockwise of the second."""
     p, q = edges[first ^ 1, START], edges[last ^ 1, START]
@@ -286,7 +286,7 @@ def _is_taken(vertices: IntArray, new: int) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _find_crossing(vertices, planes, a, b, left, right, new):  # type: ignore[no-untyped-def]
     """Put a vertex on the place of the grid that is nearest to the crossing of both pieces."""
     ax, ay, bx, by = vertices[a, X], vertices[a, Y], vertices[b, X], vertices[b, Y]
@@ -297,7 +297,7 @@ def _find_crossing(vertices, planes, a, b, left, right, new):  # type: ignore[no
     vertices[new, Y] = int(np.rint(ay + share * (by - ay)))
 
 
-@inner_kernel
+@kernel
 def _split_edge(vertices, edges, sizes, e, new, fan, value):  # type: ignore[no-untyped-def]
     a, b = edges[e, START], edges[e ^ 1, START]
     half = sizes[1]
@@ -316,7 +316,7 @@ def _split_edge(vertices, edges, sizes, e, new, fan, value):  # type: ignore[no-
     arrange(vertices, edges, new, fan, np.int64(2), value)
 
 
-@inner_kernel
+@kernel
 def _cut_corner(vertices, edges, sizes, v, first, last, new, fan, n, moved, value):  # type: ignore[no-untyped-def]
     """Draw the sectors first to last back from a vertex to a new one, so that those beside them meet."""
     n_moved = (last - first) % n + 2

@@ -28,7 +28,7 @@ def whole_numbers(vertices: FloatArray) -> IntArray:
     return np.rint((vertices - low) * (_MAX_EXTENT / max(extent, 1e-300))).astype(np.int64)
 
 
-@inner_kernel
+@kernel
 def side_of_plane(p: IntArray, a: int, b: int, c: int, d: int) -> int:
     """Return the sign of the volume of a tetrahedron of rows: 0 if all lie in one plane."""
     ux, uy, uz = p[a, 0] - p[d, 0], p[a, 1] - p[d, 1], p[a, 2] - p[d, 2]
@@ -37,7 +37,7 @@ def side_of_plane(p: IntArray, a: int, b: int, c: int, d: int) -> int:
     return sign(ux * (vy * wz - vz * wy) + uy * (vz * wx - vx * wz) + uz * (vx * wy - vy * wx))
 
 
-@inner_kernel
+@kernel
 def side_of_line(p: IntArray, a: int, b: int, c: int, dropped: int) -> int:
     """Return the sign of the area of a triangle of rows, seen along one axis."""
     i, j = (dropped + 1) % 3, (dropped + 2) % 3
@@ -96,7 +96,7 @@ def _any_meet(points, triangles, face_of, low, high):  # type: ignore[no-untyped
     return False
 
 
-@inner_kernel
+@kernel
 def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether two triangles (three rows each) meet elsewhere than in their common vertices and edge."""
     common = 0
@@ -121,7 +121,7 @@ def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return _meet_apart(p, s, t)
 
 
-@inner_kernel
+@kernel
 def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_t: int) -> bool:
     """Whether two triangles with a common edge lie upon each other."""
     a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]
@@ -131,7 +131,7 @@ def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_
     return axis < 0 or side_of_line(p, a, b, c, axis) == side_of_line(p, a, b, d, axis)
 
 
-@inner_kernel
+@kernel
 def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
     """Whether triangles with one common vertex meet elsewhere: an opposite side meets the other one."""
     for i in range(3):
@@ -144,7 +144,7 @@ def _meet_beyond_vertex(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
     if _beside(p, s, t) or _beside(p, t, s):
         return False
@@ -154,7 +154,7 @@ def _meet_apart(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return False
 
 
-@inner_kernel
+@kernel
 def _beside(p: IntArray, s: IntArray, t: IntArray) -> bool:
     first = side_of_plane(p, t[0], t[1], t[2], s[0])
     if first == 0 or side_of_plane(p, t[0], t[1], t[2], s[1]) != first:
@@ -192,7 +192,7 @@ def _point_in(p: IntArray, q: int, t: IntArray) -> bool:
     return (first >= 0 and second >= 0 and third >= 0) or (first <= 0 and second <= 0 and third <= 0)
 
 
-@inner_kernel
+@kernel
 def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     """Whether a segment in a triangle's plane has a point in common with the triangle."""
     if _point_in(p, q, t) or _point_in(p, r, t):
@@ -207,7 +207,7 @@ def _segment_meets_flat(p: IntArray, q: int, r: int, t: IntArray) -> bool:
     )
 
 
-@inner_kernel
+@kernel
 def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) -> bool:
     """Whether segments qr and ab, seen along an axis, have a point in common; q and r do not lie on ab."""
     side_a, side_b = side_of_line(p, q, r, a, axis), side_of_line(p, q, r, b, axis)
@@ -216,7 +216,7 @@ def _segments_meet_flat(p: IntArray, q: int, r: int, a: int, b: int, axis: int) 
     return side_a * side_b <= 0 and side_of_line(p, a, b, q, axis) * side_of_line(p, a, b, r, axis) <= 0
 
 
-@inner_kernel
+@kernel
 def _between(p: IntArray, q: int, r: int, a: int) -> bool:
     for axis in range(3):
         if p[a, axis] < min(p[q, axis], p[r, axis]) or p[a, axis] > max(p[q, axis], p[r, axis]):

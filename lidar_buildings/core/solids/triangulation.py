@@ -95,7 +95,7 @@ def starts_of(sizes: IntArray) -> IntArray:
 _NO_GAIN = 1e-9
 
 
-@inner_kernel
+@kernel
 def flip_to_delaunay(flat, corners, rows, begin, end, across):  # type: ignore[no-untyped-def]
     """
     Flip the inner edges of triangles in place, as Lawson (1977), until all are locally Delaunay.
@@ -148,7 +148,7 @@ def flip_to_delaunay(flat, corners, rows, begin, end, across):  # type: ignore[n
             return
 
 
-@inner_kernel
+@kernel
 def _edge_towards(across: IntArray, t: int, other: int) -> int:
     for k in range(3):
         if across[t, k] == other:
@@ -156,7 +156,7 @@ def _edge_towards(across: IntArray, t: int, other: int) -> int:
     return -1
 
 
-@inner_kernel
+@kernel
 def _should_flip(flat: FloatArray, a: int, b: int, c: int, d: int) -> bool:
     """Whether the angles opposite edge ab add up to more than 180° and the other diagonal lies inside."""
     if _angle(flat, c, a, d)[0] <= 0.0 or _angle(flat, d, b, c)[0] <= 0.0:
@@ -219,7 +219,7 @@ def _triangulate_all(flat, corners, ring_starts, face_starts, starts, triangles)
                 triangles[t, k] = corners[triangles[t, k]]
 
 
-@inner_kernel
+@kernel
 def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # type: ignore[no-untyped-def]
     """Join a face's holes to the first n corners of a loop, its exterior, and return how many it has then."""
     # The rightmost hole left is the next: joined at a common vertex, else by the shortest bridge in sight.
@@ -260,7 +260,7 @@ def _join_holes(flat, corners, ring_starts, first_ring, last_ring, loop, n):  # 
     return n
 
 
-@inner_kernel
+@kernel
 def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches):  # type: ignore[no-untyped-def]
     """Whether corner i of a loop sees a corner on its inside; nothing lies between where rings touch."""
     start = loop[i]
@@ -297,7 +297,7 @@ def _is_free(flat, ring_starts, first_ring, last_ring, loop, n, i, end, touches)
     return True
 
 
-@inner_kernel
+@kernel
 def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untyped-def]
     """Cut the ears off a loop of n corners: each time the best one, in long loops the first good one."""
     # An ear's quality is its height over its longest side; −1: straight, −2: no ear, −3: points inwards.
@@ -329,7 +329,7 @@ def _cut_ears(flat, loop, n, quality, triangles, row):  # type: ignore[no-untype
         triangles[row, k] = loop[k]
 
 
-@inner_kernel
+@kernel
 def _ear_quality(flat: FloatArray, loop: IntArray, n: int, k: int) -> float:
     a, b, c = loop[k - 1 if k else n - 1], loop[k], loop[k + 1 if k + 1 < n else 0]
     longest = np.sqrt(max(_squared(flat, a, b), _squared(flat, b, c), _squared(flat, c, a)))

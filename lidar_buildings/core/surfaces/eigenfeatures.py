@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
@@ -180,7 +180,7 @@ def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end): 
                 radius[row], n_neighbours[row] = math.sqrt(squares[best]), np.int64(shells[best, 0])
 
 
-@inner_kernel
+@kernel
 def _gather(points, runs, low, high, near):  # type: ignore[no-untyped-def]
     """Write the points of runs from elevation `low` to `high` to `near`, evenly thinned; return how many."""
     candidates = 0
@@ -210,7 +210,7 @@ def _covariance(sums, covariance):  # type: ignore[no-untyped-def]
     covariance[5] = max(sums[9] * share - z * z, 0.0)
 
 
-@inner_kernel
+@kernel
 def entropy_of_shape(covariance):  # type: ignore[no-untyped-def]
     """
     Return the entropy of a covariance xx, xy, xz, yy, yz, zz, infinite where all neighbours coincide.

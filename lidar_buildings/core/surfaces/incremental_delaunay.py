@@ -42,7 +42,7 @@ def insert_vertex(vertex, triangle, n_triangles, vertices, triangles, neighbours
             return n_triangles + 2
 
 
-@inner_kernel
+@kernel
 def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Replace a triangle by three that meet in the vertex; it is corner 0 of each."""
     a, b, c = triangles[triangle, 0], triangles[triangle, 1], triangles[triangle, 2]
@@ -54,7 +54,7 @@ def _split(vertex, triangle, first, second, triangles, neighbours):  # type: ign
     _redirect(beyond_c, triangle, second, neighbours)
 
 
-@inner_kernel
+@kernel
 def _flip(near, far, k, triangles, neighbours):  # type: ignore[no-untyped-def]
     """Turn the side between two triangles; `near` faces it with corner 0, `far` with corner k."""
     # Both have the former's corner 0 as their corner 0 afterwards.
@@ -74,7 +74,7 @@ def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours)
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@inner_kernel
+@kernel
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new
@@ -88,7 +88,7 @@ def _corner_facing(triangle, other, neighbours):  # type: ignore[no-untyped-def]
     return 1 if neighbours[triangle, 1] == other else 2
 
 
-@inner_kernel
+@kernel
 def _has_to_flip(triangle, vertex, vertices, triangles):  # type: ignore[no-untyped-def]
     """Whether a vertex d lies within the circle round a triangle abc and side bc may be turned into ad."""
     # Of four on one circle the first by x, then y, gets the side, as if it alone lay a little lower on the

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 
 
 def eroded(surface: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ def _eroded(surface, half, level):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@inner_kernel
+@kernel
 def _double(single, double, length):  # type: ignore[no-untyped-def]
     """Set minima over twice a length, each from its cell to the right; beyond the row's end they stay."""
     for x in range(len(single) - 2 * length + 1):
@@ -61,7 +61,7 @@ def _double(single, double, length):  # type: ignore[no-untyped-def]
         double[x] = a if a < b else b
 
 
-@inner_kernel
+@kernel
 def _fold(one, other, lowest):  # type: ignore[no-untyped-def]
     """Lower values to those of two rows."""
     for x in range(len(lowest)):
@@ -98,7 +98,7 @@ def square_distances(plan, value, reach):  # type: ignore[no-untyped-def]
     return found
 
 
-@inner_kernel
+@kernel
 def _step_away(plan, value, before, far, steps):  # type: ignore[no-untyped-def]
     """Count the steps from a value: one more than in the row before, or what is far."""
     for j in range(len(plan)):
@@ -107,7 +107,7 @@ def _step_away(plan, value, before, far, steps):  # type: ignore[no-untyped-def]
         steps[j] = np.int32(0) if plan[j] == value else more
 
 
-@inner_kernel
+@kernel
 def _lower(found, others, more):  # type: ignore[no-untyped-def]
     """Lower values to those of others and more; of 32 bits, so that many are lowered at once."""
     for j in range(len(found)):

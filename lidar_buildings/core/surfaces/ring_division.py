@@ -243,7 +243,7 @@ def divide_chain(  # type: ignore[no-untyped-def]
     return first, kind, cheapest[n]
 
 
-@inner_kernel
+@kernel
 def _chord(sums, start, end):  # type: ignore[no-untyped-def]
     """Return the way from the first to the last sample of a stretch."""
     from_x, from_y = _middle(sums, start, start + 1)
@@ -260,7 +260,7 @@ def _beyond(weight, along, length, n):  # type: ignore[no-untyped-def]
     return weight * max(math.sqrt(max(along, 0.0) / weight) - even, 0.0) ** 2
 
 
-@inner_kernel
+@kernel
 def _bent(sums, start, end, sense, variance):  # type: ignore[no-untyped-def]
     """Return the squared offsets from the best circle, and whether the stretch may be an arc of it."""
     # An arc bulges out of its ring: hollows are straight, while gaps in the points, which look like hollows,
@@ -271,7 +271,7 @@ def _bent(sums, start, end, sense, variance):  # type: ignore[no-untyped-def]
     return offsets, is_arc
 
 
-@inner_kernel
+@kernel
 def _bulge(sums, start, end):  # type: ignore[no-untyped-def]
     """Return how far the middle of a stretch lies to the right of its chord, times the chord's length."""
     x, y = _middle(sums, start, end)
@@ -286,7 +286,7 @@ def _middle(sums, start, end):  # type: ignore[no-untyped-def]
     return (sums[end, 1] - sums[start, 1]) / weight, (sums[end, 2] - sums[start, 2]) / weight
 
 
-@inner_kernel
+@kernel
 def _enter(best, entry, before, is_step, wall, own_direction, step, arc):  # type: ignore[no-untyped-def]
     """Find, for each kind of wall that may start here, the kind of wall that it had best follow."""
     free = len(is_step)
@@ -304,7 +304,7 @@ def _enter(best, entry, before, is_step, wall, own_direction, step, arc):  # typ
                 before[k] = last
 
 
-@inner_kernel
+@kernel
 def _traced_back(best, came_from, before, n, free):  # type: ignore[no-untyped-def]
     """Return the walls' first samples and kinds from the last one back."""
     first = np.zeros(n, dtype=np.int64)

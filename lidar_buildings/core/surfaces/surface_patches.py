@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, sort_by_cell
 from lidar_buildings.core.neighbours.union_find import flatten, link, numbered, root
@@ -152,7 +152,7 @@ def _connect(points, first, held, beside, around, radius, size, in_plan, part): 
         part[start[one] : start[one + 1]] = parent[one]
 
 
-@inner_kernel
+@kernel
 def _touch(points, begin, end, other_begin, other_end, square, in_plan):  # type: ignore[no-untyped-def]
     """Tell whether any point of one run is near any of another."""
     for i in range(begin, end):

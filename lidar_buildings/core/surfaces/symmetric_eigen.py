@@ -96,7 +96,7 @@ def values_and_normal(xx, xy, xz, yy, yz, zz):  # type: ignore[no-untyped-def]
     return trace * first, trace * max(second, 0.0), trace * max(third, 0.0), nx, ny, nz
 
 
-@inner_kernel
+@kernel
 def _kernel(xx, xy, xz, yy, yz, zz, eigenvalue):  # type: ignore[no-untyped-def]
     """Return the unit vector that A − λ turns to 0, λ being a single eigenvalue."""
     xx, yy, zz = xx - eigenvalue, yy - eigenvalue, zz - eigenvalue

@@ -78,7 +78,7 @@ def remove_edges(edges, size):  # type: ignore[no-untyped-def]
     edges.size[0] = size
 
 
-@inner_kernel
+@kernel
 def meets_edges(grid, edges, follower, a, b):  # type: ignore[no-untyped-def]
     """Whether the segment ab crosses or touches an edge, beyond sharing its ends."""
     x, y, rounding, head, link, owner = (grid.x, grid.y, grid.rounding, edges.head, edges.link, edges.owner)
@@ -110,7 +110,7 @@ def _meets_list(x, y, rounding, follower, link, owner, k, a, b):  # type: ignore
     return False
 
 
-@inner_kernel
+@kernel
 def _box(grid, a, b):  # type: ignore[no-untyped-def]
     """Return the rows and columns that the bounding box of a segment extends over."""
     row_a, row_b = row_of(grid, grid.x[a], grid.y[a]), row_of(grid, grid.x[b], grid.y[b])
@@ -119,7 +119,7 @@ def _box(grid, a, b):  # type: ignore[no-untyped-def]
     return min(row_a, row_b), max(row_a, row_b), min(column_a, column_b), max(column_a, column_b)
 
 
-@inner_kernel
+@kernel
 def _meet(x, y, rounding, a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the segments ab and cd, whose bounding boxes meet, have more in common than an end point."""
     is_shared_a, is_shared_b = a in (c, d), b in (c, d)
@@ -192,7 +192,7 @@ def walk_round(grid, edges, follower, reach, max_reach, start, heading, max_step
     return ring[:n].copy(), end
 
 
-@inner_kernel
+@kernel
 def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the next point in the smallest neighbourhood that has one, −1 if even the largest has none."""
     seen, reach = 0.0, min(reach, max_reach)
@@ -203,7 +203,7 @@ def _step(grid, edges, follower, reach, max_reach, ring, n, back):  # type: igno
         seen, reach = reach, min(reach * GROWTH, max_reach)
 
 
-@inner_kernel
+@kernel
 def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the point with the smallest clockwise turn that can be stepped to, −1 if there is none."""
     rows, turns = _free_points(grid, follower, seen, reach, ring, n, back)
@@ -213,7 +213,7 @@ def _step_within(grid, edges, follower, seen, reach, ring, n, back):  # type: ig
     return -1
 
 
-@inner_kernel
+@kernel
 def _free_points(grid, follower, seen, reach, ring, n, back):  # type: ignore[no-untyped-def]
     """Return the points that a step may lead to, and their clockwise turns; the nearer first."""
     xs, ys, current, start = grid.x, grid.y, ring[n - 1], ring[0] if n > 2 else ring[n - 1]

@@ -107,7 +107,7 @@ def _heights(places, points, spacing):  # type: ignore[no-untyped-def]
     return squares, lowest, highest, top
 
 
-@inner_kernel
+@kernel
 def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
     """Return the elevation of the highest return around each place, of all where there is none [m]."""
     squares, _, highest, top = _heights(places, points, spacing)

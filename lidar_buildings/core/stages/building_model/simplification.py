@@ -37,7 +37,7 @@ def _turn(e, v, borders, turns):  # type: ignore[no-untyped-def]
     return turns[e] if borders[e, 0] == v else turns[e] - math.copysign(math.pi, turns[e])
 
 
-@inner_kernel
+@kernel
 def sort_round(first, rows, borders, turns):  # type: ignore[no-untyped-def]
     """Put the edges round each vertex in place by rising direction."""
     for v in range(len(first) - 1):
@@ -123,7 +123,7 @@ _MOST_LONGER = 8.0
 EPSILON = 1e-9
 
 
-@inner_kernel
+@kernel
 def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Let the plane of a neighbour spread from a cell; return whether that shortens the description."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -181,7 +181,7 @@ def spread(start, most, mark, work, longer, changed, labels, costs, corner_cost,
     return False
 
 
-@inner_kernel
+@kernel
 def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignore[no-untyped-def]
     """Add a cell's neighbours of a plane to the fringe; what lies round its vertices is to be looked at."""
     first, rows, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -199,7 +199,7 @@ def _widen(c, begun, m, fringe, seen, stale, own, labels, graph):  # type: ignor
     return m
 
 
-@inner_kernel
+@kernel
 def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return by how much a cell with another plane makes the description longer, or `most` and more [m³]."""
     _, _, begin, around, borders, _, _, _, _, _, _ = graph
@@ -218,7 +218,7 @@ def _longer(member, label, most, mark, vertices, vertex_mark, labels, costs, cor
     return after - before
 
 
-@inner_kernel
+@kernel
 def note(v, mark, changed, graph):  # type: ignore[no-untyped-def]
     """Note for the cells round a vertex that one of them changed."""
     first, rows, _, _, _, sides, _, _, _, _, _ = graph
@@ -372,7 +372,7 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
                 break
 
 
-@inner_kernel
+@kernel
 def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # type: ignore[no-untyped-def]
     """Write the cells about one that a plane fits no worse than theirs; return their number and the gain."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -392,7 +392,7 @@ def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # t
     return n, gain
 
 
-@inner_kernel
+@kernel
 def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the cells of a cell's face; return how many these are."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
@@ -408,7 +408,7 @@ def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-unty
     return n
 
 
-@inner_kernel
+@kernel
 def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore[no-untyped-def]
     """Write the vertices at which a face ends; return how many."""
     _, _, begin, around, borders, sides, _, _, _, _, _ = graph
@@ -425,7 +425,7 @@ def _touch(members, mark, vertices, vertex_mark, labels, graph):  # type: ignore
     return n
 
 
-@inner_kernel
+@kernel
 def _best(members, vertices, least, mark, tried, labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
     """Return the neighbours' plane that shortens the description most, by more than `least`; or -1."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph

@@ -64,7 +64,7 @@ def _find_rims(cells, around, roof, in_band, radius, reach, max_step, rim, begin
                 rim[cells.rows[i]] = _is_touched(cells.points, roof, i, runs, radius, max_step, arcs)
 
 
-@inner_kernel
+@kernel
 def _is_near(points, roof, in_band, i, runs, reach, max_step):  # type: ignore[no-untyped-def]
     """Whether a point of the band, of the same roof, is within reach of point i."""
     for begin, end in runs:
@@ -80,7 +80,7 @@ def _is_near(points, roof, in_band, i, runs, reach, max_step):  # type: ignore[n
     return False
 
 
-@inner_kernel
+@kernel
 def _is_touched(points, roof, i, runs, radius, max_step, arcs):  # type: ignore[no-untyped-def]
     """Whether an empty disc touches point i: the arcs that neighbours block are cut out one by one."""
     arcs[0, 0], arcs[0, 1] = 0.0, TURN
@@ -96,7 +96,7 @@ def _is_touched(points, roof, i, runs, radius, max_step, arcs):  # type: ignore[
     return True
 
 
-@inner_kernel
+@kernel
 def _without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyped-def]
     """Take the arc that a neighbour blocks out of the open ones; return how many are left."""
     square = dx * dx + dy * dy
@@ -107,7 +107,7 @@ def _without_neighbour(arcs, n_open, dx, dy, diameter):  # type: ignore[no-untyp
     return n_open
 
 
-@inner_kernel
+@kernel
 def _blocked(dx, dy, distance, across):  # type: ignore[no-untyped-def]
     """Return where the arc begins and ends in which a neighbour keeps the disc's centre out."""
     # The disc's diameter is the hypotenuse of the neighbour's distance and `across`: from the neighbour's

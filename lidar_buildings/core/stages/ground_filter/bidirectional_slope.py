@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -105,7 +105,7 @@ def _label_both_ways(rows, first, along, elevation, limits, votes):  # type: ign
             votes[rows[i]] += label[i]
 
 
-@inner_kernel
+@kernel
 def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """Label one profile in one direction."""
     # The first points are likely ground, until the profile falls by more than the terrain can: then they were
@@ -147,7 +147,7 @@ def _walk(along, z, begin, end, heading, limits, label):  # type: ignore[no-unty
         on_ground, last = True, i
 
 
-@inner_kernel
+@kernel
 def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: ignore[no-untyped-def]
     """Whether point i stands a step above the last ground point, or above one not much further back."""
     # In dense clouds a step spreads over several points; looking back over a fixed distance finds it all the
@@ -164,7 +164,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     return False
 
 
-@inner_kernel
+@kernel
 def _replace_likely(label, start, end, heading, after):  # type: ignore[no-untyped-def]
     i = start
     while i != end:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.stages.ground_filter.error_layers import (
     Layers,
@@ -100,7 +100,7 @@ def _find_smooth(layers, gap, smooth, planes, first, end):  # type: ignore[no-un
         smooth[j] = m >= MIN_POINTS and _roughness(room[:m], planes[j]) <= MAX_ROUGHNESS
 
 
-@inner_kernel
+@kernel
 def _roughness(points, plane):  # type: ignore[no-untyped-def]
     """Return the root mean square distance along z from the plane of least squares, and write that [m]."""
     n = len(points)
@@ -148,7 +148,7 @@ def _find_covers(layers, smooth, planes, gap, cover, share, sheet, first, end): 
             cover[j] = found >= MIN_COVER * math.pi * SHEET_DISC * SHEET_DISC
 
 
-@inner_kernel
+@kernel
 def _above(layers, j, radius, gap):  # type: ignore[no-untyped-def]
     """Count the points in the disc about one of a layer that are above it, as if all of the disc had data."""
     k, point = layers.column[j], layers.points[(layers.begin[j] + layers.begin[j + 1] - 1) // 2]
@@ -165,7 +165,7 @@ def _above(layers, j, radius, gap):  # type: ignore[no-untyped-def]
     return n * min((2 * reach + 1) ** 2 / n_places, MAX_BEYOND)
 
 
-@inner_kernel
+@kernel
 def _sheet_above(layers, j, radius, smooth, planes, gap, ups, weights, sheet):  # type: ignore[no-untyped-def]
     """Count the points of the same smooth sheet in the disc; write how far it is, and its rise over run."""
     k, point = layers.column[j], layers.points[(layers.begin[j] + layers.begin[j + 1] - 1) // 2]
@@ -207,7 +207,7 @@ def _sheet_above(layers, j, radius, smooth, planes, gap, ups, weights, sheet):  
     return most * min((2 * reach + 1) ** 2 / n_places, MAX_BEYOND)
 
 
-@inner_kernel
+@kernel
 def _is_below_any(layers, j, gap):  # type: ignore[no-untyped-def]
     """Whether anything lies above a layer in its own column or those next to it."""
     k = layers.column[j]
@@ -228,7 +228,7 @@ def _find_hidden(layers, smooth, cover, share, sheet, gap, hidden, first, end): 
         hidden[j] = cover[j] and not _is_reached(layers, j, smooth, share, sheet[j], gap)
 
 
-@inner_kernel
+@kernel
 def _is_reached(layers, j, smooth, share, sheet, gap):  # type: ignore[no-untyped-def]
     """Whether enough around is open down to a layer, or it is as dense as what is above, or seen in gaps."""
     k = layers.column[j]

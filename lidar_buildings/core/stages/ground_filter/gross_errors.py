@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, in_rows_order, rows_by_cell, sort_by_cell
 from lidar_buildings.core.stages.ground_filter.closed_sheets import below_closed_sheets
@@ -141,7 +141,7 @@ def _judge_low(layers, bottom, seeds, state, group_of):  # type: ignore[no-untyp
     return errors[:n_errors], open_cases[:n_open]
 
 
-@inner_kernel
+@kernel
 def _gather_groups(layers, seeds, state, group_of):  # type: ignore[no-untyped-def]
     """Return the layers of all small groups that a seed belongs to, and where each begins, and the end."""
     members, begins = np.empty(len(group_of), np.int64), np.zeros(len(seeds) + 1, np.int64)
@@ -189,7 +189,7 @@ def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore
     return n_members
 
 
-@inner_kernel
+@kernel
 def _is_supported(layers, bottom, group, state, group_of, counted, judged):  # type: ignore[no-untyped-def]
     """Whether enough columns around reach down to a group, two of any small group, or too few tell."""
     seed, k = group[0], layers.column[group[0]]
@@ -239,7 +239,7 @@ DEVIATIONS = 1.8
 FULL_COVER = 0.8
 
 
-@inner_kernel
+@kernel
 def is_open_pit(layers, group):  # type: ignore[no-untyped-def]
     """
     Whether a group of layers fills its place: hardly a point lies above it that is not at its rim.
@@ -266,7 +266,7 @@ def is_open_pit(layers, group):  # type: ignore[no-untyped-def]
     return n_cover < MIN_COVER * n_all and n_cover < enough * usual * n_points
 
 
-@inner_kernel
+@kernel
 def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     """Return the spacing of points in the columns around a group, empty ones within rows too [m]."""
     k = layers.column[group[0]]
@@ -287,7 +287,7 @@ def _spacing_around(layers, group):  # type: ignore[no-untyped-def]
     return layers.size * math.sqrt(max(n_columns, 1) / max(n_points, 1))
 
 
-@inner_kernel
+@kernel
 def _count_disc(layers, k, point, radius):  # type: ignore[no-untyped-def]
     """Return how many points of a disc about a point of column k lie above it by the gap, and the rest."""
     above, beside = 0, 0
@@ -350,7 +350,7 @@ def _judge_high(layers, seeds, state, gap):  # type: ignore[no-untyped-def]
     return high
 
 
-@inner_kernel
+@kernel
 def _is_in_the_air(layers, group, state, gap, group_of):  # type: ignore[no-untyped-def]
     low, n_lower = np.inf, 0
     for layer in group:
@@ -409,7 +409,7 @@ def _mark_clouds(layers, errors, rising, first, clouds):  # type: ignore[no-unty
             top = high_end(layers, layer) if top == np.inf else max(top, high_end(layers, layer))
 
 
-@inner_kernel
+@kernel
 def _is_transparent(layers, errors, block, split):  # type: ignore[no-untyped-def]
     n_upper, n_both = 0, 0
     for layer in block:

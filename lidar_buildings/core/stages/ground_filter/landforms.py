@@ -202,7 +202,7 @@ def _try_sides(candidates, rows, around, reach, nearest, found, begin, end):  # 
             found[r] = found[r] or (sums[side, N_MOMENTS] <= nearest and _makes_plane(sums[side]))
 
 
-@inner_kernel
+@kernel
 def _makes_plane(sums):  # type: ignore[no-untyped-def]
     """Whether points make a plane that passes near the candidate, which lies at the origin."""
     n = sums[0]

@@ -178,7 +178,7 @@ def join_in_rounds(
         n_triangles, n_pending = _insert(mesh, n_triangles, facets, best, waiting, pending)
 
 
-@inner_kernel
+@kernel
 def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]
@@ -258,7 +258,7 @@ FLAT_DISTANCE = 0.05
 MIRROR_SLOPE = 0.1
 
 
-@inner_kernel
+@kernel
 def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """
     Return how well a candidate, row p of `vertices`, fits the terrain, the less the better.
@@ -273,7 +273,7 @@ def candidate_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return score
 
 
-@inner_kernel
+@kernel
 def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     """Return how well a point fits a facet; infinity where it may not join."""
     # Below the facet the distance to it, negative; above it the largest angle at a corner.
@@ -288,7 +288,7 @@ def _facet_score(point, a, b, c, limits):  # type: ignore[no-untyped-def]
     return seen_at if seen_at <= angle or seen_at <= angle + gain * math.atan(slope) else np.inf
 
 
-@inner_kernel
+@kernel
 def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbours, limits):  # type: ignore[no-untyped-def]
     """Return how well a candidate, mirrored at its facet's nearest corner, fits the terrain there."""
     # Level ground that ends in a step reaches its edge in this way; a roof does not, as its corners are
@@ -312,14 +312,14 @@ def _mirrored_score(p, triangle, vertices, n_real, n_start, triangles, neighbour
     return seen_at if seen_at <= angle else np.inf
 
 
-@inner_kernel
+@kernel
 def _angle_at_corners(point, a, b, c, off):  # type: ignore[no-untyped-def]
     """Return the largest angle between a facet and the lines from its corners to a point `off` it [rad]."""
     nearest = math.sqrt(min(_squared(point, a), _squared(point, b), _squared(point, c)))
     return math.asin(min(1.0, off / nearest)) if nearest > 0.0 else 0.0
 
 
-@inner_kernel
+@kernel
 def _nearest_corner(x, y, triangle, vertices, triangles):  # type: ignore[no-untyped-def]
     nearest, least = triangles[triangle, 0], np.inf
     for k in range(3):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.union_find import flatten, link
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
@@ -52,7 +52,7 @@ def refine_labels(cloud, labels, seam, max_distance, smoothness):  # type: ignor
     return labels
 
 
-@inner_kernel
+@kernel
 def move_points(cloud, labels, equations, max_distance, smoothness, waiting):  # type: ignore[no-untyped-def]
     """
     Move points to other planes where that costs less; return how many moved.
@@ -87,7 +87,7 @@ def move_points(cloud, labels, equations, max_distance, smoothness, waiting):  #
     return moved
 
 
-@inner_kernel
+@kernel
 def labels_around(neighbours, labels, own, number, count):  # type: ignore[no-untyped-def]
     """
     Write the planes around a point to `number`, and to `count` how many neighbours have each.
@@ -110,7 +110,7 @@ def labels_around(neighbours, labels, own, number, count):  # type: ignore[no-un
     return n
 
 
-@inner_kernel
+@kernel
 def cheapest(points, i, number, count, n, equations, max_distance, smoothness):  # type: ignore[no-untyped-def]
     """Return the plane of least cost within reach of point i, 0 if there is none."""
     total = 0
@@ -206,7 +206,7 @@ def split_planes(neighbours, labels, min_points):  # type: ignore[no-untyped-def
     return number
 
 
-@inner_kernel
+@kernel
 def connected_parts(neighbours: NDArray[np.int32], labels: NDArray[np.int32]) -> IntArray:
     """Return the lowest row of the connected part of one plane that each point is of."""
     part = np.arange(len(labels))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import rows_by_group
 from lidar_buildings.core.neighbours.union_find import root
@@ -95,7 +95,7 @@ def _pair_codes(neighbours, labels, seam, size):  # type: ignore[no-untyped-def]
     return codes[:n]
 
 
-@inner_kernel
+@kernel
 def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: int, here: IntArray) -> int:
     """Write the planes of a point and its neighbours to `here`, the first few; return how many."""
     n, last = 0, 0
@@ -145,7 +145,7 @@ def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_brid
             ) or _leads_to(cloud, labels, other, a, equations[b], bridge, max_distance, way, queue)
 
 
-@inner_kernel
+@kernel
 def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
     """Whether planes are nearly parallel, each nearly through the middle of the other's seams."""
     cosine = 0.0
@@ -269,7 +269,7 @@ def equations_of(moments: FloatArray) -> FloatArray:
     return equations
 
 
-@inner_kernel
+@kernel
 def _saving(moments: FloatArray, a: int, b: int, prices: Prices) -> float:
     joint = np.empty(N_MOMENTS)
     for k in range(N_MOMENTS):

@@ -57,7 +57,7 @@ def samples_needed(probability: float, outlier_share: float, n_unknowns: int) ->
     return math.ceil(math.log(1.0 - probability) / math.log1p(-good))
 
 
-@inner_kernel
+@kernel
 def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     """Whether a point lies on a plane, and its surroundings along it."""
     if distance_of(plane, cloud.points, i) > limits.distance:
@@ -66,7 +66,7 @@ def belongs(cloud: Cloud, limits: Limits, plane: FloatArray, i: int) -> bool:
     return abs(plane[0] * n[i, 0] + plane[1] * n[i, 1] + plane[2] * n[i, 2]) >= limits.normal_cosine
 
 
-@inner_kernel
+@kernel
 def propose(cloud, limits, labels, seed, samples, plane):  # type: ignore[no-untyped-def]
     """
     Write the best plane around a seed to `plane`; False if there is none through the seed.
@@ -231,7 +231,7 @@ def extract(cloud: Cloud, limits: Limits, order: IntArray, samples: FloatArray) 
     return labels
 
 
-@inner_kernel
+@kernel
 def best_of(pool: Pool) -> int:
     """Return the hypothesis with the highest score, of several the first."""
     best = 0
@@ -241,7 +241,7 @@ def best_of(pool: Pool) -> int:
     return best
 
 
-@inner_kernel
+@kernel
 def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Draw seeds until the best hypothesis is likely the largest of all."""
     best = best_of(pool)
@@ -264,7 +264,7 @@ def draw_seeds(cloud, limits, labels, order, samples, pool, scratch):  # type: i
             best = added
 
 
-@inner_kernel
+@kernel
 def add_hypothesis(cloud, limits, labels, seed, samples, pool, scratch):  # type: ignore[no-untyped-def]
     """Find the plane around a seed and put it into the pool if it is large enough and no wall; −1 if not."""
     at = pool.size[0]

@@ -157,7 +157,7 @@ def _fit(moments, plane):  # type: ignore[no-untyped-def]
     return residual / (moments[0] - 3.0) if residual >= 0.0 else np.inf
 
 
-@inner_kernel
+@kernel
 def _gather(points, runs, rows, xyz):  # type: ignore[no-untyped-def]
     """Put the points of runs side by side; return how many."""
     n = 0

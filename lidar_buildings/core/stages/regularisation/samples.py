@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 
@@ -79,7 +79,7 @@ def _bridged(ring, depth, length, area, gap_depth):  # type: ignore[no-untyped-d
     return bears
 
 
-@inner_kernel
+@kernel
 def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """Take vertices out of the ring, those of the shallowest concavity round about, in sweeps."""
     n = len(ring)
@@ -112,7 +112,7 @@ def _bridge(ring, bears, depth, length, area, gap_depth):  # type: ignore[no-unt
     return following, preceding
 
 
-@inner_kernel
+@kernel
 def _open_corners(ring, bears, following, preceding):  # type: ignore[no-untyped-def]
     """Take out the bridges beside points at which the ring turns inwards; return whether there were any."""
     opened, bore = False, bears.copy()
@@ -140,7 +140,7 @@ def _open(bears, first, last):  # type: ignore[no-untyped-def]
     return opened
 
 
-@inner_kernel
+@kernel
 def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: ignore[no-untyped-def]
     """Return the depth of the concavity between two vertices, infinite if it has to stay."""
     chord, deepest, hollow = _concavity(ring, first, last)
@@ -149,7 +149,7 @@ def _removal_depth(ring, first, last, depth, length, area, gap_depth):  # type: 
     return np.inf
 
 
-@inner_kernel
+@kernel
 def _concavity(ring, first, last):  # type: ignore[no-untyped-def]
     """Return chord, depth and area between two vertices; infinite depth if that is no concavity."""
     n = len(ring)

@@ -66,7 +66,7 @@ def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, s
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
 
 
-@inner_kernel
+@kernel
 def _fit_arc(points, bears, sums, first, last, shape):  # type: ignore[no-untyped-def]
     """Fit a circle by the least squared distances of bearing points, from the algebraic one on."""
     n = len(points)
@@ -119,7 +119,7 @@ def foot_on(shape, x, y):  # type: ignore[no-untyped-def]
     return x - off * c, y - off * s
 
 
-@inner_kernel
+@kernel
 def travel_at(shape, chord_x, chord_y, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall, in the ring's sense, nearest to a point."""
     if shape[RADIUS] != 0:
@@ -154,7 +154,7 @@ def move_out(shape, chord_x, chord_y, distance):  # type: ignore[no-untyped-def]
         shape[OFFSET] += -distance if chord_x * s - chord_y * c > 0 else distance
 
 
-@inner_kernel
+@kernel
 def nearest_meeting(one, other, x, y):  # type: ignore[no-untyped-def]
     """Return where two walls meet, the nearest such point to another, and whether they meet at all."""
     if one[RADIUS] == 0 and other[RADIUS] == 0:
@@ -196,7 +196,7 @@ def extent_of(points, first, last):  # type: ignore[no-untyped-def]
     return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
-@inner_kernel
+@kernel
 def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
     """Return the angle by which the ring turns from one wall to the next, 0 to π [rad]."""
     ax, ay = travel_of(points, first, last, shape, i, x, y)
@@ -204,7 +204,7 @@ def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-
     return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
 
 
-@inner_kernel
+@kernel
 def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall in the ring's sense near a point."""
     n = len(points)
@@ -242,7 +242,7 @@ def find_joint(points, first, last, shape, i, k, min_step, shortest, joint):  # 
         joint[0, 0], joint[0, 1], joint[1, 0], joint[1, 1] = ax, ay, bx, by
 
 
-@inner_kernel
+@kernel
 def length_of(points, first, last, shape, i, start, end):  # type: ignore[no-untyped-def]
     """Return the length of a wall between its ends in the ring's sense; negative if a line's are swapped."""
     if shape[i, RADIUS] == 0:
@@ -342,7 +342,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 
-@inner_kernel
+@kernel
 def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
@@ -352,7 +352,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     return m - 1
 
 
-@inner_kernel
+@kernel
 def _merge_parallels(  # type: ignore[no-untyped-def]
     points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
 ):
@@ -375,7 +375,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
     return m
 
 
-@inner_kernel
+@kernel
 def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
     """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:

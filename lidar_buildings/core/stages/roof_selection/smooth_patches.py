@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.classes import Rejection
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, first_from, sort_by_cell
 from lidar_buildings.core.stages.roof_selection.candidates import Candidates, near_tangent_plane, surroundings
@@ -339,7 +339,7 @@ def _count_rims(elevation, first, places, runs, building, rim, met):  # type: ig
             met[building[top[k]]] += one == LEVEL | BEHIND
 
 
-@inner_kernel
+@kernel
 def _has_level(elevation, building, begin, end, level):  # type: ignore[no-untyped-def]
     """Tell whether points of no roof lie at a level."""
     n = 0

@@ -197,7 +197,7 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     return n_pieces
 
 
-@inner_kernel
+@kernel
 def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
     """Vote on whether each plane lies, at one place, on the side of the line where it is lower."""
     votes = 0
@@ -393,7 +393,7 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
     return moved
 
 
-@inner_kernel
+@kernel
 def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest point lies in which both meet others, or NaN."""
     best, place = reach, math.nan
@@ -404,7 +404,7 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
     return place
 
 
-@inner_kernel
+@kernel
 def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
     """Return where on the line of planes i and j the nearest that meets both passes, or NaN."""
     best, place = reach, math.nan

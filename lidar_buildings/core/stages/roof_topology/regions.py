@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.point_array import extent_of
 
@@ -122,7 +122,7 @@ def _label_inside(vertices, ends, west, south, cell, nearest, plane_id, label): 
                     label[r, c] = plane_id[nearest[r, c]]
 
 
-@inner_kernel
+@kernel
 def _crossings(vertices, ends, y, crossings):  # type: ignore[no-untyped-def]
     """Write where the rings cross a line of constant y, from west to east; return how often they do."""
     n, first = 0, 0

@@ -97,7 +97,7 @@ def _linked(ends, order, upper, top):  # type: ignore[no-untyped-def]
     return follows
 
 
-@inner_kernel
+@kernel
 def _highest_pair(around, follows, upper, top):  # type: ignore[no-untyped-def]
     """Return two ends that are still free at which the wall of one roof goes on, of the highest; or -1."""
     one, other, highest = -1, -1, -np.inf

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import rows_by_cell
 from lidar_buildings.core.stages.segmentation.windows import chain_windows, occupied_areas
 
@@ -83,7 +83,7 @@ def _core(cells, runs, half, needed):  # type: ignore[no-untyped-def]
     return is_core
 
 
-@inner_kernel
+@kernel
 def _is_core(cells, runs, i, half, needed):  # type: ignore[no-untyped-def]
     """Whether a point has enough others in its window, one of them near."""
     x, y = cells.points[i, 0], cells.points[i, 1]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import inner_kernel, kernel
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, without_gaps
 from lidar_buildings.core.neighbours.scan_pattern import (
     MAX_RATIO,
@@ -75,7 +75,7 @@ def _chain(xy, rows, numbers, first, n_columns, reach):  # type: ignore[no-untyp
     return component, count
 
 
-@inner_kernel
+@kernel
 def _boxes(xy, rows, first):  # type: ignore[no-untyped-def]
     """Return the least x and y and the greatest x and y of every cell."""
     box = np.empty((len(first) - 1, 4))
@@ -88,7 +88,7 @@ def _boxes(xy, rows, first):  # type: ignore[no-untyped-def]
     return box
 
 
-@inner_kernel
+@kernel
 def _link_beside(parent, numbers, n_columns, box, reach):  # type: ignore[no-untyped-def]
     """Link cells to their eastern and northern neighbours, where one coordinate alone decides."""
     above = 0
@@ -104,7 +104,7 @@ def _link_beside(parent, numbers, n_columns, box, reach):  # type: ignore[no-unt
             link(parent, cell, above)
 
 
-@inner_kernel
+@kernel
 def _link_cornerwise(parent, xy, rows, numbers, first, n_columns, box, reach):  # type: ignore[no-untyped-def]
     """Link cells to those that they touch at a corner, where they are not linked already."""
     above = 0
@@ -123,7 +123,7 @@ def _link_cornerwise(parent, xy, rows, numbers, first, n_columns, box, reach):  
                 link(parent, cell, other)
 
 
-@inner_kernel
+@kernel
 def _reach_each_other(xy, rows, first, cell, other, side, box, reach):  # type: ignore[no-untyped-def]
     """Whether points of a cell and of one to its north-east (1) or north-west (−1) are linked."""
     nearest = box[other, 0] if side > 0 else box[other, 2]
