@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 
 
 def sets_of_pairs(count: int, one: NDArray[np.integer], other: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -25,7 +25,7 @@ def numbered(sets: NDArray[np.int64]) -> NDArray[np.int64]:
     return (np.cumsum(sets == np.arange(len(sets))) - 1)[sets]
 
 
-@kernel
+@inner_kernel
 def root(parent, i):  # type: ignore[no-untyped-def]
     """Return the lowest number of the set that i is in, shortening the way to it."""
     while parent[i] != i:
@@ -34,7 +34,7 @@ def root(parent, i):  # type: ignore[no-untyped-def]
     return i
 
 
-@kernel
+@inner_kernel
 def link(parent, i, j):  # type: ignore[no-untyped-def]
     """Make one set of those of i and j."""
     i, j = root(parent, i), root(parent, j)

@@ -121,7 +121,7 @@ def triangles_meet(p: IntArray, s: IntArray, t: IntArray) -> bool:
     return _meet_apart(p, s, t)
 
 
-@kernel
+@inner_kernel
 def _folded_together(p: IntArray, s: IntArray, t: IntArray, alone_s: int, alone_t: int) -> bool:
     """Whether two triangles with a common edge lie upon each other."""
     a, b, c, d = s[(alone_s + 1) % 3], s[(alone_s + 2) % 3], s[alone_s], t[alone_t]

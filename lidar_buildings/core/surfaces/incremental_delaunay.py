@@ -74,7 +74,7 @@ def _set(triangle, a, b, c, beyond_a, beyond_b, beyond_c, triangles, neighbours)
     neighbours[triangle, 0], neighbours[triangle, 1], neighbours[triangle, 2] = beyond_a, beyond_b, beyond_c
 
 
-@kernel
+@inner_kernel
 def _redirect(triangle, old, new, neighbours):  # type: ignore[no-untyped-def]
     if triangle >= 0:
         neighbours[triangle, _corner_facing(triangle, old, neighbours)] = new

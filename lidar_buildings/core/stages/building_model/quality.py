@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.few_rows import rows_by_group, rows_by_number
@@ -313,7 +313,7 @@ def _probe(edges, x, y, xy, agrees, above, reach, state, is_covered, middle):  #
                 state[row, column] = ROUGH
 
 
-@kernel
+@inner_kernel
 def is_inside(edges: FloatArray, crossed: IntArray, n: int, x: float, y: float) -> bool:
     """Whether a place lies within rings (even-odd rule) and on no edge; only the edges at its y are given."""
     is_odd = False

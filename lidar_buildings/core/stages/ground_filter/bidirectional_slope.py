@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
@@ -164,7 +164,7 @@ def _rises(along, z, i, last, begin, end, heading, limits, label):  # type: igno
     return False
 
 
-@kernel
+@inner_kernel
 def _replace_likely(label, start, end, heading, after):  # type: ignore[no-untyped-def]
     i = start
     while i != end:

@@ -57,7 +57,7 @@ def _lowest_of_weight(points, begin, first):  # type: ignore[no-untyped-def]
     return lowest
 
 
-@kernel
+@inner_kernel
 def columns_in_row(layers, k, step, reach):  # type: ignore[no-untyped-def]
     """Return the columns (start, stop) within `reach` of column k's place, in the row `step` north of it."""
     row, column = divmod(layers.numbers[k], layers.width)

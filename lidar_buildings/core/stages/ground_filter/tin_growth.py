@@ -178,7 +178,7 @@ def join_in_rounds(
         n_triangles, n_pending = _insert(mesh, n_triangles, facets, best, waiting, pending)
 
 
-@kernel
+@inner_kernel
 def _release(triangle, waiting, pending, n_pending):  # type: ignore[no-untyped-def]
     """Empty a triangle's list into `pending`; return how many are there then."""
     i = waiting.first[triangle]

@@ -196,7 +196,7 @@ def extent_of(points, first, last):  # type: ignore[no-untyped-def]
     return np.hypot(points[a, 0] - points[b, 0], points[a, 1] - points[b, 1])
 
 
-@kernel
+@inner_kernel
 def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-def]
     """Return the angle by which the ring turns from one wall to the next, 0 to π [rad]."""
     ax, ay = travel_of(points, first, last, shape, i, x, y)
@@ -204,7 +204,7 @@ def turn_at(points, first, last, shape, i, k, x, y):  # type: ignore[no-untyped-
     return np.arccos(min(max(ax * bx + ay * by, -1.0), 1.0))
 
 
-@kernel
+@inner_kernel
 def travel_of(points, first, last, shape, i, x, y):  # type: ignore[no-untyped-def]
     """Return the unit vector along a wall in the ring's sense near a point."""
     n = len(points)
@@ -342,7 +342,7 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     return first[:m], last[:m], kind[:m], shape[:m], joints[:m]
 
 
-@kernel
+@inner_kernel
 def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
     """Close the rows over a wall; return how many are left."""
     for k in range(i, m - 1):
@@ -375,7 +375,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
     return m
 
 
-@kernel
+@inner_kernel
 def _is_continued(points, first, last, shape, i, k, min_step):  # type: ignore[no-untyped-def]
     """Whether a wall goes on as the next one in the same direction with hardly a step."""
     if shape[i, RADIUS] != 0 or shape[k, RADIUS] != 0:
