@@ -20,7 +20,7 @@ def inner_kernel(function: Callable[..., Any]) -> Any:
     """
     Compile a few lines of arithmetic as a part of the loops that call it, whatever kind its arguments are of.
 
-    It has no machine code of its own unless Python calls it. What is longer, or calls much, is a `kernel`: copies
-    within copies take minutes to compile.
+    It has no machine code of its own unless Python calls it. What is longer, or calls much, is a `kernel`:
+    copies within copies take minutes to compile.
     """
     return njit(nogil=True, cache=True, error_model="numpy", inline="always")(function)

@@ -88,7 +88,8 @@ def agree_on_buildings(parts: Parts) -> bool:
     may have no point: a footprint that was given.
     """
     outlined = [set(part) for part in parts.values() if isinstance(part, dict)]  # of qualities
-    outlined += [{one.building_id for one in part} for part in parts.values() if isinstance(part, tuple)]
+    outlines = (part for topic, part in parts.items() if topic.endswith("outlines"))
+    outlined += [{one.building_id for one in part} for part in outlines]
     ids = [part.building_id for part in parts.values() if isinstance(part, PointTile)]
     found = {int(number) for one in ids if one is not None for number in np.unique(one)} - {0}
     return not outlined or (all(one == outlined[0] for one in outlined) and found <= outlined[0])
