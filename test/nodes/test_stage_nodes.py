@@ -44,7 +44,7 @@ from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.qos import LATCHED
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.text_messages import quality_message, tile_closing_message
+from lidar_buildings.ros.text_messages import facades_message, quality_message, tile_closing_message
 from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
@@ -175,7 +175,9 @@ def quality_of_outlines(*ids, stamp=STAMP):
 @pytest.fixture
 def builder(context, bench):
     node = made(ModelBuilder, context, **{"flow_control.publish_tile_done": True})
-    return bench(node, "plane_points outlines outline_quality", "roof_faces tile_done city_model")
+    return bench(
+        node, "plane_points outlines outline_quality facade_records", "roof_faces tile_done city_model"
+    )
 
 
 def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(builder):
@@ -183,6 +185,7 @@ def test_the_builder_waits_until_points_and_outlines_name_the_same_buildings(bui
     for stamp, outlined in ((STAMP, (SHED,)), (LATER, (HOUSE, SHED))):
         builder.send("plane_points", to_message(roof(HOUSE, SHED, stamp=stamp)))
         builder.send("outline_quality", quality_of_outlines(HOUSE, SHED, stamp=stamp))
+        builder.send("facade_records", facades_message(stamp, ()))
         builder.send("outlines", *ring_messages(stamp, outline_rings(outlines(*outlined))))
     wait_until(lambda: builder.heard["tile_done"])
     assert done(builder) == [LATER]
@@ -200,6 +203,7 @@ def test_features_wait_for_the_map_frame_and_the_header_for_late_listeners(build
     units = builder.publisher_of("map_units")
     builder.send("plane_points", to_message(roof(HOUSE)))
     builder.send("outline_quality", quality_of_outlines(HOUSE))
+    builder.send("facade_records", facades_message(STAMP, ()))
     builder.send("outlines", *ring_messages(STAMP, outline_rings(outlines(HOUSE))))
     time.sleep(0.3)
     assert builder.heard["tile_done"] == []
@@ -257,6 +261,7 @@ def test_an_empty_tile_is_a_tile_like_any_other(bench, make_writer, tmp_path):
         other.send(topic, to_message(empty))
     for topic in ("traced_outlines", "outlines"):
         other.send(topic, *ring_messages(STAMP, outline_rings(())))
+    other.send("facade_records", facades_message(STAMP, ()))
     other.send("city_model", tile_closing_message(STAMP))
     wait_until(lambda: [to_stamp(m.stamp) for m in other.heard["tile_done"]] == [STAMP])
     assert len(fragments(tmp_path)) == 1

@@ -16,13 +16,13 @@ from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.qos import MAP
 from lidar_buildings.ros.stage_node import StageNode
-from lidar_buildings.ros.text_messages import quality_message
+from lidar_buildings.ros.text_messages import facades_message, quality_message
 from lidar_buildings.ros.tile_info import info_message
 
 pytestmark = pytest.mark.graph
 
 OK = OutlineQuality(0.1, 0.2, BuildingStatus.OK, "")
-SENDS = "plane_points outlines outline_quality"
+SENDS = "plane_points outlines outline_quality facade_records"
 HEARS = "city_model building_markers tile_done diagnostics"
 
 
@@ -33,6 +33,7 @@ def rings(stamp, *ids):
 def send_tile(other, stamp, *ids):
     quality = [replace(one, quality=OK) for one in outlines(*ids)]
     other.send("outline_quality", quality_message(stamp, quality))
+    other.send("facade_records", facades_message(stamp, ()))
     other.send("outlines", *rings(stamp, *ids))
     other.send("plane_points", to_message(roof(*ids, stamp=stamp)))
 

@@ -22,7 +22,7 @@ from lidar_buildings.ros.point_cloud import to_message
 from lidar_buildings.ros.polygons import outline_rings, ring_messages
 from lidar_buildings.ros.stage_node import StageNode
 from lidar_buildings.ros.stamps import to_stamp
-from lidar_buildings.ros.text_messages import tile_closing_message
+from lidar_buildings.ros.text_messages import facades_message, tile_closing_message
 from lidar_buildings.ros.tile_info import info_message
 
 STAMP = 77_000_000_000
@@ -113,7 +113,7 @@ def outlines(*building_ids):
 
 
 #: What the writer waits for of every tile, and what else it takes.
-OF_A_TILE = "classified_points plane_points traced_outlines outlines city_model"
+OF_A_TILE = "classified_points plane_points traced_outlines outlines facade_records city_model"
 TO_WRITER = f"{OF_A_TILE} survey_done tile_failed"
 FRAME = MapFrame("EPSG:28992", (85000.0, 447000.0, 0.0))
 
@@ -131,6 +131,7 @@ def send_tile(other, *ids, without=(), stamp=STAMP):
         "plane_points": [to_message(roof(*ids, stamp=stamp))],
         "traced_outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
         "outlines": ring_messages(stamp, outline_rings(outlines(*ids))),
+        "facade_records": [facades_message(stamp, ())],
         "city_model": [*(feature(number) for number in ids), tile_closing_message(stamp)],
     }
     for topic, content in messages.items():
