@@ -15,5 +15,9 @@ def load_products(path):
     ]
     rasters = None if tile_products.load_raster_window(path) is None else tile_products.load_rasters(path)
     return tile_products.TileProducts(
-        tile_products.load_stamp(path), *rows, *tile_products.load_shapes(path), rasters
+        tile_products.load_stamp(path),
+        *rows,
+        *tile_products.load_shapes(path),
+        facades=tile_products.load_facades(path),
+        rasters=rasters,
     )
