@@ -120,10 +120,13 @@ def test_order_of_points_does_not_matter_and_one_set_shows_the_same():
     assert [facade.foot.tolist() for facade in one] == [facade.foot.tolist() for facade in other]
 
 
-def test_only_what_core_points_show_is_returned():
+def test_what_context_shows_is_returned_as_no_core():
     points = np.concatenate([wall((0.0, 0.0), (12.0, 0.0)), STREET])
-    (facade,) = find_facades(points, points[:, 2], points[:, 2] == 0.0, is_core=points[:, 0] < 5.0)
-    assert np.sort(facade.foot[:, 0]) == pytest.approx((0.0, 5.0), abs=0.3)
+    found = find_facades(points, points[:, 2], points[:, 2] == 0.0, is_core=points[:, 0] < 5.0)
+    ends = {one.is_core: np.sort(one.foot[:, 0]) for one in found}
+    assert len(found) == 2
+    assert ends[True] == pytest.approx((0.0, 5.0), abs=0.3)
+    assert ends[False] == pytest.approx((5.0, 12.0), abs=0.3)
 
 
 def test_gap_that_is_bridged_is_not_seen():
