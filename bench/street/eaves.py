@@ -11,15 +11,18 @@ models is looked for; across true eaves under which the wall was seen their over
 from __future__ import annotations
 
 import argparse
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import shapely
 
 from bench.common.tables import table
+from lidar_buildings.core.solids.shell import GROUND_SURFACE, ROOF_SURFACE, Solid
+from lidar_buildings.core.stages.building_model.model import LOD23
+from lidar_buildings.evaluation.readers.city_model import read_city_model
+from lidar_buildings.evaluation.scores.models import faces_of
+from lidar_buildings.io.vectors.layers import read_layer
 
 #: Walls are asked at steps of this, away from their ends [m].
 STEP, AWAY = 0.25, 0.5
@@ -39,70 +42,55 @@ HEADINGS = (
     "eaves",
     "overhang within 10 cm",
     "median [cm]",
-    "soffits measured",
 )
 
 
-def plans_of(path: Path) -> Iterator[tuple[shapely.Geometry, shapely.Geometry, list[bool]] | None]:
-    """
-    Yield each building's plan at the ground and of its roof at LoD2.3, and whether each soffit was measured.
+def plans_of(solids: Sequence[Solid]) -> tuple[shapely.Geometry, shapely.Geometry]:
+    """Return a building's plan at the ground, and that of its roof."""
+    ground, roof = (
+        [
+            [ring[:, :2] for ring in solid.face_rings(face)]
+            for solid in solids
+            for face in faces_of(solid, kind)
+        ]
+        for kind in (GROUND_SURFACE, ROOF_SURFACE)
+    )
+    return _joined(ground), _joined(roof)
 
-    None where there is no such level.
-    """
-    header, *lines = path.read_text(encoding="utf-8").splitlines()
-    transform = json.loads(header)["transform"]
-    for line in lines:
-        feature = json.loads(line)
-        (thing,) = feature["CityObjects"].values()
-        if thing["type"] != "Building":
-            continue
-        found = [one for one in thing["geometry"] if one["lod"] == "2.3"]
-        if not found:
-            yield None
-            continue
-        corners = np.array(feature["vertices"]) * transform["scale"] + transform["translate"]
-        surfaces = found[0]["semantics"]["surfaces"]
-        plans: dict[str, list[shapely.Polygon]] = {"GroundSurface": [], "RoofSurface": []}
-        for face, number in zip(found[0]["boundaries"][0], found[0]["semantics"]["values"][0], strict=True):
-            if surfaces[number]["type"] in plans:
-                rings = [corners[ring, :2] for ring in face]
-                plans[surfaces[number]["type"]].append(shapely.Polygon(rings[0], rings[1:]))
-        measured = [one["measured"] for one in surfaces if "measured" in one]
-        ground, roof = (
-            shapely.union_all(shapely.make_valid(np.array(own, dtype=object)), grid_size=0.001)
-            for own in plans.values()
-        )
-        yield ground, roof, measured
+
+def _joined(faces: Sequence[Sequence[np.ndarray]]) -> shapely.Geometry:
+    polygons = np.array([shapely.Polygon(rings[0], rings[1:]) for rings in faces], dtype=object)
+    return shapely.union_all(shapely.make_valid(polygons), grid_size=0.001)
 
 
 def score(result: Path, truth: Path) -> tuple[object, ...]:
     """Return the row of a result."""
-    models = list(plans_of(result / "city_model.city.jsonl"))
-    plans = [one for one in models if one is not None]
-    feet = shapely.union_all([shapely.boundary(ground) for ground, _, _ in plans])
-    walls = pyogrio.read_dataframe(truth, layer="walls")
-    walls = walls[walls["seen"].astype(bool) & (walls["building_number"] >= 0)]
-    places = np.concatenate([_places(line) for line in walls.geometry])
+    buildings = read_city_model(result / "city_model.city.jsonl").buildings
+    plans = [plans_of(one.solids[LOD23]) for one in buildings if LOD23 in one.solids]
+    feet = shapely.union_all([shapely.boundary(ground) for ground, _ in plans])
+    walls = read_layer(truth, "walls")
+    is_seen = (walls.columns["seen"] == 1) & (walls.columns["building_number"] >= 0)
+    places = np.concatenate([_places(line) for line in walls.geometries[is_seen]])
     away = shapely.distance(feet, shapely.points(places))
     known = away[away < _MISSED]
-    eaves = pyogrio.read_dataframe(truth, layer="eaves")
+    eaves = read_layer(truth, "eaves")
     errors = []
-    for eave in eaves[eaves["seen_share"] >= _SEEN].itertuples():
-        middle = shapely.line_interpolate_point(eave.geometry, 0.5, normalized=True)
-        over = [(g, r) for g, r, _ in plans if shapely.distance(r, middle) < 0.5]
+    for k in np.flatnonzero(eaves.columns["seen_share"] >= _SEEN):
+        eave, overhang = eaves.geometries[k], eaves.columns["overhang"][k]
+        middle = shapely.line_interpolate_point(eave, 0.5, normalized=True)
+        over = [(g, r) for g, r in plans if shapely.distance(r, middle) < 0.5]
         for ground, roof in over[:1]:
-            line = shapely.get_coordinates(eave.geometry)
+            line = shapely.get_coordinates(eave)
             along = line[-1] - line[0]
             across = np.array([-along[1], along[0]]) / np.hypot(*along)
             ray = shapely.LineString([(middle.x, middle.y) + side * 3.0 * across for side in (-1.0, 1.0)])
             ends = [
                 shapely.distance(ray.intersection(shapely.boundary(one)), middle) for one in (roof, ground)
             ]
-            errors.append(abs(abs(ends[1]) - eave.overhang) if np.isfinite(ends).all() else np.inf)
+            errors.append(abs(abs(ends[1]) - overhang) if np.isfinite(ends).all() else np.inf)
     off = np.array(errors)
-    soffits = [flag for *_, flags in plans for flag in flags]
     return (
-        len(models),
+        len(buildings),
         len(plans),
         round(len(places) * STEP),
         f"{len(known) / max(len(away), 1):.3f}",
@@ -111,7 +99,6 @@ def score(result: Path, truth: Path) -> tuple[object, ...]:
         len(off),
         f"{np.mean(off <= NEAR_OVERHANG):.3f}",
         f"{100 * np.median(off):.1f}",
-        f"{sum(soffits)} of {len(soffits)}",
     )
 
 

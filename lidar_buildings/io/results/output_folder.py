@@ -55,6 +55,7 @@ from lidar_buildings.io.results.tile_products import (
 )
 
 if TYPE_CHECKING:  # what reads them takes time to import
+    from lidar_buildings.core.stages.facades.facade import Facade
     from lidar_buildings.io.vectors.footprints import FootprintFile
 
 _ENDING = ".npz"
@@ -186,7 +187,11 @@ class OutputFolder:
                 frame=self.frame,
             )
             raster_files = beside.submit(write_rasters, self.path, fragments, self.frame, crs)
-            buildings, counts, remarks = self._write_buildings(fragments, pieces, crs)
+            facades = sorted(
+                (one for fragment in fragments for one in load_facades(fragment)),
+                key=lambda one: (*one.foot.ravel().tolist(), one.bottom),
+            )
+            buildings, counts, remarks = self._write_buildings(fragments, pieces, crs, facades)
             clouds, (rasters, problems) = cloud_files.result(), raster_files.result()
         outputs = [one.output for one in clouds]
         missing = [
@@ -219,6 +224,8 @@ class OutputFolder:
             n_facade=sum(one.n_facade for one in clouds),
             n_street=sum(one.n_street for one in clouds),
             n_covered=sum(one.n_covered for one in clouds),
+            facade_count=len(facades),
+            facade_length=round(sum(one.length * one.seen_share for one in facades), 3),
             classes=found,
             buildings=dict(sorted(counts.statuses.items())),
             quality=dict(sorted(counts.grades.items())),
@@ -267,7 +274,7 @@ class OutputFolder:
         return sorted(found, key=lambda one: int(one.stem))
 
     def _write_buildings(
-        self, fragments: list[Path], pieces: set[int], crs: str
+        self, fragments: list[Path], pieces: set[int], crs: str, facades: list[Facade]
     ) -> tuple[list[str], BuildingCounts, list[Remark]]:
         """Write outlines and models as far as the run went; return file names, counts, remarks."""
         from lidar_buildings.core.stages.building_model.model import LOD22
@@ -297,10 +304,6 @@ class OutputFolder:
             write = write_buildings
             if len(buildings) > self._files.max_buildings_per_file:
                 write = partial(write_in_blocks, largest=self._files.max_buildings_per_file)
-            facades = sorted(
-                (one for fragment in fragments for one in load_facades(fragment)),
-                key=lambda one: (*one.foot.ravel().tolist(), one.bottom),
-            )
             return *write(self.path, buildings, formats, heading, terrain, facades), remarks
 
 

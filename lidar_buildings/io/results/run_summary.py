@@ -76,6 +76,8 @@ class RunSummary:
     #: Points that were seen from the street, and those of them at places that were seen from above, too.
     n_street: int = 0
     n_covered: int = 0
+    facade_count: int = 0  #: in the layer `facades`
+    facade_length: float = 0.0  #: length of them that was seen [m]
     quality: dict[str, int] = field(default_factory=dict)  #: grade → buildings, empty without models
     quality_reasons: dict[str, int] = field(default_factory=dict)  #: code → buildings of which it is told
 
@@ -108,7 +110,7 @@ class RunSummary:
         """What is told of the buildings at the end: how many are how good, why not, and what failed."""
         n, failed = sum(self.buildings.values()), dict(self.buildings)
         if not self.quality:
-            return [f"buildings: {n:,}"]
+            return [f"buildings: {n:,}", *self._facade_words]
         failed.pop(BuildingStatus.OK.value, None)
         known = {one.value: self.quality.get(one.value, 0) for one in Grade}
         grades = ", ".join(f"{number:,} {grade}" for grade, number in known.items() if number)
@@ -117,13 +119,24 @@ class RunSummary:
             if counts:
                 most = sorted(counts.items(), key=lambda one: (-one[1], one[0]))
                 lines.append(f"{name}: {', '.join(f'{number:,} {what}' for what, number in most)}")
-        return lines
+        return [*lines, *self._facade_words]
+
+    @property
+    def _facade_words(self) -> list[str]:
+        if not self.facade_count:
+            return []
+        return [f"facades: {self.facade_count:,} ({self.facade_length:,.0f} m of walls seen from the street)"]
 
     @property
     def why_no_building(self) -> str:
         """What to do about a run that was to find buildings and found none, empty if it did."""
         if self.buildings or not self.n_points or FORMAT_FILES["gpkg"][0] not in self.files:
             return ""
+        if self.facade_count:
+            return (
+                "no building was found: roofs show from above, and from the street walls alone were seen, as "
+                "layers facades and street_lines hold them"
+            )
         roof = self.classes.get(PointClass.BUILDING, 0) - self.n_facade
         aside = ", ".join(f"{n:,} {name}" for name, n in self.set_aside.items())
         kept = f"; set aside by their class: {aside} (ground_filter.kept_classes)" if aside else ""

@@ -21,6 +21,12 @@ def test_without_buildings_points_of_roofs_and_walls_are_counted():
     )
 
 
+def test_walls_seen_from_the_street_are_counted_and_where_they_alone_are_said():
+    told = replace(summary({2: 60, 6: 40}, 30), facade_count=62, facade_length=1258.6)
+    assert "layers facades and street_lines hold them" in told.why_no_building
+    assert told.building_words[-1] == "facades: 62 (1,259 m of walls seen from the street)"
+
+
 def test_nothing_is_told_where_there_are_buildings_or_none_were_wanted():
     assert not summary({6: 9}, 0, {"ok": 1}).why_no_building
     assert not summary({6: 9}, 0, files=()).why_no_building
