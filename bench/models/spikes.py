@@ -16,7 +16,6 @@ import logging
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,25 +26,15 @@ from bench.common.clouds import data_folder
 from bench.common.tables import table
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing, steady_spacing
-from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
+from lidar_buildings.core.stages.building_model.spikes import Spike, spikes_of
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
 SETS = ("Vaihingen", "AHN3", "Dales3d")
-#: What a vertex may lie above or below [m], and within how many spacings points count.
-MARGIN, AROUND = 0.5, 3.0
 #: Ground lies so far below the points, and reaches so far beyond them [m].
 _BELOW, _BEYOND = 4.0, 15.0
 _HEADER = b"end_header\n"
 _TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "short": "<i2", "uchar": "u1"}
 _COUNTED = ("models", "LoD2.2", "vertices", "spikes", "buildings with spikes")
-
-
-class Spike(NamedTuple):
-    """A vertex that no point explains."""
-
-    xyz: tuple[float, float, float]
-    excess: float  #: beyond what may be [m], below if negative
-    slope: float  #: of the least steep face there
 
 
 def read_ply(path: Path) -> NDArray[np.float64]:
@@ -74,32 +63,6 @@ def tile_of(points: NDArray[np.float64]) -> PointTile:
     ground = np.column_stack([grid, jitter])[away > spacing]
     every = np.concatenate([points, ground])
     return PointTile(every, point_spacing=steady_spacing(every, None))
-
-
-def spikes_of(solid: Solid, points: NDArray[np.float64], spacing: float) -> Iterator[Spike]:
-    """Yield the spikes of a solid's roof."""
-    slopes: dict[int, float] = {}
-    for face, kind in zip(solid.faces, solid.semantics, strict=True):
-        if kind == ROOF_SURFACE:
-            slope = _slope(solid.vertices[list(face[0])])
-            for row in face[0]:
-                slopes[row] = min(slope, slopes.get(row, np.inf))
-    tree, nearby = cKDTree(points[:, :2]), AROUND * spacing
-    for row, slope in slopes.items():
-        x, y, z = solid.vertices[row].tolist()
-        near = tree.query_ball_point((x, y), nearby) or [tree.query((x, y))[1]]
-        low, high = points[near, 2].min(), points[near, 2].max()
-        allowed = MARGIN + slope * spacing
-        excess = z - high - allowed if z > high else min(z - low + allowed, 0.0)
-        if excess > 0.0 if z > high else excess < 0.0:
-            yield Spike((x, y, z), excess, slope)
-
-
-def _slope(corners: NDArray[np.float64]) -> float:
-    """Return the slope of a polygon (Newell)."""
-    following = np.roll(corners, -1, axis=0)
-    nx, ny, nz = np.cross(corners, following).sum(axis=0)
-    return float(np.hypot(nx, ny) / max(abs(nz), 1e-9))
 
 
 def main(arguments: list[str] | None = None) -> None:

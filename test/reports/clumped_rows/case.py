@@ -1,8 +1,8 @@
 import numpy as np
 from support.report_cases import Case
 
-from bench.models.spikes import spikes_of
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.stages.building_model.spikes import spikes_of
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 
 

@@ -33,6 +33,7 @@ from lidar_buildings.core.stages.building_model.grading import doubts_of, eviden
 from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
+from lidar_buildings.core.stages.building_model.spikes import spike_doubts
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
 
@@ -347,6 +348,8 @@ def _finished(
     quality = measure_model(faces[measured], solids[measured], roof.points, roof.outline, roof.spacing)
     evidence = evidence_of(roof.points, roof.outline, roof.spacing, quality.support)
     doubts = [*level_doubts(measured, roof.has_extent), *doubts_of(evidence, roof.is_traced)]
+    if measured == LOD22:
+        doubts += spike_doubts(solids[measured], roof.points, roof.spacing)
     attributes = attributes | roof_attributes(roof.topology, quality)
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
