@@ -29,7 +29,7 @@ class Spike(NamedTuple):
 
 def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spike]:
     """
-    Yield the corners of a solid's roof that lie too far above or below the points near, or all if none is near.
+    Yield the corners of a solid's roof that lie too far above or below the points near (all if none is).
 
     `points` (n, 3), one at least, are on the roof, about `spacing` apart [m].
     """
