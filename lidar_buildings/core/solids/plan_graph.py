@@ -139,6 +139,13 @@ def _polygons(pieces: Sequence[RoofPiece]) -> tuple[NDArray[np.object_], IntArra
     return np.asarray(polygons), np.array(numbers)
 
 
+def joined(graph: PlanGraph, numbers: IntArray) -> PlanGraph:
+    """Return a graph whose owners k have become numbers[k], without the edges between equal ones."""
+    sides = np.where(graph.sides == OUTSIDE, OUTSIDE, numbers[graph.sides])
+    parted = sides[:, 0] != sides[:, 1]
+    return PlanGraph(graph.places, graph.ends[parted], sides[parted])
+
+
 def noded_coverage(pieces: Sequence[RoofPiece], numbers: IntArray, within: float, grid: float) -> PlanGraph:
     """
     Return the graph of the faces into which the pieces' rings divide the plan, each given to one piece.

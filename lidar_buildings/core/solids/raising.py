@@ -13,10 +13,12 @@ from lidar_buildings.core.solids.half_edges import HalfEdges
 from lidar_buildings.core.solids.output_grid import GRID
 from lidar_buildings.core.solids.plan_graph import (
     RoofPiece,
+    joined,
     matched_coverage,
     noded_coverage,
     with_minimum_height,
 )
+from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.shell import (
     GROUND_SURFACE,
     ROOF_SURFACE,
@@ -81,15 +83,22 @@ def roof_solid(pieces: Sequence[RoofPiece], ground_elevation: float) -> Solid:
 
 
 def checked_roof_solid(
-    pieces: Sequence[RoofPiece], ground_elevation: float, *, join_equal: bool = False
+    pieces: Sequence[RoofPiece],
+    ground_elevation: float,
+    *,
+    join_equal: bool = False,
+    coverage: PlanGraph | None = None,
 ) -> tuple[Solid, tuple[int, ...]]:
     """
     Return what `roof_solid` does and the codes of what is wrong with it, as of `check_solid`.
 
-    With `join_equal` pieces of one plane are one, without edges between them.
+    With `join_equal` pieces of one plane are one, without edges between them. `coverage` is the pieces' own,
+    as `matched_coverage` numbers them, if it is known.
     """
     ground = round(ground_elevation / GRID)
-    pieces = with_minimum_height(pieces, ground * GRID)
+    pieces, given = with_minimum_height(pieces, ground * GRID), pieces
+    if coverage is None or list(map(id, pieces)) != list(map(id, given)):
+        coverage = matched_coverage(pieces, np.arange(len(pieces)))
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
     numbers = np.arange(len(pieces))
     if join_equal and len(pieces):
@@ -97,7 +106,7 @@ def checked_roof_solid(
         numbers = np.array([first.setdefault(piece.plane, k) for k, piece in enumerate(pieces)])
     first_tried = None
     simpler = (noded_coverage(pieces, numbers, within, 0.5 * within) for within in _SIMPLER)
-    for graph in chain([matched_coverage(pieces, numbers)], simpler):
+    for graph in chain([joined(coverage, numbers)], simpler):
         if not len(graph.ends):
             break
         faces, semantics = assemble(HalfEdges(graph, planes, ground))

@@ -126,53 +126,50 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
 @kernel
 def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
     """Describe the neighbourhoods of the points in cells begin to end."""
-    reach, scale, last = math.sqrt(squares[-1]), LOOKUP_BINS / squares[-1], len(squares) - 1
+    reach, scale, n_radii = math.sqrt(squares[-1]), LOOKUP_BINS / squares[-1], len(squares)
+    points, first, rows_of = cloud.points, cloud.first, cloud.rows
     eigenvalues, normals, radius, n_neighbours = found
-    near, square = np.empty((MAX_CANDIDATES, 3)), np.empty(MAX_CANDIDATES)
-    rows = np.empty(MAX_CANDIDATES, dtype=np.int64)
-    shells, covariance = np.empty((len(squares), N_MOMENTS)), np.empty(6)
+    near = np.empty((3, MAX_CANDIDATES))
+    near_x, near_y, near_z = near
+    square, rows = np.empty(MAX_CANDIDATES), np.empty(MAX_CANDIDATES, dtype=np.int64)
+    shells, covariance = np.empty((n_radii, N_MOMENTS)), np.empty(6)
     for cell in range(begin, end):
-        stop = cloud.first[cell]
-        while stop < cloud.first[cell + 1]:
+        stop = first[cell]
+        while stop < first[cell + 1]:
             # Points that rise by no more than the radius share their candidates.
-            start, top = stop, cloud.points[stop, 2] + reach
-            while stop < cloud.first[cell + 1] and cloud.points[stop, 2] <= top:
+            start, top = stop, points[stop, 2] + reach
+            while stop < first[cell + 1] and points[stop, 2] <= top:
                 stop += 1
-            n_near = _gather(
-                cloud.points,
-                runs[cell],
-                cloud.points[start, 2] - reach,
-                cloud.points[stop - 1, 2] + reach,
-                near,
-            )
+            n_near = _gather(points, runs, cell, points[start, 2] - reach, points[stop - 1, 2] + reach, near)
             for i in range(start, stop):
-                x, y, z = cloud.points[i, 0], cloud.points[i, 1], cloud.points[i, 2]
+                x, y, z = points[i, 0], points[i, 1], points[i, 2]
                 for j in range(n_near):
-                    dx, dy, dz = near[j, 0] - x, near[j, 1] - y, near[j, 2] - z
+                    dx, dy, dz = near_x[j] - x, near_y[j] - y, near_z[j] - z
                     square[j] = dx * dx + dy * dy + dz * dz
-                n_within = 0
+                n_within, most = 0, squares[n_radii - 1]
                 for j in range(n_near):
                     # Written always, kept if near: a branch here would be mispredicted half of the time.
                     rows[n_within] = j
-                    n_within += square[j] <= squares[last]
+                    n_within += square[j] <= most
                 shells[:] = 0.0
-                for j in rows[:n_within]:
+                for one in range(n_within):
+                    j = rows[one]
                     k = lookup[int(square[j] * scale)]
                     while square[j] > squares[k]:
                         k += 1
-                    add_point(shells[k], near[j, 0] - x, near[j, 1] - y, near[j, 2] - z)
-                best, least = last, np.inf
-                for k in range(len(squares)):
+                    add_point(shells[k], near_x[j] - x, near_y[j] - y, near_z[j] - z)
+                best, least = n_radii - 1, np.inf
+                for k in range(n_radii):
                     if k > 0:
                         for moment in range(N_MOMENTS):
                             shells[k, moment] += shells[k - 1, moment]
-                    if shells[k, 0] >= min_neighbours or k == last:
-                        _covariance(shells[k], covariance)
+                    if shells[k, 0] >= min_neighbours or k == n_radii - 1:
+                        _covariance(shells, k, covariance)
                         entropy = entropy_of_shape(covariance)
                         if entropy < least:
                             best, least = k, entropy
-                _covariance(shells[best], covariance)
-                row = cloud.rows[i]
+                _covariance(shells, best, covariance)
+                row = rows_of[i]
                 eigenvalues[row, 0], eigenvalues[row, 1], eigenvalues[row, 2], nx, ny, nz = values_and_normal(
                     covariance[0], covariance[1], covariance[2], covariance[3], covariance[4], covariance[5]
                 )
@@ -181,33 +178,33 @@ def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end): 
 
 
 @kernel
-def _gather(points, runs, low, high, near):  # type: ignore[no-untyped-def]
-    """Write the points of runs from elevation `low` to `high` to `near`, evenly thinned; return how many."""
+def _gather(points, runs, cell, low, high, near):  # type: ignore[no-untyped-def]
+    """Write the points of a cell's runs from elevation `low` to `high`, evenly thinned; return how many."""
     candidates = 0
-    for row in range(len(runs)):
-        for j in range(runs[row, 0], runs[row, 1]):
+    for row in range(runs.shape[1]):
+        for j in range(runs[cell, row, 0], runs[cell, row, 1]):
             candidates += low <= points[j, 2] <= high
     stride, seen, found = 1 + (candidates - 1) // MAX_CANDIDATES, 0, 0
-    for row in range(len(runs)):
-        for j in range(runs[row, 0], runs[row, 1]):
+    for row in range(runs.shape[1]):
+        for j in range(runs[cell, row, 0], runs[cell, row, 1]):
             if low <= points[j, 2] <= high:
                 if seen % stride == 0:
-                    near[found, 0], near[found, 1], near[found, 2] = points[j, 0], points[j, 1], points[j, 2]
+                    near[0, found], near[1, found], near[2, found] = points[j, 0], points[j, 1], points[j, 2]
                     found += 1
                 seen += 1
     return found
 
 
 @kernel
-def _covariance(sums, covariance):  # type: ignore[no-untyped-def]
-    """Write xx, xy, xz, yy, yz, zz about the mean, 0 for fewer than two points."""
-    share = 1.0 / max(sums[0], 1.0)
-    x, y, z = sums[1] * share, sums[2] * share, sums[3] * share
-    covariance[0] = max(sums[4] * share - x * x, 0.0)
-    covariance[1], covariance[2] = sums[5] * share - x * y, sums[6] * share - x * z
-    covariance[3] = max(sums[7] * share - y * y, 0.0)
-    covariance[4] = sums[8] * share - y * z
-    covariance[5] = max(sums[9] * share - z * z, 0.0)
+def _covariance(sums, k, covariance):  # type: ignore[no-untyped-def]
+    """Write xx, xy, xz, yy, yz, zz about the mean of row k, 0 for fewer than two points."""
+    share = 1.0 / max(sums[k, 0], 1.0)
+    x, y, z = sums[k, 1] * share, sums[k, 2] * share, sums[k, 3] * share
+    covariance[0] = max(sums[k, 4] * share - x * x, 0.0)
+    covariance[1], covariance[2] = sums[k, 5] * share - x * y, sums[k, 6] * share - x * z
+    covariance[3] = max(sums[k, 7] * share - y * y, 0.0)
+    covariance[4] = sums[k, 8] * share - y * z
+    covariance[5] = max(sums[k, 9] * share - z * z, 0.0)
 
 
 @kernel

@@ -142,6 +142,25 @@ def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def heights_near(places, points, reach):  # type: ignore[no-untyped-def]
+    """
+    Return the lowest and the highest point within `reach` of each place in plan [m]; without any ∞ and −∞.
+
+    Points, shape (n_points, 3), rise by y.
+    """
+    low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
+    for i in range(len(places)):
+        x, y = places[i, 0], places[i, 1]
+        for j in range(np.searchsorted(points[:, 1], y - reach), len(points)):
+            dx, dy, z = points[j, 0] - x, points[j, 1] - y, points[j, 2]
+            if dy > reach:
+                break
+            if dx * dx + dy * dy <= reach * reach:
+                low[i], high[i] = min(low[i], z), max(high[i], z)
+    return low, high
+
+
+@kernel
 def _costs(points, weight, cell, planes, counted, vertices, borders, sides, areas, high, spacing):  # type: ignore[no-untyped-def]
     """See `plane_costs`; planes in columns."""
     n_planes, spoken = planes.shape[1], (_AROUND * spacing) ** 2

@@ -19,7 +19,8 @@ from lidar_buildings.core.model.point_array import checked_column, checked_point
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.solids.output_grid import elevation_on_grid, gridded_outline, repaired_outlines
-from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece
+from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece, matched_coverage
+from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
@@ -118,20 +119,22 @@ def level_12(outline: Outline, ground: float, roof: float) -> tuple[Level, Outli
     return Level(None, codes), outline
 
 
-def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float) -> Level:
+def level_13(faces: list[RoofFacePatch], elevations: FloatArray, ground: float, coverage: PlanGraph) -> Level:
     """Raise every face to the elevation of its part, equal for the faces of one part [m]."""
-    order = np.argsort(elevations, kind="stable")
-    pieces = [RoofPiece(faces[k].rings, (0.0, 0.0, float(elevations[k]))) for k in order]
-    return _level(*checked_roof_solid(pieces, ground, join_equal=True))
+    pieces = [RoofPiece(face.rings, (0.0, 0.0, float(z))) for face, z in zip(faces, elevations, strict=True)]
+    return _level(*checked_roof_solid(pieces, ground, join_equal=True, coverage=coverage))
 
 
-def level_22(faces: list[RoofFacePatch], ground: float) -> Level:
+def level_22(faces: list[RoofFacePatch], ground: float, coverage: PlanGraph) -> Level:
     """Raise every face to its plane."""
-    pieces = [
+    return _level(*checked_roof_solid(_pieces(faces), ground, coverage=coverage))
+
+
+def _pieces(faces: list[RoofFacePatch]) -> list[RoofPiece]:
+    return [
         RoofPiece(face.rings, (float(face.plane[0]), float(face.plane[1]), float(face.plane[2])))
         for face in faces
     ]
-    return _level(*checked_roof_solid(pieces, ground))
 
 
 def part_elevations(
@@ -300,9 +303,10 @@ def _finer_levels(
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
         tops = np.maximum(tops, elevation_on_grid(roof.ground + MIN_HEIGHT))
+        coverage = matched_coverage(_pieces(faces), np.arange(len(faces)))
         # A roof in one part is the same at both levels.
-        parts = level_13(faces, tops, roof.ground) if any(face.part for face in faces) else lowest
-        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground)}
+        parts = level_13(faces, tops, roof.ground, coverage) if any(face.part for face in faces) else lowest
+        levels = {LOD13: parts, LOD22: level_22(faces, roof.ground, coverage)}
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
         return {}, {}, f"the roof could not be divided into faces: {error!r}"

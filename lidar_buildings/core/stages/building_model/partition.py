@@ -18,6 +18,7 @@ from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_o
 from lidar_buildings.core.solids.plan_graph import cut_at, rings_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
     ABOVE,
+    heights_near,
     plane_costs,
     point_weights,
     range_around,
@@ -103,7 +104,7 @@ def with_level_ends(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
 
     A plane is good where its points are, and for a spacing beyond. There the roof is level: at the height of
     the last point, or of what is seen around. A plane that hardly more than one row of points tells has no
-    spacing beyond, as nothing says how steep it is.
+    spacing beyond, as nothing says how steep it is. Points rise by y.
     """
     planes, exteriors = np.array([face.plane for face in faces]), [face.rings[0] for face in faces]
     sizes = np.array([len(ring) for ring in exteriors])
@@ -189,14 +190,8 @@ def _parted(
 
 def _ends_around(places: FloatArray, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest point within some spacings of each place, infinite without any."""
-    reach = _AROUND * spacing
-    west_south, east_north = places.min(axis=0)[:2] - reach, places.max(axis=0)[:2] + reach
-    points = points[((points[:, :2] >= west_south) & (points[:, :2] <= east_north)).all(axis=1)]
-    is_near = np.hypot(points[:, 0] - places[:, :1], points[:, 1] - places[:, 1:2]) <= reach
-    low = np.where(is_near, points[:, 2], np.inf).min(axis=1, initial=np.inf)
-    high = np.where(is_near, points[:, 2], -np.inf).max(axis=1, initial=-np.inf)
-    is_alone = ~is_near.any(axis=1)
-    return np.where(is_alone, -np.inf, low), np.where(is_alone, np.inf, high)
+    low, high = heights_near(places, points, _AROUND * spacing)
+    return np.where(low > high, -np.inf, low), np.where(low > high, np.inf, high)
 
 
 def _level(

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.grade import Cause, Doubt
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, area_vector
+from lidar_buildings.core.stages.building_model.cell_costs import heights_near
 
 #: A corner may lie so far above or below the points within so many spacings, besides slope × spacing [m].
 MARGIN, AROUND = 0.5, 3.0
@@ -31,7 +31,7 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
     """
     Yield the corners of a solid's roof that lie too far above or below the points near (all if none is).
 
-    `points` (n, 3), one at least, are on the roof, about `spacing` apart [m].
+    `points` (n, 3), one at least, are on the roof, about `spacing` apart [m], and rise by y.
     """
     slopes: dict[int, float] = {}
     for face, kind in zip(solid.faces, solid.semantics, strict=True):
@@ -40,11 +40,11 @@ def spikes_of(solid: Solid, points: FloatArray, spacing: float) -> Iterator[Spik
             slope = math.hypot(x, y) / max(abs(z), _LEAST_PLAN)
             for row in face[0]:
                 slopes[row] = min(slope, slopes.get(row, np.inf))
-    tree, nearby = cKDTree(points[:, :2]), AROUND * spacing
-    for row, slope in slopes.items():
-        x, y, z = solid.vertices[row].tolist()
-        heights = points[tree.query_ball_point((x, y), nearby) or slice(None), 2]
-        low, high = heights.min(), heights.max()
+    lowest, highest = points[:, 2].min(), points[:, 2].max()
+    corners = solid.vertices[list(slopes)]
+    ends = zip(*heights_near(corners, points, AROUND * spacing), strict=True)
+    for slope, (x, y, z), (low, high) in zip(slopes.values(), corners.tolist(), ends, strict=True):
+        low, high = (low, high) if low <= high else (lowest, highest)
         allowed = MARGIN + slope * spacing
         excess = z - high - allowed if z > high else min(z - low + allowed, 0.0)
         if excess > 0.0 if z > high else excess < 0.0:

@@ -34,7 +34,7 @@ def test_roofs_of_planes_have_the_volume_the_ridges_and_the_vertices_of_the_trut
 
 def test_a_level_that_fails_its_checks_is_left_out_with_the_reason(monkeypatch):
     module = "lidar_buildings.core.stages.building_model.model"
-    monkeypatch.setattr(f"{module}.level_22", lambda faces, ground: Level(None, (203, 306)))
+    monkeypatch.setattr(f"{module}.level_22", lambda *_: Level(None, (203, 306)))
     model = modelled(model_scene("dormer"))
     assert sorted(model.solids) == ["1.2", "1.3"]
     assert (model.status, model.attributes["lod"]) == (BuildingStatus.OK, "1.3")
