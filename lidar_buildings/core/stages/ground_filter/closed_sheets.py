@@ -233,7 +233,9 @@ def _is_reached(layers, j, smooth, share, sheet, gap):  # type: ignore[no-untype
     """Whether enough around is open down to a layer, or it is as dense as what is above, or seen in gaps."""
     k = layers.column[j]
     near = min(max(LEAN * sheet[0] / layers.size, MIN_RADIUS), RADIUS)
-    n_open, n_columns, n_level, n_sheet, n_mates, covered = 0, 0, 0, 0, 0, 0.0
+    if _is_open_near(layers, j, share, sheet, gap, near):
+        return True
+    n_level, n_sheet, n_mates, covered = 0, 0, 0, 0.0
     for step in range(-RADIUS, RADIUS + 1):
         start, stop = columns_in_row(layers, k, step, RADIUS)
         for other in range(start, stop):
@@ -241,20 +243,38 @@ def _is_reached(layers, j, smooth, share, sheet, gap):  # type: ignore[no-untype
             away = across * across + step * step
             if away > RADIUS * RADIUS:
                 continue
-            up, is_open = layers.size * (across * sheet[1] + step * sheet[2]), False
+            up = layers.size * (across * sheet[1] + step * sheet[2])
             low, high = low_end(layers, j) + up - gap, high_end(layers, j) + up + gap
             for i in range(layers.first[other], layers.first[other + 1]):
                 n_points = layers.begin[i + 1] - layers.begin[i]
                 if low_end(layers, i) > high:
                     n_sheet += smooth[i] * n_points
-                    continue
-                is_open |= share[i] < OPEN
-                if high_end(layers, i) >= low:
+                elif high_end(layers, i) >= low:
                     n_level += n_points
                     if away <= near * near:
                         n_mates, covered = n_mates + 1, covered + share[i]
-            if away <= near * near:
-                n_columns, n_open = n_columns + 1, n_open + is_open
-    is_open = n_open >= max(MIN_OPEN, MIN_OPEN_SHARE * n_columns)
     is_floor = n_mates >= MIN_FLOOR and covered < MAX_SHARE * n_mates - CHANCE * math.sqrt(n_mates)
-    return is_open or is_floor or n_sheet < MIN_DENSER * n_level
+    return is_floor or n_sheet < MIN_DENSER * n_level
+
+
+@kernel
+def _is_open_near(layers, j, share, sheet, gap, near):  # type: ignore[no-untyped-def]
+    """Whether enough of the columns around show open points as low as a layer; most do soon."""
+    k, reach = layers.column[j], int(near)
+    n_open, n_columns, surely = 0, 0, max(MIN_OPEN, MIN_OPEN_SHARE * (2 * reach + 1) ** 2)
+    for step in range(-reach, reach + 1):
+        start, stop = columns_in_row(layers, k, step, reach)
+        for other in range(start, stop):
+            across = layers.numbers[other] - layers.numbers[k] - step * layers.width
+            if across * across + step * step > near * near:
+                continue
+            high = high_end(layers, j) + layers.size * (across * sheet[1] + step * sheet[2]) + gap
+            is_open = False
+            for i in range(layers.first[other], layers.first[other + 1]):
+                if low_end(layers, i) > high:
+                    break
+                is_open |= share[i] < OPEN
+            n_columns, n_open = n_columns + 1, n_open + is_open
+            if n_open >= surely:
+                return True
+    return n_open >= max(MIN_OPEN, MIN_OPEN_SHARE * n_columns)
