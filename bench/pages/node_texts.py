@@ -67,6 +67,9 @@ MEANINGS = {
     "facade_records": "JSON of a tile: of each façade its foot line, which steps of it were seen, `bottom` "
     "and `top`, `coverage`, `sigma`, `n_points`, `confidence`, `kind`, `building_id` (−1: not known)",
     "facade_markers": "the façades' edges, for RViz, the surer the more opaque",
+    "wall_map": "where the tile's façades stand: 100 in cells that a foot line crosses, 0 where ground was "
+    "seen and nothing stands below 2.5 m, −1 where nothing is known, or a car, a hedge or the like stands; "
+    "cells of 0.2 m, which fit those of other tiles; a grid a tile, which that of its next revision replaces",
     "roof_faces": "the models' roofs in 3D; ids are the buildings'; one with id −1 and no vertices closes "
     "the tile",
     "city_model": "one CityJSONFeature per building; without `CityObjects` and `vertices` of one that a "

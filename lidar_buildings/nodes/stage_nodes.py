@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PolygonInstanceStamped
+from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
@@ -39,7 +40,7 @@ from lidar_buildings.nodes.configs import (
     MapFrameConfig,
 )
 from lidar_buildings.nodes.map_frames import FrameListener
-from lidar_buildings.pipeline.tile_facades import find_tile_facades, street_points
+from lidar_buildings.pipeline.tile_facades import MappedFacades, map_tile_facades, street_points
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -69,6 +70,7 @@ from lidar_buildings.ros.text_messages import (
     withdrawal_message,
 )
 from lidar_buildings.ros.tile_table import agree_on_buildings
+from lidar_buildings.ros.wall_maps import wall_map_message
 
 Outlines = tuple[BuildingOutline, ...]
 
@@ -230,24 +232,27 @@ class FacadeFinder(StageNode):
         self._records = self.create_output(String, "facade_records", CLOUD)
         self._facades = self.create_publisher(PolygonInstanceStamped, "facades", MAP_RINGS)
         self._markers = self.create_publisher(MarkerArray, "facade_markers", MAP)
+        self._maps = self.create_publisher(OccupancyGrid, "wall_map", MAP)
         self.take_tiles(("street_points", "outlines"), self.work, self.publish)
         self.subscribe_rings("outlines", outlines_of)
         self.subscribe_tiles("street_points")
 
-    def work(self, tile: PointTile, outlines: Outlines) -> Future[tuple[Facade, ...]]:
+    def work(self, tile: PointTile, outlines: Outlines) -> Future[MappedFacades]:
         """Find one tile's façades."""
-        return self.submit(find_tile_facades, tile, outlines, self.parameters[FacadesConfig])
+        return self.submit(map_tile_facades, tile, outlines, self.parameters[FacadesConfig])
 
-    def publish(self, stamp: int, facades: tuple[Facade, ...]) -> None:
-        """Publish one tile's façades."""
-        self._records.publish(facades_message(stamp, facades))
-        facades = tuple(one for one in facades if one.is_core)
+    def publish(self, stamp: int, found: MappedFacades) -> None:
+        """Publish one tile's façades, and their map."""
+        self._records.publish(facades_message(stamp, found.facades))
+        facades = tuple(one for one in found.facades if one.is_core)
         gone = self._withdrawals.of(stamp, (one.facade_id for one in facades))
         rings = {one.facade_id: (one.ring,) for one in facades}
         publish_all(self._facades, ring_messages(stamp, {**dict.fromkeys(gone, ()), **rings}))
         shown = facade_markers(stamp, facades, gone)
         if shown.markers:  # late viewers get the last messages
             self._markers.publish(shown)
+        if found.wall_map is not None:
+            self._maps.publish(wall_map_message(stamp, found.wall_map))
         self.summary.passed_on(0)
         self.summary.counts["facades"] += len(facades)
 

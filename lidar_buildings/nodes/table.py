@@ -48,6 +48,7 @@ TOPICS = (
     Topic("facades", _RINGS, "MAP_RINGS"),
     Topic("facade_records", _TEXT, "CLOUD"),
     Topic("facade_markers", "visualization_msgs/MarkerArray", "MAP"),
+    Topic("wall_map", "nav_msgs/OccupancyGrid", "MAP"),
     Topic("building_markers", "visualization_msgs/MarkerArray", "MAP"),
     Topic("map_origin", "geometry_msgs/PointStamped", "LATCHED"),
     Topic("map_units", "geometry_msgs/Vector3Stamped", "LATCHED"),

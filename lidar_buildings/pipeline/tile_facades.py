@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -16,6 +17,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.stages.facades.config import FacadesConfig
 from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.core.stages.facades.finding import find_facades
+from lidar_buildings.core.stages.facades.wall_map import WallMap, wall_map
 
 #: Classes of points that are no part of the scene.
 _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
@@ -45,10 +47,32 @@ def find_tile_facades(
     """
     if not len(tile):
         return ()
-    classes = tile.classification
-    is_ground = is_of_groups(classes, ON_TERRAIN) | (classes == PointClass.GROUND)
-    found = find_facades(tile.points, tile.height_above_ground, is_ground, config, is_core=tile.is_core)
+    found = find_facades(
+        tile.points, tile.height_above_ground, _is_ground(tile), config, is_core=tile.is_core
+    )
     return tuple(_numbered(_with_eaves(_owned(found, outlines), outlines, tile.points)))
+
+
+class MappedFacades(NamedTuple):
+    """A tile's façades, and the plan that shows them; None if the tile has nothing to show."""
+
+    facades: tuple[Facade, ...]
+    wall_map: WallMap | None
+
+
+def map_tile_facades(
+    tile: PointTile, outlines: Sequence[BuildingOutline], config: FacadesConfig
+) -> MappedFacades:
+    """Find façades as `find_tile_facades` does, and map them."""
+    facades = find_tile_facades(tile, outlines, config)
+    if not len(tile):
+        return MappedFacades(facades, None)
+    shown = wall_map(tile.points, tile.height_above_ground, _is_ground(tile), tile.is_core, facades)
+    return MappedFacades(facades, shown)
+
+
+def _is_ground(tile: PointTile) -> NDArray[np.bool_]:
+    return is_of_groups(tile.classification, ON_TERRAIN) | (tile.classification == PointClass.GROUND)
 
 
 def _owned(found: Sequence[Facade], outlines: Sequence[BuildingOutline]) -> list[Facade]:

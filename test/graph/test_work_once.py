@@ -25,7 +25,7 @@ WORK = {
     "edge_labeller": "label_roof_edges",
     "building_tracer": "trace_or_close",
     "outline_regulariser": "regularise_outlines",
-    "facade_finder": "find_tile_facades",
+    "facade_finder": "map_tile_facades",
     "plane_fitter": "fit_planes",
     "model_builder": "build_models",
     "model_writer": "rasterise_tile",

@@ -38,7 +38,10 @@ DESIGN = {
     "edge_labeller": ({"roof_points"}, {"edge_points"}),
     "building_tracer": ({"edge_points"}, {"building_points", "traced_outlines"}),
     "outline_regulariser": ({"traced_outlines"}, {"outlines"}),
-    "facade_finder": ({"street_points", "outlines"}, {"facades", "facade_records", "facade_markers"}),
+    "facade_finder": (
+        {"street_points", "outlines"},
+        {"facades", "facade_records", "facade_markers", "wall_map"},
+    ),
     "plane_fitter": ({"building_points"}, {"plane_points"}),
     "model_builder": (
         {"plane_points", "outlines"},

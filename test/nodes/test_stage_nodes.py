@@ -26,6 +26,7 @@ from support.node_bench import (
 )
 from support.saved_tiles import load_products
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import OutlineQuality
 from lidar_buildings.core.model.sides import NONE, Sides
@@ -36,7 +37,7 @@ from lidar_buildings.nodes import stage_nodes
 from lidar_buildings.nodes.graph import survey_nodes
 from lidar_buildings.nodes.map_frames import origin_message, units_message
 from lidar_buildings.nodes.model_writer import ModelWriter
-from lidar_buildings.nodes.stage_nodes import BuildingTracer, GroundFilter, ModelBuilder
+from lidar_buildings.nodes.stage_nodes import BuildingTracer, FacadeFinder, GroundFilter, ModelBuilder
 from lidar_buildings.pipeline.tile_stages import FilteredTile
 from lidar_buildings.pipeline.tile_tracing import TracedTile
 from lidar_buildings.ros.node_state import state_of
@@ -112,6 +113,21 @@ def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filte
     other = bench(GroundFilter(context=context), "points", "ground_points")
     other.send("points", to_message(roof(HOUSE)))
     wait_until(lambda: other.heard["ground_points"])
+
+
+# the façade finder
+
+
+def test_the_facade_finder_publishes_a_map_of_what_was_seen_from_the_street(context, bench):
+    other = bench(FacadeFinder(context=context), "street_points outlines", "wall_map")
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.1, 4.0, 0.2), np.arange(0.1, 2.0, 0.2)))
+    flat = {"classification": np.full(len(x), 2), "view": np.full(len(x), View.STREET)}
+    ground = PointTile(np.column_stack([x, y, 0.0 * x]), height_above_ground=0.0 * x, stamp=STAMP, **flat)
+    other.send("street_points", to_message(ground))
+    other.send("outlines", *ring_messages(STAMP, {}))
+    wait_until(lambda: other.heard["wall_map"])
+    (grid,) = other.heard["wall_map"]
+    assert (grid.info.width, grid.info.height, set(grid.data)) == (20, 10, {0})
 
 
 # the tracer

@@ -99,7 +99,7 @@ STAGE_TABLE = (
         verb="tile_facades.find_tile_facades",
         configs=("facades",),
         reads=("street_points", "outlines"),
-        writes=("facades", "facade_records", "facade_markers"),
+        writes=("facades", "facade_records", "facade_markers", "wall_map"),
     ),
     Stage(
         "plane_fitting",
