@@ -73,6 +73,8 @@ class ScanAssembler(TileSender):
         n_flushed = self.tiles.n_flushed
         if self._n_flushed < n_flushed and self.is_empty:
             self.told_at, self._n_flushed = time.monotonic(), n_flushed
+            if self.tiles.thinned:
+                self.get_logger().info(self.tiles.thinned)
             self.tell_survey_done()
 
     @property

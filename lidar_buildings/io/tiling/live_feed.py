@@ -141,6 +141,11 @@ class LiveFeed:
         why = self._placer.why_left_out(left_out)
         return f"{lost:.1%} of the points are left out: {why}" if lost > MOST_LOST else ""
 
+    @property
+    def thinned(self) -> str:
+        """How the points from the street were thinned; empty if none came."""
+        return self._survey.thinned if self._survey else ""
+
     def add_scan(self, message: Any) -> None:
         """Take a sensor_msgs/PointCloud2."""
         n_points = int(message.width) * int(message.height)

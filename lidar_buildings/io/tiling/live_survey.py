@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.bounds import BEYOND, are_held
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
@@ -37,6 +38,7 @@ _SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB],
 #: Why points are left out.
 CROWDED = f"a tile has many points: keeping one per {VOXEL} m"
 TOO_MANY = "a tile has more than max_tile_points"
+THINNED = "seen from the street: keeping one per {:g} m"
 #: A tile comes again at most so often: its stamps leave room for no more revisions (`ros.stamps`), some of
 #: which it needs to grow.
 MOST_REVISIONS = 900
@@ -72,7 +74,8 @@ class LiveSurvey:
     A tile is ready when no point has fallen into it or its buffer for a while. It comes again as a later
     revision, with all its points and the first buffer, when more have come. Every point goes to disk at once;
     memory holds a batch. What comes out depends on the points and their order alone, not on when tiles were
-    left or sent. Of tiles with many points those near others are left out, and all of full ones.
+    left or sent. Of what was seen from the street, and of tiles with many points, those near others are left
+    out, and all of full ones.
 
     A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
     expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
@@ -85,6 +88,7 @@ class LiveSurvey:
         self.config, self.frame, self._spacing = config, frame, spacing
         self._buffer = Buffer.of(config.buffer)
         self.left_out: Counter[str] = Counter()
+        self._n_from_street = 0  # points that came
         self._grid = TileGrid.fitting(config.tile_size, config.buffer / _CELLS_PER_BUFFER)
         self._log, self._cells = PointLog(folder), folder / "cells"
         shutil.rmtree(self._cells, ignore_errors=True)
@@ -138,6 +142,13 @@ class LiveSurvey:
     def n_left(self) -> int:
         """Tiles, roughly, with points that are not sent; 0 if there is none."""
         return len(self._changed) + len(self._ready) + bool(self._batch or self._unwritten)
+
+    @property
+    def thinned(self) -> str:
+        """What share of the points from the street was left out, and by which rule; empty if none came."""
+        why = THINNED.format(self.config.street_voxel)
+        n = self._n_from_street
+        return f"{self.left_out[why] / n:.0%} of {n:,} points are left out: {why}" if n else ""
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """Take a scan in the map at a time [s]; OutputError if the disk is full: the next call writes it."""
@@ -335,24 +346,36 @@ class LiveSurvey:
             self._unwritten.pop(0)
 
     def _chosen(self, records: NDArray[Any]) -> NDArray[Any]:
-        """Leave out a scan's points: in crowded tiles those near others, in full ones all."""
+        """Leave out points: from the street, and in crowded tiles, those near others; in full ones all."""
         columns_rows = self._cells_of(records) // self._grid.cells_per_side
         _, first, tile = np.unique(columns_rows @ [2**32, 1], return_index=True, return_inverse=True)
         places = [(column, row) for column, row in columns_rows[first].tolist()]
         counts = np.array([self._n_chosen[place] for place in places], dtype=np.int64)[tile]
         is_kept = counts < self.config.max_tile_points
-        n_full = len(records) - np.count_nonzero(is_kept)
-        crowd = np.flatnonzero(is_kept & (counts >= _CROWDED * self.config.max_tile_points))
-        is_kept[crowd] = self._are_new(records[crowd])
-        n_crowded = len(records) - n_full - np.count_nonzero(is_kept)
+        n_full = len(records) - int(np.count_nonzero(is_kept))
+        voxel = self.config.street_voxel
+        is_street = self._are_from_street(records) & (voxel > 0.0)
+        self._n_from_street += int(np.count_nonzero(is_street))
+        is_crowded = counts >= _CROWDED * self.config.max_tile_points
+        for why, side, thinned in (
+            (THINNED.format(voxel), voxel, is_street),
+            (CROWDED, VOXEL, is_crowded & ~is_street),
+        ):
+            rows = np.flatnonzero(is_kept & thinned)
+            is_kept[rows] = self._are_new(records[rows], side)
+            self.left_out.update({why: len(rows) - n} if (n := int(is_kept[rows].sum())) < len(rows) else {})
         n_of_tile = np.bincount(tile[is_kept], minlength=len(places))
         self._n_chosen.update(dict(zip(places, n_of_tile.tolist(), strict=True)))
-        self.left_out.update({why: int(n) for why, n in ((TOO_MANY, n_full), (CROWDED, n_crowded)) if n})
+        self.left_out.update({TOO_MANY: n_full} if n_full else {})
         return records.compress(is_kept)
 
-    def _are_new(self, records: NDArray[Any]) -> NDArray[np.bool_]:
-        """Tell which records are the first of their voxels, as far as these are remembered."""
-        voxels = np.stack([np.floor(records[axis].astype(np.float64) / VOXEL) for axis in "xyz"], axis=1)
+    def _are_from_street(self, records: NDArray[Any]) -> NDArray[np.bool_]:
+        given = self.config.given_view
+        return (records["view"] if given is View.UNKNOWN else np.full(len(records), given)) == View.STREET
+
+    def _are_new(self, records: NDArray[Any], side: float) -> NDArray[np.bool_]:
+        """Tell which records are the first of their voxels [m], as far as these are remembered."""
+        voxels = np.stack([np.floor(records[axis].astype(np.float64) / side) for axis in "xyz"], axis=1)
         keys = np.bitwise_xor.reduce(voxels.astype(np.int64).view(np.uint64) * _SPREAD, axis=1) | np.uint64(1)
         is_new = np.zeros(len(keys), dtype=bool)
         is_new[np.unique(keys, return_index=True)[1]] = True

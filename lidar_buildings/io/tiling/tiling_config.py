@@ -104,6 +104,14 @@ class LiveTilingConfig(TilingConfig):
         within=(1_000, 1_000_000_000),
         advanced=True,
     )
+    street_voxel: float = fixed(
+        0.1,
+        "Of the points seen from the street one is kept in each voxel of this side, as a scanner there "
+        "measures the same places for seconds; 0 keeps all.",
+        unit="m",
+        within=(0.0, 1.0),
+        advanced=True,
+    )
     leave_after: float = fixed(
         0.5,
         "A tile is sent when so long no point has fallen into it or its buffer; again, with the points that "

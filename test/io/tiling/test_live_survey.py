@@ -1,15 +1,17 @@
 """Points of a feed become tiles when the sensor has left them, again when more come, and are never lost."""
 
 import errno
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.errors import OutputError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.scans.scan import PlacedScan
 from lidar_buildings.io.tiling import live_survey, spool
-from lidar_buildings.io.tiling.live_survey import CROWDED, TOO_MANY, VOXEL, LiveSurvey
+from lidar_buildings.io.tiling.live_survey import CROWDED, THINNED, TOO_MANY, VOXEL, LiveSurvey
 from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 
 SIDE = 40.0
@@ -287,6 +289,28 @@ def test_of_a_crowded_tile_points_near_others_are_left_out(tmp_path, monkeypatch
     assert set(survey.left_out) == {CROWDED}
     voxels = np.unique(np.floor(tile.points / VOXEL), axis=0)
     assert len(voxels) >= 0.9 * (2 / VOXEL) * (5 / VOXEL), "the wall is covered"
+
+
+@pytest.mark.parametrize("view", ["auto", "street"])
+def test_of_points_from_the_street_one_a_voxel_is_kept_from_the_first_on(tmp_path, view):
+    survey = LiveSurvey(replace(CONFIG, view=view, street_voxel=0.2), FRAME, tmp_path)
+    for seed in range(3):
+        one = scan_at(20, 20, 3000, seed, spread=1.0)
+        survey.add(one._replace(columns=one.columns | {"view": np.full(3000, View.STREET)}), 0.0)
+    survey.tick(5.0)
+    (tile,) = tiles_of(survey)
+    voxels = np.unique(np.floor(tile.points / 0.2), axis=0)
+    assert len(voxels) <= survey.n_points == len(tile) < 1.01 * len(voxels) < 2600, "few are forgotten"
+    assert survey.left_out == {THINNED.format(0.2): 9000 - len(tile)}
+    assert survey.thinned.startswith(f"{1 - len(tile) / 9000:.0%} of 9,000 points")
+
+
+def test_from_above_and_with_a_voxel_of_nothing_no_point_is_left_out(tmp_path):
+    for name, view, voxel in (("above", "above", 0.2), ("street", "street", 0.0)):
+        survey = LiveSurvey(replace(CONFIG, view=view, street_voxel=voxel), FRAME, tmp_path / name)
+        survey.add(scan_at(20, 20, 3000, spread=1.0), 0.0)
+        survey.tick(5.0)
+        assert (survey.n_points, survey.thinned) == (3000, "")
 
 
 def test_what_a_crowded_tile_keeps_does_not_depend_on_when_points_are_written(tmp_path):
