@@ -1,11 +1,11 @@
 """
 How the time grows with what there is of each kind: each is doubled, and the exponent is fitted.
 
-    python -m bench.scale.growth [vertices faces files tiles topics strips classes]
+    python -m bench.scale.growth [KIND ...]
 
 Printed are processor seconds for each number, and the exponent of the last doublings. Above 1.2 a kind grows
-faster than it should; `outlines` and `faces` are of one building, whose vertices are limited to 1,000 (see
-`core/stages/footprints`).
+faster than it should. Those of one building end where it does: vertices of a model's outline are limited to
+1,000, of footprints that cannot be simplified to 5,000 (see `core/stages/footprints`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import laspy
@@ -22,9 +23,12 @@ import numpy as np
 import shapely
 
 from bench.scale.merging import merge, moved
+from bench.scans.run import scan_of, transform_of
 from lidar_buildings.commands.inspect import summarise_cloud
 from lidar_buildings.commands.tile_work import products_of
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.scans.placing import ScanPlacer
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.footprints.footprints import footprints_of, repaired_polygons
 from lidar_buildings.core.stages.terrain.config import RasterConfig
@@ -48,6 +52,50 @@ def vertices(_: Path, n: int) -> Callable[[], object]:
     radius = 12.0 + random.normal(0.0, 0.02, n)
     shape = shapely.Polygon(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
     return lambda: footprints_of(repaired_polygons(np.array([shape])).polygons)
+
+
+def holes(_: Path, n: int) -> Callable[[], object]:
+    """Return the reading of a footprint with so many courtyards: beyond the limit it is left out."""
+    side = int(np.ceil(np.sqrt(n)))
+    column, row = np.divmod(np.arange(n), side)
+    courts = shapely.box(3.0 * column + 1.0, 3.0 * row + 1.0, 3.0 * column + 2.0, 3.0 * row + 2.0)
+    shape = shapely.Polygon(
+        shapely.box(0.0, 0.0, 3.0 * side, 3.0 * side).exterior, [c.exterior for c in courts]
+    )
+    return lambda: repaired_polygons(np.array([shape]))
+
+
+def crossings(_: Path, n: int) -> Callable[[], object]:
+    """Return the reading of a scribble of so many walls: beyond the limit of crossings it is left out."""
+    shape = shapely.Polygon(np.random.default_rng(0).uniform(0.0, 50.0, (n, 2)))
+    return lambda: repaired_polygons(np.array([shape]))
+
+
+def footprints(_: Path, n: int) -> Callable[[], object]:
+    """Return the reading of so many footprints side by side."""
+    column, row = np.divmod(np.arange(n), int(np.ceil(np.sqrt(n))))
+    shapes = shapely.box(20.0 * column, 20.0 * row, 20.0 * column + 12.0, 20.0 * row + 9.0)
+    return lambda: footprints_of(repaired_polygons(shapes).polygons)
+
+
+def copies(_: Path, n: int) -> Callable[[], object]:
+    """Return the reading of one footprint that was drawn so many times, a few centimetres off."""
+    west, south, east, north = np.random.default_rng(0).uniform(-0.03, 0.03, (4, n))
+    shapes = shapely.box(west, south, 12.0 + east, 9.0 + north)
+    return lambda: footprints_of(repaired_polygons(shapes).polygons)
+
+
+def buildings(_: Path, n: int) -> Callable[[], object]:
+    """Return the reconstruction of a tile with so many houses."""
+    side = int(np.ceil(np.sqrt(n)))
+    area = np.array([20.0 * side, 20.0 * np.ceil(n / side)])
+    points = np.random.default_rng(0).uniform(0.0, 1.0, (int(4.0 * area.prod()), 3)) * [*area, 0.0]
+    in_cell = points[:, :2] % 20.0
+    number = points[:, :2] // 20.0 @ [1.0, side]
+    is_roof = ((in_cell > 5.0) & (in_cell < 15.0)).all(axis=1) & (number < n)
+    points[is_roof, 2] = 7.0 - 0.5 * np.abs(in_cell[is_roof, 0] - 10.0)
+    tile = PointTile(points)
+    return lambda: reconstruct_tile(tile, PipelineConfig())
 
 
 def outlines(_: Path, n: int) -> Callable[[], object]:
@@ -111,6 +159,25 @@ def tiles(folder: Path, n: int) -> Callable[[], object]:
     return lambda: merge(folder / "out", [cloud.input_file] * n, frame, own)
 
 
+def frames(_: Path, n: int) -> Callable[[], object]:
+    """Return the placing of ten scans over a chain of so many moving frames."""
+    names = ["map", *(f"frame_{number}" for number in range(n - 2)), "lidar"]
+
+    def call() -> None:
+        placer = ScanPlacer()
+        for second in range(12):
+            for parent, child in pairwise(names):
+                placer.add_transforms(
+                    transform_of(float(second), parent, child, 0.001 * second), is_static=False
+                )
+            if 0 < second < 11:
+                placer.add_scan(scan_of(second - 0.5, np.ones((20, 2)), np.zeros(20, "<f4")))
+        if sum(len(one.points) for one in placer.placed(is_end=True)) < 200:
+            raise ValueError("points were left out")
+
+    return call
+
+
 def topics(folder: Path, n: int) -> Callable[[], object]:
     """Return the summary of a bag with so many topics."""
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -148,8 +215,14 @@ def classes(folder: Path, n: int) -> Callable[[], object]:
 #: Kind → how it is prepared, and its numbers.
 KINDS: dict[str, tuple[Prepare, tuple[int, ...]]] = {
     "vertices": (vertices, (125_000, 250_000, 500_000, 1_000_000)),
+    "holes": (holes, (31_250, 62_500, 125_000, 250_000)),
+    "crossings": (crossings, (625, 1_250, 2_500, 5_000)),
+    "footprints": (footprints, (12_500, 25_000, 50_000, 100_000)),
+    "copies": (copies, (12_500, 25_000, 50_000, 100_000)),
     "outlines": (outlines, (125, 250, 500, 1000)),
-    "faces": (faces, (8, 16, 32, 64)),
+    "faces": (faces, (128, 256, 512, 1024)),
+    "buildings": (buildings, (16, 32, 64, 128)),
+    "frames": (frames, (125, 250, 500, 1000)),
     "files": (files, (250, 500, 1000, 2000)),
     "tiles": (tiles, (50, 100, 200, 400)),
     "topics": (topics, (100, 200, 400, 800)),

@@ -79,7 +79,7 @@ def _placed(
     is_wrong: list[NDArray[np.bool_]] = []
     for second, edge, speed in sorted(events, key=lambda one: one[0]):
         if edge is not None:
-            placer.add_transforms(_pose(second, *edge, speed * second), is_static=False)
+            placer.add_transforms(transform_of(second, *edge, speed * second), is_static=False)
         else:
             begin = second - _LENGTH
             since = np.linspace(0.0, _LENGTH * 0.99, _N_POINTS)
@@ -93,7 +93,7 @@ def _placed(
             values = np.clip(told / unit, *_limits(kind)).astype(kind)
             x = -(_SPEED + _SLOW) * (begin + since)
             with suppress(MessageError):
-                placer.add_scan(_scan(begin, np.column_stack([x, number + 1.0]), values))
+                placer.add_scan(scan_of(begin, np.column_stack([x, number + 1.0]), values))
         found += placer.placed()
     found += placer.placed(is_end=True)
     rows = np.concatenate([one.points for one in found]) if found else np.zeros((0, 3))
@@ -118,7 +118,8 @@ def _header(second: float, frame: str) -> Any:
     )
 
 
-def _pose(second: float, parent: str, child: str, x: float) -> Any:
+def transform_of(second: float, parent: str, child: str, x: float) -> Any:
+    """Return a message of one transform: a frame that lies along x in its parent."""
     move = SimpleNamespace(
         translation=SimpleNamespace(x=x, y=0.0, z=0.0), rotation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     )
@@ -126,7 +127,8 @@ def _pose(second: float, parent: str, child: str, x: float) -> Any:
     return SimpleNamespace(transforms=[one])
 
 
-def _scan(second: float, xy: NDArray[np.float64], times: NDArray[Any]) -> Any:
+def scan_of(second: float, xy: NDArray[np.float64], times: NDArray[Any]) -> Any:
+    """Return a cloud of the frame `lidar` at z = 0."""
     rows = np.zeros(len(xy), [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("t", times.dtype.str)])
     rows["x"], rows["y"], rows["t"] = xy[:, 0], xy[:, 1], times
     return SimpleNamespace(

@@ -16,7 +16,7 @@ from scipy import ndimage
 from lidar_buildings.core.model.bounds import MAX_COORDINATE
 from lidar_buildings.core.model.classes import Facade, PointClass
 from lidar_buildings.core.model.ids import CELL, anchor_row, building_id
-from lidar_buildings.core.model.outline import BuildingOutline, Outline
+from lidar_buildings.core.model.outline import BuildingOutline, Outline, ring_walls
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
 from lidar_buildings.core.model.tile import PointTile
@@ -42,6 +42,13 @@ _STEPS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64)
 _MOST_SIMPLIFIED = 25_000
 #: How often rounding may spoil a polygon and be tried again.
 _MAX_ROUNDS = 4
+#: A polygon whose walls meet in more places beside its corners is a scribble: each part between them would be
+#: a building, and GEOS takes time as the square of them.
+_MOST_CROSSINGS = 500
+#: Walls of a block when crossings are counted.
+_BLOCK = 256
+#: Footprints whose centres lie in one square of this side are first compared with the first of them [m].
+_PLACE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +178,9 @@ def _pieces(geometry: Any, dropped: Counter[str]) -> tuple[list[shapely.Polygon]
 def _repaired(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.Polygon]:
     """Return a polygon as valid ones with vertices that messages and files can carry."""
     pieces = _rounded(np.array([polygon]))
+    if not shapely.is_valid(pieces[0]) and _is_scribble(pieces[0]):
+        dropped[f"with walls that cross more than {_MOST_CROSSINGS} times"] += 1
+        return []
     for _ in range(_MAX_ROUNDS):
         if shapely.is_valid(pieces).all():
             break
@@ -182,6 +192,20 @@ def _repaired(polygon: shapely.Polygon, dropped: Counter[str]) -> list[shapely.P
     if not sound:
         dropped["too small or too narrow"] += 1
     return sound
+
+
+def _is_scribble(polygon: shapely.Polygon) -> bool:
+    """Tell whether walls meet in more than `_MOST_CROSSINGS` places beside the corners."""
+    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    rings = [ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)] for ring in rings]
+    walls = shapely.linestrings(ring_walls(rings))
+    tree, n_met = shapely.STRtree(walls), 0
+    for begin in range(0, len(walls), _BLOCK):
+        block = walls[begin : begin + _BLOCK]
+        n_met += len(tree.query(block, predicate="intersects")[0]) - 3 * len(block)  # itself, both next to it
+        if n_met > 2 * _MOST_CROSSINGS:
+            return True
+    return False
 
 
 def _rounded(polygons: NDArray[Any]) -> NDArray[Any]:
@@ -205,16 +229,27 @@ def _first_of_its_kind(polygons: NDArray[Any]) -> NDArray[np.bool_]:
     is_first = np.ones(len(polygons), dtype=bool)
     if len(polygons) < 2:
         return is_first
-    one, other = shapely.STRtree(polygons).query(polygons, predicate="intersects")
+    # Of many copies each is compared with the first, not with all others.
+    place = np.floor(shapely.get_coordinates(shapely.centroid(polygons)) / _PLACE)
+    _, first, group = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    leader = first[group.reshape(-1)]
+    row = np.flatnonzero(leader < np.arange(len(polygons)))
+    is_first[row[_are_same(polygons[leader[row]], polygons[row])]] = False
+    left = np.flatnonzero(is_first)
+    one, other = left[shapely.STRtree(polygons[left]).query(polygons[left], predicate="intersects")]
     earlier = one < other
     one, other = one[earlier], other[earlier]
-    area = shapely.area(polygons)
-    alike = np.minimum(area[one], area[other]) >= _SAME * np.maximum(area[one], area[other])
-    one, other = one[alike], other[alike]
-    shared = shapely.area(shapely.intersection(polygons[one], polygons[other]))
-    same = shared >= _SAME * (area[one] + area[other] - shared)
-    is_first[other[same]] = False
+    is_first[other[_are_same(polygons[one], polygons[other])]] = False
     return is_first
+
+
+def _are_same(some: NDArray[Any], others: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which polygons share `_SAME` of what they cover together with their partner."""
+    one, other = shapely.area(some), shapely.area(others)
+    same: NDArray[np.bool_] = np.minimum(one, other) >= _SAME * np.maximum(one, other)
+    shared = shapely.area(shapely.intersection(some[same], others[same]))
+    same[same] = shared >= _SAME * (one[same] + other[same] - shared)
+    return same
 
 
 @dataclass(frozen=True, eq=False)

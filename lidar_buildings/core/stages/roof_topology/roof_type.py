@@ -132,13 +132,15 @@ def _faces(
     size: float,
 ) -> Faces:
     planes: list[list[int]] = []
-    known = coefficients.tolist()
+    known, firsts = coefficients.tolist(), np.empty((len(large), 3))
     for number in large:
-        for face in planes:
-            if _same_face(known[face[0] - 1], known[number - 1]):
-                face.append(number)
-                break
+        plane = coefficients[number - 1]
+        east, north, up = np.abs(firsts[: len(planes)] - plane).T
+        same = np.flatnonzero((np.hypot(east, north) < _SAME_GRADIENT) & (up < 2.0 * _SAME_HEIGHT))
+        if len(same):
+            planes[same[0]].append(number)
         else:
+            firsts[len(planes)] = plane
             planes.append([number])
     face_of = {number: k for k, face in enumerate(planes) for number in face}
     lines: dict[tuple[int, int, str], float] = {}
@@ -151,11 +153,6 @@ def _faces(
         if i >= 0 and i != j:
             lines[i, j, kind] = lines.get((i, j, kind), 0.0) + length
     return Faces(planes, [known[face[0] - 1][:2] for face in planes], lines, size)
-
-
-def _same_face(one: Sequence[float], other: Sequence[float]) -> bool:
-    is_turned = math.hypot(one[0] - other[0], one[1] - other[1]) >= _SAME_GRADIENT
-    return not is_turned and abs(one[2] - other[2]) < 2 * _SAME_HEIGHT
 
 
 def _without_valleys(points: FloatArray, plane_id: NDArray[np.uint16], faces: Faces) -> str:

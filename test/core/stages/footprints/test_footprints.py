@@ -16,6 +16,7 @@ from lidar_buildings.core.stages.footprints.footprints import (
 
 HOUSE = shapely.box(10, 10, 20, 18)
 NEIGHBOUR = shapely.box(20, 10, 28, 18)
+SCRIBBLE = shapely.Polygon(np.random.default_rng(0).uniform(0, 50, (100, 2)))
 BOWTIE = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
 
 
@@ -67,6 +68,7 @@ def town(*houses, step=0.5, side=40.0, **columns):
         (shapely.box(4.36, 52.01, 4.3602, 52.0101), 0, 0.0, {"too small or too narrow": 1}),
         (shapely.box(0, 0, 30, 0.02), 0, 0.0, {"too small or too narrow": 1}),
         (shapely.box(0, 0, np.inf, 3), 0, 0.0, {"with coordinates that cannot be": 1}),
+        (SCRIBBLE, 0, 0.0, {"with walls that cross more than 500 times": 1}),
     ],
 )
 def test_whatever_a_file_calls_a_polygon_becomes_valid_polygons_or_is_counted(
@@ -87,6 +89,11 @@ def test_a_footprint_that_is_drawn_twice_counts_once_overlapping_ones_both_and_r
     assert found.row.tolist() == [0, 2, 3]
     assert found.dropped == {"drawn twice": 1}
     assert repaired_polygons(array(HOUSE, BOWTIE, NEIGHBOUR)).n_repaired == 1
+    # a few centimetres off, and around the same place others that are larger
+    copies = shapely.box(*np.random.default_rng(0).uniform(-0.03, 0.03, (2, 50)), 12.0, 9.0)
+    found = repaired_polygons(np.append(copies, shapely.box(-1, -1, 13, 10)))
+    assert found.row.tolist() == [0, 50]
+    assert found.dropped == {"drawn twice": 49}
 
 
 def test_no_geometries_tiles_of_one_or_no_point_and_points_without_classes_are_legal():
