@@ -1,4 +1,5 @@
 import array
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -149,6 +150,20 @@ def test_points_that_are_not_finite_are_dropped_and_counted(bad):
     reading = from_message(xyz_cloud([[0, 0, 0], [1, bad, 1], [2, 2, 2]]))
     assert reading.n_dropped == 1
     assert reading.tile.points[:, 0].tolist() == [0, 2]
+
+
+@pytest.mark.parametrize(("dtype", "n_bad", "times"), [("<f4", 0, 2.3), ("<f4", 1, 2.9), ("<f8", 1, 1.5)])
+def test_reading_a_cloud_takes_little_more_memory_than_its_points(dtype, n_bad, times):
+    points = np.random.default_rng(0).uniform(0.0, 100.0, (100_000, 3))
+    points[:n_bad] = np.nan
+    message = xyz_cloud(points, dtype)
+    from_message(message)
+    tracemalloc.start()
+    tile = from_message(message).tile
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak <= times * len(message.data)  # float64 of float32 are two of it
+    assert np.array_equal(tile.points, points[n_bad:].astype(np.float32))
 
 
 def test_points_that_no_map_holds_are_left_out_and_counted_and_a_cloud_of_them_is_refused():

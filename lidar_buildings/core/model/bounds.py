@@ -53,19 +53,23 @@ _COLUMN_LIMITS = {
 
 def are_held(points: NDArray[Any]) -> NDArray[np.bool_]:
     """Tell which points of the map, shape (n, 2) or (n, 3) [m], are finite and within the limits."""
+    held = np.ones(len(points), dtype=np.bool_)
     with np.errstate(invalid="ignore"):
-        held = np.abs(points[:, 0]) <= MAX_DISTANCE
-        held &= np.abs(points[:, 1]) <= MAX_DISTANCE
-        if points.shape[1] > 2:
-            held &= np.abs(points[:, 2]) <= MAX_ELEVATION
-    return np.asarray(held)
+        for column, limit in zip(points.T, (MAX_DISTANCE, MAX_DISTANCE, MAX_ELEVATION), strict=False):
+            held &= column <= limit
+            held &= column >= -limit
+    return held
 
 
 def are_of_tile(points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Tell which points of a message, shape (n, 3) [m], can be held and are near its middle, the median."""
     held = are_held(points)
-    plan = points[held, :2] if not held.all() else points[:, :2]
-    if len(plan) and any(np.ptp(one) > 2.0 * MAX_REACH for one in plan.T):
+    where = True if held.all() else held
+    ends = [
+        (one.min(where=where, initial=np.inf), one.max(where=where, initial=-np.inf)) for one in points.T[:2]
+    ]
+    if any(high - low > 2.0 * MAX_REACH for low, high in ends):
+        plan = points[held, :2]
         held[held] = (np.abs(plan - np.median(plan, axis=0)) <= MAX_REACH).all(axis=1)
     return held
 

@@ -40,6 +40,16 @@ COLUMNS: dict[str, np.dtype[Any]] = {
 }
 
 
+#: Points that are compared at once.
+_BLOCK = 8_192
+
+
+def _is_carried(points: NDArray[Any]) -> bool:
+    """Tell whether points are float64 and rounded to float32 already."""
+    blocks = (points[begin : begin + _BLOCK] for begin in range(0, len(points), _BLOCK))
+    return points.dtype == np.float64 and all((one == one.astype(np.float32)).all() for one in blocks)
+
+
 @dataclass(frozen=True, eq=False)
 class PointTile:
     """
@@ -48,7 +58,7 @@ class PointTile:
     Coordinates are rounded to float32 and columns cast to their message's dtype when the tile is made, so
     that a stage sees the same numbers with and without ROS. Rows are in the order of (`source`, `index`).
 
-    - `points`, shape (n_points, 3), float64: Map frame [m].
+    - `points`, shape (n_points, 3), float64: Map frame [m]; those given, if they are rounded already.
     - `intensity`, `return_number`, `number_of_returns`, `classification`, ndarray: As in the source; None
       where it has none.
     - `scan_angle`, `scan_direction_flag`, `point_source_id`, `gps_time`, ndarray: Likewise; `scan_angle` in
@@ -108,7 +118,9 @@ class PointTile:
         points = np.asarray(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points has shape {points.shape}: must be (n_points, 3)")
-        object.__setattr__(self, "points", points.astype(np.float32, copy=False).astype(np.float64))
+        if not _is_carried(points):
+            points = points.astype(np.float32, copy=False).astype(np.float64)
+        object.__setattr__(self, "points", points)
         self._cast()
 
     def _cast(self) -> None:
