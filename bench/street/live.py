@@ -1,11 +1,12 @@
 """
 A vehicle's drive through the live graph, in real time: what it costs, how late façades are, and how exact.
 
-    python -m bench.street.live BAG --truth TRUTH.gpkg [--set STAGE.NAME=VALUE ...] [--keep DIR]
+    python -m bench.street.live BAG SURVEY [--rate R] [--duration S] [--set STAGE.NAME=VALUE ...]
+                                [--keep DIR] [--run RUN]
 
-The bag comes from `lidar-buildings simulate --scanner vehicle --bag BAG --output DIR`, the truth from DIR.
-It is played to `lidar-buildings live` at its own rate, and given to `lidar-buildings run` whole. Prints lines
-of JSON:
+BAG and SURVEY come from `lidar-buildings simulate --scanner vehicle --bag BAG --output SURVEY`. The bag is
+played to `lidar-buildings live`; where both cores are busy with other things, a rate below 1 tells what a
+machine of its own would do. RUN has the results of `lidar-buildings run BAG`. Prints lines of JSON:
 
 cost     processor seconds of all of the graph's processes for each second of the drive: until its end, and
          until the last tile was done; points that came and that were kept; tiles sent, and how often a kept
@@ -14,8 +15,8 @@ backlog  points and tiles that waited, the most in each third of the drive
 late     seconds of the drive from the last point on a place of a façade to the first publication of a façade
          within 2 cm of where it stands at the end: quantiles 0.5, 0.9, 0.95 and the share within 2 s; `most`
          is the same from the time by which the place had 95 % of its points
-walls    lines against true walls, live and by `run`; `apart` is the share of live façades within 1 cm of
-         those of the run, of what is within 10 cm, and the share that is
+walls    lines against true walls, live and by the run; `apart` says how far live façades are from those of
+         the run
 """
 
 from __future__ import annotations
@@ -50,7 +51,6 @@ MOUNTING = "0.6,-0.15,1.95,0.8,-1.2,90.5"
 SAME = 0.02
 #: Points so near to a façade in plan are on it [m], and the share of them that are most.
 ON, MOST = 0.1, 0.95
-_SECOND = 1e9
 _MARK = "MEASURED "
 _LOOK = 0.5
 #: Places of façades with fewer points are none.
@@ -63,35 +63,33 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("bag", type=Path)
-    parser.add_argument("--truth", type=Path, required=True)
+    parser.add_argument("survey", type=Path)
+    parser.add_argument("--rate", type=float, default=1.0, help="of the bag")
+    parser.add_argument("--duration", help="seconds of the bag")
     parser.add_argument("--mounting", default=MOUNTING)
     parser.add_argument("--set", action="append", default=[], metavar="STAGE.NAME=VALUE")
-    parser.add_argument("--duration", help="seconds of the bag")
-    parser.add_argument(
-        "--keep", type=Path, help="folder for both results; a run that is there is not done again"
-    )
+    parser.add_argument("--keep", type=Path, help="folder for the results")
+    parser.add_argument("--run", type=Path, help="results of a run on the bag")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         measure(options, options.keep or Path(temporary))
 
 
 def measure(options: argparse.Namespace, folder: Path) -> None:
-    """Play the bag, run on it, and print what both gave."""
+    """Play the bag, and print what came of it."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    words = ["--set", f"scan_assembler.mounting={options.mounting}"]
+    words = ["--replay", str(options.bag), "--rate", str(options.rate)]
     words += [] if options.duration is None else ["--duration", options.duration]
-    own = [word for one in options.set for word in ("--set", one)]
-    live, run = folder / "live", folder / "run"
-    command = ["--output", str(live), "--overwrite", "--replay", str(options.bag), *words, *own]
-    told = _measured([sys.executable, "-m", "bench.street.live", "--child", "live", *command])
+    for one in (f"scan_assembler.mounting={options.mounting}", *options.set):
+        words += ["--set", one]
+    live = folder / "live"
+    child = [sys.executable, "-m", "bench.street.live", "--child", str(options.rate), "live"]
+    told = _measured([*child, "--output", str(live), "--overwrite", *words])
     for name in ("cost", "backlog"):
         print(json.dumps({name: told[name]}), flush=True)
-    if not (run / "run.json").exists():
-        command = ["run", str(options.bag), "--no-ros", "--output", str(run), "--overwrite", *words]
-        subprocess.run([sys.executable, "-m", "lidar_buildings.cli", *command], check=True, stdout=sys.stderr)
-    print(json.dumps({"late": lateness(told, live, run)}), flush=True)
-    print(json.dumps({"walls": walls(live, run, options.truth)}), flush=True)
+    print(json.dumps({"late": lateness(told, live, options.survey)}), flush=True)
+    print(json.dumps({"walls": walls(live, options.run, options.survey)}), flush=True)
 
 
 def _measured(command: list[str]) -> dict[str, Any]:
@@ -106,15 +104,17 @@ def _measured(command: list[str]) -> dict[str, Any]:
     return dict(json.loads(told))
 
 
-def lateness(told: dict[str, Any], live: Path, run: Path) -> dict[str, Any]:
-    """Return how late places of façades are published, by the points that the run has placed."""
+def lateness(told: dict[str, Any], live: Path, survey: Path) -> dict[str, Any]:
+    """Return how late places of façades are published, by the points as they were measured."""
     origin = np.array(json.loads((live / "run.json").read_text())["frame"]["origin"])
     sent = [(at, tile, [Facade.of_record(one) for one in records]) for at, tile, records in told["published"]]
-    final = {tile: facades for _, tile, facades in sent}
+    final = {tile: facades for _, tile, facades in sent if tile}
     facades = [one for of in final.values() for one in of]
     seen = [line for one in facades for line, is_seen in one.stretches if is_seen and len(line) > 1]
     places = places_along(list(map(shapely.LineString, seen)))
-    points, times = _placed(run)
+    points, times = _measured_points(survey)
+    is_played = times <= told["end"]
+    points, times = points[is_played], times[is_played]
     last, most = _last_seen(places, points - origin, times)
     first = np.full(len(last), np.inf)
     for at, _, published in sorted(sent, key=lambda one: one[0]):
@@ -131,9 +131,9 @@ def lateness(told: dict[str, Any], live: Path, run: Path) -> dict[str, Any]:
     }
 
 
-def _placed(run: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the points that a run has placed, in its reference system, and their times [s]."""
-    clouds = [laspy.read(path) for path in sorted((run / "classified").glob("*.laz"))]
+def _measured_points(survey: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the points of a survey, in its reference system, and their times [s]."""
+    clouds = [laspy.read(path) for path in sorted(survey.glob("*.laz"))]
     return np.concatenate([one.xyz for one in clouds]), np.concatenate([one.gps_time for one in clouds])
 
 
@@ -150,19 +150,19 @@ def _last_seen(
     return last, most
 
 
-def walls(live: Path, run: Path, truth: Path) -> dict[str, Any]:
+def walls(live: Path, run: Path | None, survey: Path) -> dict[str, Any]:
     """Return scores of both against the truth, and how far live façades are from those of the run."""
     scores = {}
     for name, folder in (("live", live), ("run", run)):
-        score = score_files(folder / "buildings.gpkg", truth, "street_lines", 0.1)
-        figures = score.completeness, score.correctness, score.honesty, 100 * score.rmse
-        scores[name] = dict(
-            zip(
-                ("completeness", "correctness", "honest", "rmse_cm"),
-                np.round(figures, 3).tolist(),
-                strict=True,
-            )
-        )
+        if folder is not None:
+            score = score_files(folder / "buildings.gpkg", survey / "truth.gpkg", "street_lines", 0.1)
+            scores[name] = {
+                "completeness": round(score.completeness, 3),
+                "correctness": round(score.correctness, 3),
+                "rmse_cm": round(100 * score.rmse, 2),
+            }
+    if run is None:
+        return scores
     lines = [list(read_layer(one / "buildings.gpkg", "street_lines").geometries) for one in (live, run)]
     offset = offsets_to(places_along(lines[0]), lines[1], 0.1)
     is_near = np.isfinite(offset)
@@ -174,7 +174,7 @@ def walls(live: Path, run: Path, truth: Path) -> dict[str, Any]:
     return scores | {"apart": apart}
 
 
-def _child(words: list[str]) -> int:
+def _child(rate: float, words: list[str]) -> int:
     """Run `lidar-buildings live`, and say on stderr what it published when, what waited, and what it took."""
     from lidar_buildings.cli import main as command
     from lidar_buildings.io.tiling.live_feed import LiveFeed
@@ -182,8 +182,10 @@ def _child(words: list[str]) -> int:
     from lidar_buildings.nodes.stage_nodes import FacadeFinder
     from lidar_buildings.ros.stamps import tile_of, to_stamp
 
-    publish, add, flush, finish = FacadeFinder.publish, LiveFeed.add_scan, LiveFeed.flush, LiveFeed.finish
+    publish, show = FacadeFinder.publish, FacadeFinder._show
+    add, flush, finish = LiveFeed.add_scan, LiveFeed.flush, LiveFeed.finish
     take, grown = LiveSurvey.take, LiveSurvey.grown
+    #: When, of which tile (0: of a strip), and what.
     published: list[tuple[float, int, list[dict[str, Any]]]] = []
     scans: list[tuple[float, float, float]] = []  # monotonic, of the scanner [s], processor so far
     looks: list[tuple[float, dict[str, int]]] = []
@@ -194,11 +196,14 @@ def _child(words: list[str]) -> int:
     def cpu() -> float:
         return cpu_of(tree_of(os.getpid()))
 
-    def noted_publish(self: Any, stamp: int, found: Any) -> Any:
-        done = publish(self, stamp, found)
-        core = [one.record for one in found.facades if one.is_core]
-        published.append((time.monotonic(), tile_of(stamp), core))
-        return done
+    def noted_show(self: Any, stamp: int, found: Any, *gone: Any) -> Any:
+        core = show(self, stamp, found, *gone)
+        published.append((time.monotonic(), 0, [one.record for one in core]))
+        return core
+
+    def noted_publish(self: Any, stamp: int, found: Any) -> None:
+        publish(self, stamp, found)
+        published[-1] = (published[-1][0], tile_of(stamp), published[-1][2])
 
     def noted_add(self: Any, message: Any) -> None:
         if not scans:
@@ -227,31 +232,34 @@ def _child(words: list[str]) -> int:
             sent.append(len(tile))
         return tile
 
-    FacadeFinder.publish, LiveFeed.add_scan = noted_publish, noted_add  # type: ignore[method-assign]
+    FacadeFinder.publish, FacadeFinder._show = noted_publish, noted_show  # type: ignore[method-assign]
+    LiveFeed.add_scan = noted_add  # type: ignore[method-assign]
     LiveFeed.flush, LiveFeed.finish = noted_flush, noted_finish  # type: ignore[method-assign]
     LiveSurvey.take = lambda self: noted_tile(take(self))  # type: ignore[method-assign]
     LiveSurvey.grown = lambda self, *given: noted_tile(grown(self, *given))  # type: ignore[method-assign]
     status = command(words)
     (begin, began, cpu_begin), (end, cpu_end) = scans[0], ends[0]
     done, cpu_done = (last_tile or ends)[0]
-    counts, seconds = looks[-1][1], end - begin
+    counts, seconds = looks[-1][1], rate * (end - begin)
     thirds = np.array_split(np.array([one for _, one in looks], dtype=object), 3)
     figures = {
         "cost": {
             "seconds": round(seconds, 1),
             "cpu_per_second": round((cpu_end - cpu_begin) / seconds, 2),
             "cpu_per_second_till_done": round((cpu_done - cpu_begin) / seconds, 2),
-            "done_after": round(done - end, 1),
+            "done_after": round(rate * (done - end), 1),
             "points": counts["points"],
             "left_out": {key: n for key, n in counts.items() if key.startswith("left out")},
             "tiles_sent": len(sent),
+            "strips_skipped": counts["strips_skipped"],
             "times_seen": round(sum(sent) / max(counts["points"], 1), 2),
         },
         "backlog": {
             name: [max(one[name] for one in part) for part in thirds]
             for name in ("points_waiting", "tiles_waiting")
         },
-        "published": [(began + at - begin, tile, records) for at, tile, records in published],
+        "end": began + seconds,
+        "published": [(began + rate * (at - begin), tile, records) for at, tile, records in published],
     }
     print(_MARK + json.dumps(figures), file=sys.stderr)
     return status
@@ -259,5 +267,5 @@ def _child(words: list[str]) -> int:
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--child"]:
-        raise SystemExit(_child(sys.argv[2:]))
+        raise SystemExit(_child(float(sys.argv[2]), sys.argv[3:]))
     main()

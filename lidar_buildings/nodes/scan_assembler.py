@@ -23,7 +23,8 @@ from lidar_buildings.nodes.table import NODE_TABLE
 from lidar_buildings.nodes.tile_sender import TileSender
 from lidar_buildings.ros.middleware import SOCKET_BUFFER, allowed_buffer
 from lidar_buildings.ros.node_state import TOPIC as NODE_STATE
-from lidar_buildings.ros.qos import LATCHED_HISTORY, POSE, SENSOR
+from lidar_buildings.ros.point_cloud import to_message
+from lidar_buildings.ros.qos import CLOUD, LATCHED_HISTORY, POSE, SENSOR
 from lidar_buildings.ros.stamps import FRAME_ID
 
 #: A warning of lost scans is repeated no sooner, and after so long it is told that none has come [s].
@@ -47,6 +48,7 @@ class ScanAssembler(TileSender):
         self._told: set[str] = set()
         self._has_looked = self._has_frame = False
         self.summary.gauges.append(lambda: {**self.tiles.counts(), "scans_lost": self._n_lost})
+        self._road_points = self.create_publisher(PointCloud2, "road_points", CLOUD)
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -69,6 +71,8 @@ class ScanAssembler(TileSender):
             self._has_frame = True
             self._tell_place(self.tiles.recorded)
             self.publish_frame(self.tiles.frame)
+        for strip in self.tiles.take_strips():
+            self._road_points.publish(to_message(strip))
         super().on_tick()
         n_flushed = self.tiles.n_flushed
         if self._n_flushed < n_flushed and self.is_empty:

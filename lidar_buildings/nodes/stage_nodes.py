@@ -40,7 +40,13 @@ from lidar_buildings.nodes.configs import (
     MapFrameConfig,
 )
 from lidar_buildings.nodes.map_frames import FrameListener
-from lidar_buildings.pipeline.tile_facades import MappedFacades, map_tile_facades, street_points
+from lidar_buildings.pipeline.road_facades import RoadFacades
+from lidar_buildings.pipeline.tile_facades import (
+    MappedFacades,
+    map_road_facades,
+    map_tile_facades,
+    street_points,
+)
 from lidar_buildings.pipeline.tile_models import TileModel, build_models
 from lidar_buildings.pipeline.tile_outlines import regularise_outlines
 from lidar_buildings.pipeline.tile_stages import (
@@ -55,10 +61,10 @@ from lidar_buildings.pipeline.tile_stages import (
 )
 from lidar_buildings.pipeline.tile_tracing import TracedTile, trace_footprints, trace_or_close
 from lidar_buildings.ros.markers import facade_markers, model_markers
-from lidar_buildings.ros.point_cloud import grid_message, to_message
+from lidar_buildings.ros.point_cloud import from_message, grid_message, to_message
 from lidar_buildings.ros.polygons import outline_rings, outlines_of, ring_messages
 from lidar_buildings.ros.qos import BUILDING, CLOUD, LATCHED, LATCHED_HISTORY, MAP, MAP_RINGS
-from lidar_buildings.ros.stage_node import StageNode, publish_all
+from lidar_buildings.ros.stage_node import StageNode, publish_all, reason_of
 from lidar_buildings.ros.stamps import header_of
 from lidar_buildings.ros.text_messages import (
     Qualities,
@@ -73,6 +79,8 @@ from lidar_buildings.ros.tile_table import agree_on_buildings
 from lidar_buildings.ros.wall_maps import wall_map_message
 
 Outlines = tuple[BuildingOutline, ...]
+#: Strips of a vehicle's way that wait, or are worked on, at most: one takes up to a second.
+_MOST_STRIPS = 4
 
 
 class GroundFilter(StageNode):
@@ -236,6 +244,29 @@ class FacadeFinder(StageNode):
         self.take_tiles(("street_points", "outlines"), self.work, self.publish)
         self.subscribe_rings("outlines", outlines_of)
         self.subscribe_tiles("street_points")
+        self._of_road = RoadFacades()
+        self._n_strips = 0  # that wait or are in hand
+        self.create_subscription(PointCloud2, "road_points", self.on_road, CLOUD)
+
+    def on_road(self, message: PointCloud2) -> None:
+        """Find the façades of what a vehicle has just passed, unless too many strips wait."""
+        if self._n_strips >= _MOST_STRIPS:
+            self.summary.counts["strips_skipped"] += 1
+            return
+        strip = from_message(message).tile
+        self._n_strips += 1
+        # not in the pool: there it would wait for whole tiles
+        work = self.submit_here(map_road_facades, strip, self.parameters[FacadesConfig])
+        self.when_done(work, partial(self._publish_road, strip.stamp))
+
+    def _publish_road(self, stamp: int, work: Future[MappedFacades]) -> None:
+        self._n_strips -= 1
+        if work.cancelled():
+            return
+        if (error := work.exception()) is not None:
+            self.warn(f"strip {stamp}: {reason_of(error)}: its façades come with its tile")
+            return
+        self._of_road.add(self._show(stamp, work.result()))
 
     def work(self, tile: PointTile, outlines: Outlines) -> Future[MappedFacades]:
         """Find one tile's façades."""
@@ -244,8 +275,14 @@ class FacadeFinder(StageNode):
     def publish(self, stamp: int, found: MappedFacades) -> None:
         """Publish one tile's façades, and their map."""
         self._records.publish(facades_message(stamp, found.facades))
+        ids = {one.facade_id for one in found.facades if one.is_core}
+        gone = {*self._withdrawals.of(stamp, ids), *self._of_road.replaced(found, ids)}
+        self.summary.counts["facades"] += len(self._show(stamp, found, sorted(gone)))
+        self.summary.passed_on(0)
+
+    def _show(self, stamp: int, found: MappedFacades, gone: Sequence[int] = ()) -> tuple[Facade, ...]:
+        """Publish façades of the core, and their map; withdraw what is gone."""
         facades = tuple(one for one in found.facades if one.is_core)
-        gone = self._withdrawals.of(stamp, (one.facade_id for one in facades))
         rings = {one.facade_id: (one.ring,) for one in facades}
         publish_all(self._facades, ring_messages(stamp, {**dict.fromkeys(gone, ()), **rings}))
         shown = facade_markers(stamp, facades, gone)
@@ -253,8 +290,7 @@ class FacadeFinder(StageNode):
             self._markers.publish(shown)
         if found.wall_map is not None:
             self._maps.publish(wall_map_message(stamp, found.wall_map))
-        self.summary.passed_on(0)
-        self.summary.counts["facades"] += len(facades)
+        return facades
 
 
 class PlaneFitter(StageNode):

@@ -45,6 +45,7 @@ TOPICS = (
     Topic("city_model", _TEXT, "BUILDING"),
     Topic("city_model", _TEXT, "LATCHED"),  # its header
     Topic("street_points", _CLOUD, "CLOUD"),
+    Topic("road_points", _CLOUD, "CLOUD"),
     Topic("facades", _RINGS, "MAP_RINGS"),
     Topic("facade_records", _TEXT, "CLOUD"),
     Topic("facade_markers", "visualization_msgs/MarkerArray", "MAP"),
@@ -142,14 +143,14 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard(
         "scan_assembler",
         ("scan", "odometry", "/tf", "/tf_static", "fix", *_FRAME, "tile_done", "node_state"),
-        _SENT,
+        (*_SENT, "road_points"),
     ),
     NodeCard("ground_filter", writes=("dtm",)),
     NodeCard("roof_selector"),
     NodeCard("edge_labeller"),
     NodeCard("building_tracer", (*_FRAME, "classified_points")),
     NodeCard("outline_regulariser"),
-    NodeCard("facade_finder"),
+    NodeCard("facade_finder", ("road_points",)),
     NodeCard("plane_fitter"),
     NodeCard("model_builder", _FRAME, ("tile_done",)),
     NodeCard(
@@ -163,7 +164,11 @@ NODE_TABLE: tuple[NodeCard, ...] = (
 #: Node → the stage under which its seconds are counted.
 NODE_STAGES = {stage.node: stage.name for stage in STAGE_TABLE}
 #: Node → what it listens to only where footprints are given, or the survey is live.
-ON_REQUEST = {"building_tracer": (*_FRAME, "classified_points"), "model_writer": _FRAME}
+ON_REQUEST = {
+    "building_tracer": (*_FRAME, "classified_points"),
+    "facade_finder": ("road_points",),
+    "model_writer": _FRAME,
+}
 #: Nodes that tiles come from; a graph has one of them.
 SOURCES = ("tile_player", "scan_assembler")
 

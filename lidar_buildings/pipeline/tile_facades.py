@@ -18,6 +18,8 @@ from lidar_buildings.core.stages.facades.config import FacadesConfig
 from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.core.stages.facades.finding import find_facades
 from lidar_buildings.core.stages.facades.wall_map import WallMap, wall_map
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
+from lidar_buildings.pipeline.tile_stages import filter_ground
 
 #: Classes of points that are no part of the scene.
 _NOISE = (PointClass.LOW_NOISE, PointClass.HIGH_NOISE)
@@ -69,6 +71,12 @@ def map_tile_facades(
         return MappedFacades(facades, None)
     shown = wall_map(tile.points, tile.height_above_ground, _is_ground(tile), tile.is_core, facades)
     return MappedFacades(facades, shown)
+
+
+def map_road_facades(strip: PointTile, config: FacadesConfig) -> MappedFacades:
+    """Find and map the façades of a strip of a vehicle's way, whose ground is not known yet."""
+    filtered = filter_ground(strip, GroundFilterConfig()).tile
+    return map_tile_facades(street_points(filtered), (), config)
 
 
 def _is_ground(tile: PointTile) -> NDArray[np.bool_]:

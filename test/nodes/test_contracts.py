@@ -39,7 +39,7 @@ DESIGN = {
     "building_tracer": ({"edge_points"}, {"building_points", "traced_outlines"}),
     "outline_regulariser": ({"traced_outlines"}, {"outlines"}),
     "facade_finder": (
-        {"street_points", "outlines"},
+        {"street_points", "outlines", "road_points"},
         {"facades", "facade_records", "facade_markers", "wall_map"},
     ),
     "plane_fitter": ({"building_points"}, {"plane_points"}),

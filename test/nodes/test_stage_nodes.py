@@ -118,12 +118,13 @@ def test_without_a_source_that_can_send_more_no_tile_waits(context, bench, filte
 # the façade finder
 
 
-def test_the_facade_finder_publishes_a_map_of_what_was_seen_from_the_street(context, bench):
-    other = bench(FacadeFinder(context=context), "street_points outlines", "wall_map")
+@pytest.mark.parametrize("topic", ["street_points", "road_points"])
+def test_the_facade_finder_publishes_a_map_of_what_was_seen_from_the_street(context, bench, topic):
+    other = bench(FacadeFinder(context=context), "street_points road_points outlines", "wall_map")
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.1, 4.0, 0.2), np.arange(0.1, 2.0, 0.2)))
     flat = {"classification": np.full(len(x), 2), "view": np.full(len(x), View.STREET)}
     ground = PointTile(np.column_stack([x, y, 0.0 * x]), height_above_ground=0.0 * x, stamp=STAMP, **flat)
-    other.send("street_points", to_message(ground))
+    other.send(topic, to_message(ground))
     other.send("outlines", *ring_messages(STAMP, {}))
     wait_until(lambda: other.heard["wall_map"])
     (grid,) = other.heard["wall_map"]

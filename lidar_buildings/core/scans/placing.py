@@ -60,6 +60,8 @@ _OTHER_CLOCK = (
 )
 #: Poses are kept so long before the scan that was placed last [ns]: one may come so much later than others.
 _KEPT_POSES = 10_000_000_000
+#: Between two places of a scanner's way [ns].
+_WAY_STEP = 50_000_000
 #: Points that are placed at once: each takes a pose.
 _BATCH = 1_000_000
 #: Scans among which one that comes twice is found: minutes to an hour.
@@ -446,7 +448,10 @@ class ScanPlacer:
             for link, loss in self.tree.losses(scan.frame, target, scan.times[~is_known]).items():
                 self._losses[link] = loss.joined(self._losses[link]) if link in self._losses else loss
         columns = {name: values.compress(is_known) for name, values in {**scan.columns, "view": view}.items()}
-        return PlacedScan(points.compress(is_known, axis=0), scan.times.compress(is_known), columns)
+        times = scan.times.compress(is_known)
+        first = np.unique(times // _WAY_STEP, return_index=True)[1]
+        way = look_up(times[first]).translation if len(first) else np.empty((0, 3))
+        return PlacedScan(points.compress(is_known, axis=0), times, columns, way)
 
     def _leave_out(self, reason: str, n_points: Any) -> None:
         if n_points:

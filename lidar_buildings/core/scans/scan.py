@@ -60,6 +60,8 @@ class PlacedScan(NamedTuple):
     points: NDArray[np.float64]  #: map frame [m], shape (n, 3)
     times: NDArray[np.int64]  #: [ns], shape (n,)
     columns: dict[str, NDArray[Any]]  #: our column → values
+    #: Some places where the scanner was meanwhile, shape (n_places, 3) [m]; none if they are not known.
+    way: NDArray[np.float64] = np.empty((0, 3))
 
 
 def read_scan(message: Any, left_out: Counter[str], seen: SeenPoints | None = None) -> Scan:

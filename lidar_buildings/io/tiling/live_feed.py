@@ -7,7 +7,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -129,6 +129,7 @@ class LiveFeed:
             "points_waiting": self._n_come - self._n_taken + self._placer.n_waiting,
             "tiles_waiting": survey.n_waiting if survey else 0,
             "clouds_waiting": self._n_clouds_left,
+            "strips_skipped": survey.strips.n_skipped if survey else 0,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
             **dict(sorted(self._placer.messages.items())),
         }
@@ -190,6 +191,11 @@ class LiveFeed:
             self._has_work.set()
         return tile
 
+    def take_strips(self) -> Iterator[PointTile]:
+        """Yield the strips of a vehicle's way that were passed, each once."""
+        while self._survey is not None and self._survey.strips.ready:
+            yield self._survey.strips.ready.popleft()
+
     def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
         return None if self._survey is None else self._survey.grown(tile, sides)
@@ -242,6 +248,8 @@ class LiveFeed:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             self.problems |= dict.fromkeys(self._placer.doubts, 1)
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
+            if self._survey.strips.ready:
+                self._wake()
             if is_ready or (self._n_begun > self.n_flushed and self._survey.is_flushed):
                 self._has_work.set()
 

@@ -128,8 +128,11 @@ class Recorded(NamedTuple):
 
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""
-        scan, shift = self.given.placed(scan), np.array(self.frame.origin) - np.array(self.given.frame.origin)
-        return scan._replace(points=scan.points - shift)
+        shift = np.array(self.frame.origin) - np.array(self.given.frame.origin)
+        way = self.given.placed(PlacedScan(scan.way, np.zeros(len(scan.way), np.int64), {})).points
+        return self.given.placed(scan)._replace(
+            points=self.given.placed(scan).points - shift, way=way - shift
+        )
 
 
 def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:

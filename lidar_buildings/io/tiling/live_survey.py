@@ -21,6 +21,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.scans.scan import PlacedScan
+from lidar_buildings.io.tiling.road_strips import RoadStrips
 from lidar_buildings.io.tiling.spool import PointLog, records_of
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
@@ -47,6 +48,8 @@ MOST_REVISIONS = 900
 _FEW = 0.01
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000
+#: After so long without a scan the vehicle's way has ended [s].
+_SILENCE = 1.0
 #: Points that are written together: fewer open each cell's file more often.
 _BATCH = 50_000
 #: Spool cells along a buffer's width: narrow ones tell whether points lie in it or just beyond.
@@ -79,7 +82,7 @@ class LiveSurvey:
 
     A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
     expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
-    that were left out. OutputError if the folder cannot be used.
+    that were left out; `strips` has what a vehicle has just passed. OutputError if the folder cannot be used.
     """
 
     def __init__(
@@ -117,6 +120,7 @@ class LiveSurvey:
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
         self._to_flush, self._in_flush = set[Cell](), set[Cell]()
         self._batch: list[PlacedScan] = []
+        self.strips = RoadStrips(self.config.road_strip, self.frame)
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
         self._n_chosen: Counter[Cell] = Counter()  # points of each tile, those included
@@ -155,7 +159,7 @@ class LiveSurvey:
         if not (held := are_held(scan.points)).all():
             self.left_out[BEYOND] += int(np.count_nonzero(~held))
             columns = {name: values[held] for name, values in scan.columns.items()}
-            scan = PlacedScan(scan.points[held], scan.times[held], columns)
+            scan = PlacedScan(scan.points[held], scan.times[held], columns, scan.way)
         with self._lock:
             self._batch.append(scan)
             self._arrived = now
@@ -179,6 +183,8 @@ class LiveSurvey:
         """Make the tiles ready that were left; return whether any is. Errors as of `add`."""
         with self._lock:
             self._keep_batch()
+            if now - self._arrived > _SILENCE:
+                self.strips.end()
             self._drop_unchanged()
             for place in sorted(self._changed - self._under_way):
                 if place in self._to_flush or self._is_due(self._tiles[place], now):
@@ -331,7 +337,10 @@ class LiveSurvey:
     def _keep_batch(self) -> None:
         """Write what has come; what is left out of it is chosen once, however often writing is tried."""
         if self._batch:
-            self._unwritten.append(np.concatenate([self._chosen(records_of(scan)) for scan in self._batch]))
+            chosen = [self._chosen(records_of(scan)) for scan in self._batch]
+            for kept, scan in zip(chosen, self._batch, strict=True):
+                self.strips.add(kept.compress(self._are_from_street(kept)), scan.way)
+            self._unwritten.append(np.concatenate(chosen))
             self._batch.clear()
         while self._unwritten:
             kept = self._unwritten[0]

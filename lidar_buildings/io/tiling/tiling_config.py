@@ -112,6 +112,14 @@ class LiveTilingConfig(TilingConfig):
         within=(0.0, 1.0),
         advanced=True,
     )
+    road_strip: float = fixed(
+        8.0,
+        "Length of the strips of a vehicle's way whose façades are published some seconds after they were "
+        "passed, before their tiles; a longer one costs less and is later; 0: with their tiles alone.",
+        unit="m",
+        within=(0.0, 100.0),
+        advanced=True,
+    )
     leave_after: float = fixed(
         0.5,
         "A tile is sent when so long no point has fallen into it or its buffer; again, with the points that "
