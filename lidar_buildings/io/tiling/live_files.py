@@ -129,10 +129,9 @@ class Recorded(NamedTuple):
     def placed(self, scan: PlacedScan) -> PlacedScan:
         """Return a scan as placed by its poses in the frame of tiles."""
         shift = np.array(self.frame.origin) - np.array(self.given.frame.origin)
-        way = self.given.placed(PlacedScan(scan.way, np.zeros(len(scan.way), np.int64), {})).points
-        return self.given.placed(scan)._replace(
-            points=self.given.placed(scan).points - shift, way=way - shift
-        )
+        way = self.given.placed(PlacedScan(scan.way, np.zeros(len(scan.way), np.int64), {}))
+        scan = self.given.placed(scan)
+        return scan._replace(points=scan.points - shift, way=way.points - shift)
 
 
 def record(folder: Path, tiling: LiveTilingConfig, recorded: Recorded) -> None:

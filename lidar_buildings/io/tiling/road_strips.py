@@ -25,6 +25,8 @@ BESIDE = 60.0
 _STEP, _JUMP = 0.5, 20.0
 #: Points are kept for so much of the way: a place is seen long before it is reached [m].
 _KEPT = 120.0
+#: Points that are kept at most (0.2 GB), if a vehicle stands that keeps all it sees.
+_MOST_POINTS = 5_000_000
 #: Strips that wait to be taken; the oldest go first.
 _MOST_WAITING = 4
 
@@ -48,6 +50,7 @@ class RoadStrips:
         self._at = np.empty(0)  # length of the way at each of its places [m]
         self._next = -np.inf  # where the next strip begins: the first one has all that lies behind [m]
         self._blocks: deque[tuple[float, NDArray[Any]]] = deque()
+        self._n_points = 0
 
     def add(self, records: NDArray[Any], way: Floats) -> None:
         """Take records from the street, and where the scanner was meanwhile, shape (n, 3) [m]."""
@@ -61,8 +64,11 @@ class RoadStrips:
         while (end := max(self._next, 0.0) + self.length) + BEYOND <= self._at[-1]:
             self._cut(self._next, end)
             self._next = end
-        while self._blocks[0][0] < self._next - _KEPT:
-            self._blocks.popleft()
+        self._n_points += len(records)
+        while len(self._blocks) > 1 and (
+            self._blocks[0][0] < self._next - _KEPT or self._n_points > _MOST_POINTS
+        ):
+            self._n_points -= len(self._blocks.popleft()[1])
 
     def end(self) -> None:
         """Make all that is left the last strip of this way, as nothing more comes."""

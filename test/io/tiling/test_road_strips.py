@@ -7,6 +7,7 @@ import pytest
 
 from lidar_buildings.core.model.classes import View
 from lidar_buildings.core.model.map_frame import MapFrame
+from lidar_buildings.io.tiling import road_strips
 from lidar_buildings.io.tiling.road_strips import BESIDE, BEYOND, CONTEXT, RoadStrips
 from lidar_buildings.io.tiling.spool import RECORD
 
@@ -76,6 +77,16 @@ def test_of_a_vehicle_that_stands_nothing_is_ready_and_of_strips_nobody_takes_th
     for place in straight(100):
         strips.add(seen_at([place + 3.0]), np.append(place, 0.0)[None])
     assert (len(strips.ready), strips.n_skipped) == (4, 6)
+
+
+def test_a_vehicle_that_stands_keeps_the_latest_points_and_no_more_than_there_is_room_for(
+    strips, monkeypatch
+):
+    monkeypatch.setattr(road_strips, "_MOST_POINTS", 10)
+    for k in range(30):
+        strips.add(seen_at([(k, 3.0)]), np.zeros((1, 3)))
+    strips.end()
+    assert strips.ready[0].points[:, 0].tolist() == list(range(20, 30))
 
 
 def test_without_a_length_there_are_none():
