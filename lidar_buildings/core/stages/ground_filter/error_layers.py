@@ -45,10 +45,13 @@ MIN_WEIGHT = 0.125
 
 @kernel
 def _lowest_of_weight(points, begin, first):  # type: ignore[no-untyped-def]
-    """Return the lowest point of each column's lowest layer that holds a share of the column's points."""
+    """Return the lowest point of each column's lowest layer that holds a share of its points, or the most."""
     lowest = np.empty((len(first) - 1, 3))
     for k in range(len(first) - 1):
-        least = MIN_WEIGHT * (begin[first[k + 1]] - begin[first[k]])
+        most = 0
+        for j in range(first[k], first[k + 1]):
+            most = max(most, begin[j + 1] - begin[j])
+        least = min(MIN_WEIGHT * (begin[first[k + 1]] - begin[first[k]]), most)
         j = first[k]
         while begin[j + 1] - begin[j] < least:
             j += 1

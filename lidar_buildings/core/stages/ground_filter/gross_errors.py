@@ -180,6 +180,8 @@ def _gather(layers, seed, reach, gap, state, group_of, members):  # type: ignore
                         break
                     if high_end(layers, j) < low or group_of[j] == seed or state[j] == ERROR:
                         continue
+                    if group_of[j] >= 0 and state[j] != LARGE:
+                        continue  # another group's: rounding connects one way alone
                     if state[j] == LARGE or n_members == len(members):
                         for i in range(n_members):
                             state[members[i]] = LARGE

@@ -8,7 +8,8 @@ from bench.scenes.terrain_site import TerrainScene
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.ground_filter.config import CANDIDATE_SPACING
-from lidar_buildings.core.stages.ground_filter.gross_errors import find_noise
+from lidar_buildings.core.stages.ground_filter.error_layers import _lowest_of_weight, split_into_layers
+from lidar_buildings.core.stages.ground_filter.gross_errors import _gather_groups, find_noise
 
 LOW, HIGH = PointClass.LOW_NOISE, PointClass.HIGH_NOISE
 SIZE = 70.0
@@ -226,3 +227,22 @@ def test_a_cloud_is_found_and_a_tower_is_none():
     # Where a block shows tower and cloud at once there is not enough air between them.
     assert (classes[len(points) :] == HIGH).mean() > 0.95
     assert not classes[: len(points)].any()
+
+
+def test_a_column_of_many_layers_has_its_own_lowest_point():
+    # In twelve layers of one point each none holds an eighth of the column's points.
+    tower = np.column_stack((np.full((12, 2), 0.5), 2.0 * np.arange(12.0)))
+    beside = np.array([[1.5, 0.5, 50.0]] * 4)
+    layers = split_into_layers(sort_by_cell(np.vstack((tower, beside)), 1.0), 1.0)
+    lowest = _lowest_of_weight(layers.points, layers.begin, layers.first)
+    assert lowest[:, 2].tolist() == [0.0, 50.0]
+
+
+def test_a_layer_that_rounding_connects_one_way_alone_is_in_one_group():
+    # Layer 0 is in a group already, and layer 1 reaches it.
+    points = np.array([[0.5, 0.5, 5.0], [1.5, 0.5, 4.0], [2.5, 0.5, -9.0]])
+    layers = split_into_layers(sort_by_cell(points, 1.0), 1.0)
+    state, group_of = np.zeros(3, dtype=np.uint8), np.array([0, -1, -1])
+    members, begins = _gather_groups(layers, np.array([1, 2]), state, group_of)
+    assert sorted(members) == [1, 2]
+    assert begins[-1] == 2
