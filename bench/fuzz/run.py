@@ -6,6 +6,10 @@ Feed what reads messages with what nobody should send: it says so, or reads it r
 Each case comes from its own seed. Prints for each target the cases, how many a second, and how often each
 error came. Whatever is no `LidarBuildingsError` is printed with its seed and the exit status is 1; so is a
 case that takes more than twenty seconds of processor time, or more than 1 GB beyond what was held before.
+
+With `NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=DIR`, a folder of its own, loops raise IndexError where they would
+read or write outside an array, which otherwise shows as SIGSEGV at times. The first cases of a new folder
+compile, and may take longer than they may: run it twice.
 """
 
 from __future__ import annotations
