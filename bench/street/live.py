@@ -191,6 +191,7 @@ def _child(rate: float, words: list[str]) -> int:
     looks: list[tuple[float, dict[str, int]]] = []
     ends: list[tuple[float, float]] = []
     last_tile: list[tuple[float, float]] = []
+    last_scan: list[float] = []
     sent: list[int] = []
 
     def cpu() -> float:
@@ -206,10 +207,11 @@ def _child(rate: float, words: list[str]) -> int:
         published[-1] = (published[-1][0], tile_of(stamp), published[-1][2])
 
     def noted_add(self: Any, message: Any) -> None:
+        stamp = float(gps_time_of(np.array([to_stamp(message.header.stamp)]))[0])
         if not scans:
             threading.Thread(target=look, args=(self,), daemon=True).start()
-            stamp = to_stamp(message.header.stamp)
-            scans.append((time.monotonic(), float(gps_time_of(np.array([stamp]))[0]), cpu()))
+            scans.append((time.monotonic(), stamp, cpu()))
+        last_scan[:] = [stamp]
         add(self, message)
 
     def look(feed: Any) -> None:
@@ -240,7 +242,7 @@ def _child(rate: float, words: list[str]) -> int:
     status = command(words)
     (begin, began, cpu_begin), (end, cpu_end) = scans[0], ends[0]
     done, cpu_done = (last_tile or ends)[0]
-    counts, seconds = looks[-1][1], rate * (end - begin)
+    counts, seconds = looks[-1][1], last_scan[0] - began
     thirds = np.array_split(np.array([one for _, one in looks], dtype=object), 3)
     figures = {
         "cost": {
@@ -258,7 +260,7 @@ def _child(rate: float, words: list[str]) -> int:
             name: [max(one[name] for one in part) for part in thirds]
             for name in ("points_waiting", "tiles_waiting")
         },
-        "end": began + seconds,
+        "end": last_scan[0] + 1.0,
         "published": [(began + rate * (at - begin), tile, records) for at, tile, records in published],
     }
     print(_MARK + json.dumps(figures), file=sys.stderr)
