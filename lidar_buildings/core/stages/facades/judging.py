@@ -16,6 +16,9 @@ Floats = NDArray[np.float64]
 
 #: Bins over which heights are smoothed: what is longer than half of it is told from what stands beside.
 SMOOTHED = 7
+#: The highest of some points at a wall's edge lies so many σ of their elevation too high, which is what a
+#: wall's σ is without the noise of ranges [m].
+HIGHEST, RANGE_NOISE = 2.0, 0.03
 #: Top above ground of fences, hedges, garden walls and cars, at most, and from which a wall is none [m].
 LOW, TALL = 1.6, 2.1
 #: What is higher is a fence no more, or a vehicle, whatever is seen over or behind it [m].
@@ -115,12 +118,13 @@ def confidence(wall: Wall, around: PointsAbout, scenery: Scenery) -> float:
     is_higher = over > (top + HIGHER)[:, None] + RISE * np.abs(OVER)
     is_over = is_higher.any(axis=1) & (top < MAX_FENCE)
     height = min(float(np.median(top)), _unbroken_top(wall, around))
+    by_chance = HIGHEST * float(np.sqrt(max(wall.sigma**2 - RANGE_NOISE**2, 0.0)))
     is_vehicle = float(np.clip((MAX_VEHICLE - height) / (MAX_VEHICLE - MAX_FENCE), 0.0, 1.0))
     # its own roof is behind a wall as well, but over it
     is_beyond = np.isfinite(highest) & (highest <= (top + HIGHER)[:, None])
     is_behind = _unlikely(float(is_beyond.any(axis=1).mean()), BEHIND_SHARES)
     sure = [
-        float(np.clip((height - LOW) / (TALL - LOW), 0.0, 1.0)),
+        float(np.clip((height - by_chance - LOW) / (TALL - LOW), 0.0, 1.0)),
         1.0 - is_vehicle * (1.0 - _unlikely(float(is_ground.any(axis=1).mean()), GROUND_SHARES)),
         1.0 - is_vehicle * (1.0 - is_behind),
         _unlikely(float(is_over.mean()), OVER_SHARES),

@@ -20,8 +20,8 @@ MIN_POINTS = 12
 MIN_LENGTH = 0.5
 #: Widest gap within a piece [m]: wider ones are closed when pieces are joined.
 MAX_GAP = 1.0
-#: Points on a curve lie within so many σ of the patch's roughness, and within these limits [m].
-ON_SIGMAS, ON_LIMITS = 3.0, (0.05, 0.12)
+#: Points on a curve lie within so many σ of the patch's roughness, and of this at least [m].
+ON_SIGMAS, MIN_TOLERANCE = 3.0, 0.05
 #: ... and their surface goes as the curve does: cosine of 20°.
 MIN_COSINE = 0.94
 #: Points that propose a line each, and those that propose a circle by two.
@@ -40,6 +40,7 @@ class Piece:
     first: float  #: places on the curve where it begins and ends [m]
     last: float
     n_points: int  #: that stand for it, one a voxel
+    roughness: float  #: of its patch: σ of its points, not more than twice as wide [m]
 
     @property
     def length(self) -> float:
@@ -61,7 +62,7 @@ def _divided(points: Floats, normals: Floats, roughness: Floats) -> Iterator[Pie
     """Yield the pieces of one patch: again and again the curve that most of what is left lies on."""
     xy = np.ascontiguousarray(points[:, :2])
     sigma = float(np.median(roughness))
-    tolerance = float(np.clip(ON_SIGMAS * sigma, *ON_LIMITS))
+    tolerance = max(ON_SIGMAS * sigma, MIN_TOLERANCE)
     left = np.arange(len(xy))
     for _ in range(MAX_PIECES):
         if len(left) < MIN_POINTS:
@@ -77,7 +78,7 @@ def _divided(points: Floats, normals: Floats, roughness: Floats) -> Iterator[Pie
         for run in np.split(taken, ends):
             first, last = place[run[0]], place[run[-1]]
             if len(run) >= MIN_POINTS and last - first >= MIN_LENGTH:
-                yield Piece(curve, float(first), float(last), len(run))
+                yield Piece(curve, float(first), float(last), len(run), sigma)
         left = np.delete(left, taken)
 
 

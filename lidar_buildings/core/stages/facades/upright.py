@@ -17,13 +17,14 @@ Floats = NDArray[np.float64]
 VOXEL = 0.1
 #: Heights are multiplied by this: the beams of a spinning scanner lie farther apart than the points on one.
 SQUASH = 0.35
-#: Radii of neighbourhoods, of which the first with enough points counts: near the street, and 40 m off [m].
+#: Radii of neighbourhoods, of which the first counts that has enough points and is no rougher than a wall:
+#: near the street, 40 m off, and where poses are noisy [m].
 RADII = (0.3, 0.6, 1.2)
 MIN_NEIGHBOURS = 12
 #: Largest upward part of the normal of an upright surface, with squashed heights: a lean of 11°.
 MAX_UPWARD = 0.5
-#: Largest roughness of a neighbourhood, and its share of the radius: a wall's noise, and no foliage [m].
-MAX_ROUGHNESS, ROUGHNESS_SHARE = 0.09, 0.2
+#: Largest roughness of a neighbourhood of each radius: a wall's noise, and no foliage [m].
+MAX_ROUGHNESS = (0.06, 0.09, 0.14)
 #: Neighbours farther apart are not linked [m].
 MAX_STEP = 0.6
 #: Points of one wall: their directions differ at most by this, and each lies so near the other's plane [m].
@@ -59,9 +60,7 @@ def upright_points(points: Floats) -> UprightPoints:
     """
     squashed = thinned(points) * (1.0, 1.0, SQUASH)
     normals, roughness, radius = _shapes(squashed)
-    is_upright = (np.abs(normals[:, 2]) <= MAX_UPWARD) & (radius > 0.0)
-    is_upright &= roughness <= np.minimum(MAX_ROUGHNESS, ROUGHNESS_SHARE * radius)
-    rows = np.flatnonzero(is_upright)
+    rows = np.flatnonzero((np.abs(normals[:, 2]) <= MAX_UPWARD) & (radius > 0.0))
     normals = normals[rows] * (1.0, 1.0, 0.0)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     columns = sort_by_cell(squashed[rows], MAX_STEP / 2.0)
@@ -75,14 +74,14 @@ def upright_points(points: Floats) -> UprightPoints:
 
 
 def _shapes(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return normal, roughness and radius of the smallest neighbourhoods with enough points, else 0."""
+    """Return normal, roughness and radius of the smallest neighbourhoods that may be of a surface, else 0."""
     normals, roughness, radius = np.zeros((len(points), 3)), np.zeros(len(points)), np.zeros(len(points))
     left = np.arange(len(points))
-    for step in RADII:
+    for step, limit in zip(RADII, MAX_ROUGHNESS, strict=True):
         shape = eigen_features(points[left], [step])
-        is_enough = shape.n_neighbours >= MIN_NEIGHBOURS
-        own = left[is_enough]
-        normals[own], roughness[own] = shape.normals[is_enough], shape.roughness[is_enough]
+        is_plain = (shape.n_neighbours >= MIN_NEIGHBOURS) & (shape.roughness <= limit)
+        own = left[is_plain]
+        normals[own], roughness[own] = shape.normals[is_plain], shape.roughness[is_plain]
         radius[own] = step
-        left = left[~is_enough]
+        left = left[~is_plain]
     return normals, roughness, radius

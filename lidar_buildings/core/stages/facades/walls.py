@@ -14,12 +14,13 @@ from lidar_buildings.core.stages.facades.surroundings import PointsAbout
 
 Floats = NDArray[np.float64]
 
-#: Points that the fit looks at lie within this of a piece [m].
-FIT_REACH = 0.12
-#: Noise from which the fit starts [m].
+#: Least noise from which a fit starts: more if the pieces are rougher [m].
 NOISE = 0.04
-#: Points within so many σ of a wall are on it, and within these limits [m].
-ON_SIGMAS, ON_LIMITS = 3.0, (0.04, 0.1)
+#: Points within so many σ of a wall are on it, and the fit looks at them; of a wall at least within this [m].
+ON_SIGMAS, MIN_ON = 3.0, 0.04
+#: Two lines are fitted where they part by this and by σ at least, each as long as a house's front [m], and
+#: leave so much of the squares of offsets at most.
+MIN_STEP, MIN_SIDE, STEP_GAIN = 0.04, 4.0, 0.6
 #: Length of a bin, and its points from which it was seen [m].
 BIN, SEEN_POINTS = 0.25, 5
 #: Pieces whose ends lie within this of a line are of it [m], and a little more per metre between them.
@@ -107,18 +108,30 @@ def _fitted(group: Sequence[Piece], around: PointsAbout, max_gap: float) -> Iter
     ends = np.array([curve.seen_from(one.curve.at(np.array([one.first, one.last])))[0] for one in group])
     spans = np.sort(ends, axis=1)
     first, last = spans.min(), spans.max()
-    rows, place = around.near(curve, first, last, FIT_REACH)
+    noise = max(NOISE, float(np.median([one.roughness for one in group])))
+    rows, place = around.near(curve, first, last, ON_SIGMAS * noise)
     in_span = np.zeros(len(rows), dtype=bool)
     for low, high in spans:
         in_span |= (place >= low) & (place <= high)
-    if np.count_nonzero(in_span) < SEEN_POINTS:
-        return
-    xy = around.points[rows[in_span], :2]
+    if np.count_nonzero(in_span) >= SEEN_POINTS:
+        yield from _through(around.points[rows[in_span], :2], curve, noise, around, max_gap)
+
+
+def _through(xy: Floats, curve: Curve, noise: float, around: PointsAbout, max_gap: float) -> Iterator[Wall]:
+    """Yield the walls on a curve through positions near it, or on several where these go on beside it."""
+    place, _ = curve.seen_from(xy)
+    first, last = place.min(), place.max()
     # near the scanner points are many: a bin counts as the root of what it has
-    bins = np.floor((place[in_span] - first) / BIN).astype(np.int64)
-    counts = np.bincount(bins)
-    fitted, sigma = fit_curve(xy, curve, NOISE, 1.0 / np.sqrt(counts[bins]))
-    near = float(np.clip(ON_SIGMAS * sigma, *ON_LIMITS))
+    bins = np.floor((place - first) / BIN).astype(np.int64)
+    fitted, sigma = fit_curve(xy, curve, noise, 1.0 / np.sqrt(np.bincount(bins)[bins]))
+    if not fitted.bend:
+        place, offset = fitted.seen_from(xy)
+        cut = _step(place, offset, max(MIN_STEP, sigma))
+        if np.isfinite(cut):
+            for own in (place < cut, place >= cut):
+                yield from _through(xy[own], fitted, noise, around, max_gap)
+            return
+    near = max(ON_SIGMAS * sigma, MIN_ON)
     # in the middle of the stretch, so that the cut through a circle lies opposite
     middle = curve.at(np.array([0.5 * (first + last)]))
     fitted = fitted.begun_at(float(fitted.seen_from(middle)[0][0]))
@@ -127,6 +140,43 @@ def _fitted(group: Sequence[Piece], around: PointsAbout, max_gap: float) -> Iter
     for begin, end, is_seen in _runs(place, max_gap):
         own = (place >= begin) & (place <= end)
         yield Wall(fitted, sigma, begin, end, rows[own], place[own], is_seen)
+
+
+def _step(place: Floats, offset: Floats, min_step: float) -> float:
+    """
+    Return where positions along a line go on beside it, as fronts of neighbouring houses do, else NaN.
+
+    Two lines through the medians of bins, one up to there and one from there on, leave far less than one.
+    """
+    bins = np.floor((place - place.min()) / BIN).astype(np.int64)
+    order = np.lexsort((offset, bins))
+    first = np.flatnonzero(np.diff(bins[order], prepend=-1))
+    count = np.diff(np.append(first, len(order)))
+    is_seen = count >= SEEN_POINTS
+    medians = offset[order][first + count // 2][is_seen]
+    at = BIN * (bins[order][first][is_seen] + 0.5)
+    n_side = round(MIN_SIDE / BIN)
+    cuts = np.arange(n_side, len(at) - n_side + 1)
+    if not len(cuts):
+        return np.nan
+    (left, ends), (right, begins) = _lines_up_to(at, medians), _lines_up_to(-at[::-1], medians[::-1])
+    whole, parted = left[-1], left[cuts - 1] + right[::-1][cuts]
+    jump = np.abs(ends[cuts - 1] - begins[::-1][cuts])
+    parted = np.where(jump >= min_step, parted, np.inf)
+    best = int(np.argmin(parted))
+    if parted[best] > STEP_GAIN * whole:
+        return np.nan
+    return float(place.min() + 0.5 * (at[cuts[best] - 1] + at[cuts[best]]))
+
+
+def _lines_up_to(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return the squares that a line through the first k + 1 positions leaves, and its value at the last."""
+    n = np.arange(1, len(x) + 1)
+    x = x - x[0]
+    sx, sy, sxx, sxy, syy = (np.cumsum(one) for one in (x, y, x * x, x * y, y * y))
+    var, cov = sxx - sx * sx / n, sxy - sx * sy / n
+    slope = np.divide(cov, var, out=np.zeros(len(x)), where=var > 1e-9)
+    return np.maximum(syy - sy * sy / n - slope * cov, 0.0), sy / n + slope * (x - sx / n)
 
 
 def _runs(place: Floats, max_gap: float) -> Iterator[tuple[float, float, NDArray[np.bool_]]]:

@@ -65,6 +65,22 @@ def test_two_passes_with_poses_apart_make_one_wall_between():
     assert abs(facade.foot[:, 1]).max() < 0.02
 
 
+def test_fronts_of_a_row_a_hand_apart_stay_apart_though_poses_are_noisy():
+    fronts = [wall((x, y), (x + 6.0, y), 0.2, 5.0) for x, y in ((0.0, 0.0), (6.0, 0.12), (12.0, -0.04))]
+    found = facades_of(*fronts, ground((-2.0, 20.0), (-6.0, -0.2)), noise=0.035)
+    assert sum(one.length > 3.0 for one in found) == 3
+    for facade in found:
+        x = facade.foot[:, 0].mean()
+        assert facade.foot[:, 1] == pytest.approx((0.0, 0.12, -0.04)[int(x // 6.0)], abs=0.03)
+
+
+def test_far_wall_is_as_rough_as_the_poses_are_turned():
+    (facade,) = facades_of(wall((1.0, 0.0), (11.0, 0.0), 0.3, 5.0, step=0.3), STREET, noise=0.1)
+    assert abs(facade.foot[:, 1]).max() < 0.06
+    assert facade.length == pytest.approx(10.0, abs=0.6)
+    assert facade.sigma == pytest.approx(0.1, rel=0.3)
+
+
 def test_round_front_is_an_arc_of_short_chords():
     angle = np.arange(-1.0, 1.0, 0.02)
     z = np.arange(0.3, 3.0, 0.15)
