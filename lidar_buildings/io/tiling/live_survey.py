@@ -149,10 +149,10 @@ class LiveSurvey:
 
     @property
     def thinned(self) -> str:
-        """What share of the points from the street was left out, and by which rule; empty if none came."""
+        """How many of the points from the street were left out, and by which rule; empty if none came."""
         why = THINNED.format(self.config.street_voxel)
         n = self._n_from_street
-        return f"{self.left_out[why] / n:.0%} of {n:,} points are left out: {why}" if n else ""
+        return f"{self.left_out[why]:,} of {n:,} points are left out: {why}" if n else ""
 
     def add(self, scan: PlacedScan, now: float) -> None:
         """Take a scan in the map at a time [s]; OutputError if the disk is full: the next call writes it."""
