@@ -81,8 +81,8 @@ class CloudModels(NamedTuple):
     points: Figures | None
 
     def n_at(self, level: str) -> int:
-        """Number of buildings whose finest level this is."""
-        return sum(one.finest == level for one in self.buildings)
+        """Number of buildings whose finest level this is, beside LoD2.3."""
+        return sum(min(one.finest, LODS[0]) == level for one in self.buildings)
 
     def invalid(self) -> list[tuple[str, str, tuple[int, ...]]]:
         """Return name, level and codes of every solid that fails the checks."""
@@ -166,7 +166,7 @@ def reasons_table(clouds: Sequence[CloudModels]) -> str:
 
 def own_rmse(cloud: CloudModels) -> NDArray[np.float64]:
     """Return the attribute `rmse` of the buildings with a LoD2.2 [m]."""
-    values = [one.attributes.get("rmse") for one in cloud.buildings if one.finest == LODS[0]]
+    values = [one.attributes.get("rmse") for one in cloud.buildings if one.finest >= LODS[0]]
     return np.array([value for value in values if value is not None], dtype=np.float64)
 
 
