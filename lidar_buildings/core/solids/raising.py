@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from itertools import accumulate, chain, pairwise
 
@@ -97,7 +98,8 @@ def checked_roof_solid(
     """
     ground = round(ground_elevation / GRID)
     pieces, given = with_minimum_height(pieces, ground * GRID), pieces
-    if coverage is None or list(map(id, pieces)) != list(map(id, given)):
+    is_cut = len(pieces) != len(given) or any(map(operator.is_not, pieces, given))
+    if coverage is None or is_cut:  # parts below the least height are pieces of their own
         coverage = matched_coverage(pieces, np.arange(len(pieces)))
     planes = np.array([piece.plane for piece in pieces], dtype=np.float64).reshape(-1, 3)
     numbers = np.arange(len(pieces))
