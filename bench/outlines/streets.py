@@ -11,7 +11,7 @@ import shapely
 from bench.common.plotting import plt
 from bench.common.tables import table
 from bench.outlines.pictures import draw_rings
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import FacadeClass, PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.pipeline.config import PipelineConfig
@@ -30,8 +30,8 @@ _COLOURS = {
     "0.75": lambda tile: tile.classification == PointClass.GROUND,
     "tab:green": lambda tile: np.isin(tile.classification, (3, 4, 5)),
     "tab:blue": lambda tile: tile.is_roof,
-    "tab:orange": lambda tile: tile.facade == Facade.BELOW_ROOF,
-    "tab:red": lambda tile: tile.facade == Facade.BARE,
+    "tab:orange": lambda tile: tile.facade == FacadeClass.BELOW_ROOF,
+    "tab:red": lambda tile: tile.facade == FacadeClass.BARE,
 }
 
 

@@ -144,7 +144,7 @@ def _job(
     points, plane_id, ground = building.points, building.plane_id, one.ground_elevation
     is_closed = _is_closed(building, one)
     if is_closed:  # of points those that tell the height of the walls, or lie above them
-        is_bare, z = building.facade == classes.Facade.BARE, points[:, 2]
+        is_bare, z = building.facade == classes.FacadeClass.BARE, points[:, 2]
         points, plane_id = points[is_bare | (z >= np.median(z[is_bare]) - _LEVEL)], None
     if building.height_above_ground is not None and len(building):  # the lowest ground under it
         ground = float(np.min(building.points[:, 2] - building.height_above_ground))

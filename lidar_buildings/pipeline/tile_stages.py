@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.freed_memory import give_memory_back
-from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, PointClass, is_of_groups
+from lidar_buildings.core.model.classes import ON_TERRAIN, FacadeClass, PointClass, is_of_groups
 from lidar_buildings.core.model.ids import rows_by_building
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.point_array import extent_of
@@ -191,7 +191,7 @@ def fit_planes(tile: PointTile, config: PlaneFittingConfig, pool: BuildingPool |
     plane_id = np.zeros(len(tile), dtype=np.uint16)
     buildings = [] if tile.building_id is None else rows_by_building(tile.building_id)
     if tile.has_bare_walls:
-        buildings = [one for one in buildings if not (tile.facade[one[1]] == Facade.BARE).any()]
+        buildings = [one for one in buildings if not (tile.facade[one[1]] == FacadeClass.BARE).any()]
     fit = partial(number_planes, config=config, point_spacing=tile.point_spacing)
     jobs = [(number, partial(fit, tile.points[rows])) for number, rows in buildings]
     sizes = [len(rows) for _, rows in buildings]

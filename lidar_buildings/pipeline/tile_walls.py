@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lidar_buildings.core.model.classes import ON_TERRAIN, Facade, PointClass, is_of_groups
+from lidar_buildings.core.model.classes import ON_TERRAIN, FacadeClass, PointClass, is_of_groups
 from lidar_buildings.core.model.outline import Outline
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.model.sides import NONE, Sides
@@ -69,8 +69,8 @@ def walled_buildings(
     ground = _Ground(tile) if groups else None
     for rows in groups:
         points, facade = tile.points[rows], tile.facade[rows]
-        is_wall = facade != Facade.NONE
-        cells = [_cells(points[chosen], WALL_CELL) for chosen in (is_wall, facade == Facade.BARE)]
+        is_wall = facade != FacadeClass.NONE
+        cells = [_cells(points[chosen], WALL_CELL) for chosen in (is_wall, facade == FacadeClass.BARE)]
         clipped |= Sides.passed(*extent_of(points[:, :2]), tile.bounds, WALL_GAP)
         about = _middles(tile.points[ground.about(points)], GROUND_CELL)
         outlines = close_walls(*cells, _cells(points[~is_wall], GROUND_CELL), about)
@@ -88,7 +88,7 @@ def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
     if tile.classification is None or not tile.has_bare_walls:
         return []
     is_building = tile.classification == PointClass.BUILDING
-    bare = np.flatnonzero(is_building & (tile.facade == Facade.BARE))
+    bare = np.flatnonzero(is_building & (tile.facade == FacadeClass.BARE))
     if not len(bare):
         return []
     wall = connected_parts(tile.points[bare], WALL_GAP, in_plan=True)
@@ -104,9 +104,9 @@ def _bare_groups(tile: PointTile) -> list[NDArray[np.intp]]:
     groups = np.split(rows[chosen], np.flatnonzero(np.diff(part[chosen])) + 1)
 
     def is_bare(rows: NDArray[np.intp]) -> bool:
-        walls = rows[tile.facade[rows] != Facade.NONE]
+        walls = rows[tile.facade[rows] != FacadeClass.NONE]
         held = walls[lowest_per_cell(tile.points[walls], WALL_CELL)]
-        return bool(np.mean(tile.facade[held] == Facade.BARE) >= _MIN_BARE_SHARE)
+        return bool(np.mean(tile.facade[held] == FacadeClass.BARE) >= _MIN_BARE_SHARE)
 
     return [one for one in groups if tile.is_core[one].any() and is_bare(one)]
 

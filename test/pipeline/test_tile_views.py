@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import Facade, PointClass, View
+from lidar_buildings.core.model.classes import FacadeClass, PointClass, View
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.strip_views import with_covered
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
@@ -64,6 +64,6 @@ def test_points_from_the_street_change_no_outline_and_are_classified(
     assert len(found) == n
     assert not found.is_roof.any()
     height = found.height_above_ground
-    is_facade = (found.classification == PointClass.BUILDING) & (found.facade == Facade.BELOW_ROOF)
+    is_facade = (found.classification == PointClass.BUILDING) & (found.facade == FacadeClass.BELOW_ROOF)
     assert is_facade[height > 1.0].mean() > 0.8  # the roof's own points end up to a spacing before its edge
     assert (found.classification[height < 0.1] == PointClass.GROUND).mean() > 0.95

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import FacadeClass, PointClass
 from lidar_buildings.core.model.sides import Sides
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
@@ -40,7 +40,7 @@ def street_scene(seed=0, east=20.0):
     return PointTile(
         points=points,
         classification=np.repeat([PointClass.GROUND, PointClass.BUILDING, PointClass.BUILDING], n),
-        facade=np.repeat([Facade.NONE, Facade.BARE, Facade.NONE], n),
+        facade=np.repeat([FacadeClass.NONE, FacadeClass.BARE, FacadeClass.NONE], n),
         height_above_ground=points[:, 2] - GROUND,
         point_spacing=0.3,
     )
@@ -126,7 +126,7 @@ def test_a_building_belongs_to_the_tile_with_its_anchor(core, is_own):
     found = traced(tile.with_columns(buffer=(~is_core).astype(np.uint8)))
     houses = [one for one in found.outlines if one.outline.exterior[:, 0].max() < 30.0]
     assert len(houses) == is_own
-    walls = found.tile.points[found.tile.facade == Facade.BARE]
+    walls = found.tile.points[found.tile.facade == FacadeClass.BARE]
     assert (len(walls) > 100) == is_own
     assert not is_own or np.mean(walls[:, 2] > EAVES - 0.7) > 0.99, "tops of walls alone"
 
@@ -152,7 +152,7 @@ def test_a_house_that_a_wall_joins_to_one_that_is_closed_stays_what_it_is():
     between = PointTile(
         points=np.column_stack([x, np.full(6000, 5.0), z]),
         classification=np.full(6000, PointClass.BUILDING),
-        facade=np.full(6000, Facade.BARE),
+        facade=np.full(6000, FacadeClass.BARE),
         height_above_ground=z - GROUND,
     )
     joined = traced(tile.joined(between))

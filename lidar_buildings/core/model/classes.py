@@ -29,7 +29,7 @@ class PointClass(IntEnum):
     HIGH_NOISE = 18
 
 
-class Facade(IntEnum):
+class FacadeClass(IntEnum):
     """What a point of a building is beside its roof."""
 
     NONE = 0  #: roof, or no building

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.bounds import checked_dark_limit, checked_spacing
-from lidar_buildings.core.model.classes import Facade, PointClass, View
+from lidar_buildings.core.model.classes import FacadeClass, PointClass, View
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.stage_table import STAGE_TABLE
 
@@ -173,7 +173,7 @@ class PointTile:
     @property
     def has_bare_walls(self) -> bool:
         """Whether there are points of walls over which no roof was seen."""
-        return self.facade is not None and bool((self.facade == Facade.BARE).any())
+        return self.facade is not None and bool((self.facade == FacadeClass.BARE).any())
 
     def with_columns(self, **columns: Any) -> PointTile:
         """Return the tile with these columns set or replaced."""

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
+from lidar_buildings.core.model.classes import FacadeClass, PointClass, Rejection
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
@@ -95,13 +95,13 @@ def rejected_at(
         )
         return
     is_building = is_high & (site.classification == PointClass.BUILDING)
-    is_wall = is_building & (site.facade == Facade.BARE)
+    is_wall = is_building & (site.facade == FacadeClass.BARE)
     if is_wall.any() and not (site.building_id > 0).any():
         yield Finding(
             f"{int(is_wall.sum()):,} points of walls without a visible roof above: they get an outline where "
             "they enclose something, walls in two directions at right angles, and no ground behind them."
         )
-    is_free = is_building & (site.facade == Facade.NONE) & (site.building_id == 0)
+    is_free = is_building & (site.facade == FacadeClass.NONE) & (site.building_id == 0)
     if is_free.any():
         area = shape_of(site.points[is_free], spacing).area
         yield Finding(
@@ -200,8 +200,8 @@ def explain_building(result: Result, building: ReportedBuilding) -> str:
     if building.shape is not None and not building.shape.is_empty and result.clouds():
         site = read_site(result.clouds(), frame, Rectangle(*building.shape.bounds).grown(3.0))
         number = building.building_id
-        roof = site.select((site.building_id == number) & (site.facade == Facade.NONE) & (number > 0))
-        is_top = (site.building_id == number) & (site.facade == Facade.BARE)
+        roof = site.select((site.building_id == number) & (site.facade == FacadeClass.NONE) & (number > 0))
+        is_top = (site.building_id == number) & (site.facade == FacadeClass.BARE)
         if is_top.any():
             sections["Roof"] = [
                 Finding(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lidar_buildings.core.model.bounds import MAX_COORDINATE
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import FacadeClass, PointClass
 from lidar_buildings.core.model.ids import CELL, anchor_row, building_id
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, ring_walls
 from lidar_buildings.core.model.point_array import extent_of
@@ -463,7 +463,7 @@ def _building_rows(
     xy = tile.points[rows[counted], :2]
     is_gap = in_gaps(xy, is_roof[counted], spacing, config.min_gap_area)
     if tile.facade is not None:
-        is_gap &= tile.facade[rows[counted]] != Facade.BARE  # no part of a roof that was seen
+        is_gap &= tile.facade[rows[counted]] != FacadeClass.BARE  # no part of a roof that was seen
     return rows[counted[is_roof[counted] | is_gap]]
 
 

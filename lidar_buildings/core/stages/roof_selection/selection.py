@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.model.classes import Facade, PointClass, Rejection
+from lidar_buildings.core.model.classes import FacadeClass, PointClass, Rejection
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, sort_by_cell
 from lidar_buildings.core.neighbours.crowds import without_crowds
@@ -64,7 +64,7 @@ class RoofSelection:
 
     #: `lidar_buildings.core.model.classes.PointClass`; 6 = building: roofs and façades, shape (n_points,).
     classification: NDArray[np.uint8]
-    #: `lidar_buildings.core.model.classes.Facade`: which of the building's points are no roof, shape
+    #: `lidar_buildings.core.model.classes.FacadeClass`: which of the building's points are no roof, shape
     #: (n_points,).
     facade: NDArray[np.uint8]
     #: `lidar_buildings.core.model.classes.Rejection`: why points decided here are no roof, shape (n_points,).
@@ -73,7 +73,7 @@ class RoofSelection:
     @property
     def is_facade(self) -> NDArray[np.bool_]:
         """True for the building's points that are no roof."""
-        return self.facade != Facade.NONE
+        return self.facade != FacadeClass.NONE
 
 
 def select_roofs(
@@ -202,7 +202,7 @@ def classify_beside(
     point_spacing: float | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """
-    Return class and `Facade` of points that tell no roofs themselves, by those that others have told.
+    Return class and `FacadeClass` of points that tell no roofs themselves, by those that others have told.
 
     Points (n, 3) are classified as by `select_roofs`, their `height` is above ground; `roofs` (n_roofs, 3)
     are points on roofs [m], and `point_spacing` is theirs, measured if it is not known.
@@ -273,7 +273,7 @@ def _open_classes(
         highest = np.maximum(highest, surroundings(columns, is_wall, reach, ~stands).highest)
     is_facade = find_facades(columns, height, stands, is_last, highest, config.facade_reach, spacing)
     classes[stands | is_facade] = PointClass.BUILDING
-    facade = np.where(is_bare, Facade.BARE, Facade.BELOW_ROOF) * (is_facade | is_wall)
+    facade = np.where(is_bare, FacadeClass.BARE, FacadeClass.BELOW_ROOF) * (is_facade | is_wall)
     return classes, facade.astype(np.uint8)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.classes import Facade, PointClass
+from lidar_buildings.core.model.classes import FacadeClass, PointClass
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import wall_areas
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
@@ -136,9 +136,9 @@ def test_walls_below_a_roof_are_told_from_bare_ones():
     )
     own, x = result.facade[of == 0][len(roof) :], points[of == 0][len(roof) :, 0]
     raised = points[of == 0][len(roof) :, 2] > 1.0
-    assert np.mean(own[raised & (x > 12.0)] == Facade.BARE) > 0.98
-    assert np.mean(own[raised & (x < 9.0)] == Facade.BELOW_ROOF) > 0.9
-    assert not (own[raised & (x < 9.0)] == Facade.BARE).any()
+    assert np.mean(own[raised & (x > 12.0)] == FacadeClass.BARE) > 0.98
+    assert np.mean(own[raised & (x < 9.0)] == FacadeClass.BELOW_ROOF) > 0.9
+    assert not (own[raised & (x < 9.0)] == FacadeClass.BARE).any()
     assert not result.facade[of == 0][: len(roof)].any()
 
 
