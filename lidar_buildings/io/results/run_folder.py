@@ -47,6 +47,8 @@ CLASSIFIED = "classified"
 #: Folder with the files of buildings where there are too many for one each.
 BLOCKS = "blocks"
 DTM, DSM, NDSM = "dtm.tif", "dsm.tif", "ndsm.tif"
+#: Beside them where the ground is kriged.
+DTM_VARIANCE = "dtm_variance.tif"
 #: What parts of an identity are called.
 _WORDS = {"until": "--until", "version": "versions of this package"}
 #: What identifies the unfinished run, beside its tiles.
@@ -228,7 +230,9 @@ def remove_files(path: Path, names: Iterable[str]) -> None:
 
 def _clear(path: Path) -> None:
     of_buildings = [name for files in FORMAT_FILES.values() for name in files]
-    remove_files(path, (RUN, REPORT_FILE, DTM, DSM, NDSM, BLOCKS, *of_buildings, *files_of_run(path)))
+    remove_files(
+        path, (RUN, REPORT_FILE, DTM, DSM, NDSM, DTM_VARIANCE, BLOCKS, *of_buildings, *files_of_run(path))
+    )
     for one in (path / PARTIAL).glob("*"):
         if one.name not in _NOT_OF_RUN:
             one.unlink(missing_ok=True)

@@ -30,8 +30,8 @@ from lidar_buildings.io.files.atomic_files import atomic_file, write_error
 from lidar_buildings.io.files.failures import captured_stderr
 from lidar_buildings.io.files.reference_systems import unit_name
 from lidar_buildings.io.models.survey_building import TerrainMesh
-from lidar_buildings.io.results.run_folder import DSM, DTM, NDSM
-from lidar_buildings.io.results.tile_products import load_raster_window, load_rasters
+from lidar_buildings.io.results.run_folder import DSM, DTM, DTM_VARIANCE, NDSM
+from lidar_buildings.io.results.tile_products import has_variance, load_raster_window, load_rasters
 
 #: Side of a block in cells.
 BLOCK = 512
@@ -173,6 +173,8 @@ RASTERS = {
     DSM: "elevation of the surface",
     NDSM: "height of the surface above the ground",
 }
+#: What is written beside them where the ground is kriged.
+VARIANCE = {DTM_VARIANCE: "variance of the ground's elevation"}
 #: Values are rounded to this part of a unit, about a millimetre: what is finer is noise, and large.
 _STEPS = 1024.0
 #: Saved tiles that are kept in memory: a row of blocks visits each several times.
@@ -207,10 +209,12 @@ def write_rasters(
         )
         return {}, [too_many]
     writers = {}
+    kriged = any(map(has_variance, windows))
     with ExitStack() as stack:
-        for name, meaning in RASTERS.items():
+        for name, meaning in (RASTERS | VARIANCE if kriged else RASTERS).items():
             temporary = stack.enter_context(atomic_file(folder / name))
-            writers[name] = stack.enter_context(GeotiffWriter(temporary, layout, meaning))
+            own = layout._replace(unit=f"{layout.unit}^2") if name in VARIANCE else layout
+            writers[name] = stack.enter_context(GeotiffWriter(temporary, own, meaning))
         for number, next_to, tiles in reached_squares(windows, BLOCK, (whole.row, whole.column)):
             row, column = number * BLOCK, next_to * BLOCK
             rows = slice(row, min(row + BLOCK, whole.height))
@@ -222,6 +226,8 @@ def write_rasters(
             )
             for name, values in ((DTM, dtm), (DSM, dsm), (NDSM, dsm - dtm)):
                 writers[name].write(row, column, values.astype(np.float32))
+            if block.dtm_variance is not None:
+                writers[DTM_VARIANCE].write(row, column, block.dtm_variance / frame.vertical_unit**2)
     size = {"width": layout.width, "height": layout.height, "cell": layout.cell}
     return {name: {**size, "known_cells": writer.n_known} for name, writer in writers.items()}, []
 
@@ -256,13 +262,17 @@ def merged(window: RasterWindow, tiles: Iterator[TerrainRasters]) -> TerrainRast
     """Put what tiles know of a window together."""
     dtm, dsm = (np.full(window.shape, np.nan, dtype=np.float32) for _ in range(2))
     distance = np.full(window.shape, np.iinfo(np.int32).max, dtype=np.int32)
+    variance = None
     for tile in tiles:
         here, there = window.shared(tile.window), tile.window.shared(window)
         known = ~np.isnan(tile.dtm[there]) | ~np.isnan(tile.dsm[there])
         nearer = known & (tile.distance[there] < distance[here])
         for target, source in ((dtm, tile.dtm), (dsm, tile.dsm), (distance, tile.distance)):
             target[here][nearer] = source[there][nearer]
-    return TerrainRasters(window, dtm, dsm, distance)
+        if tile.dtm_variance is not None:
+            variance = np.full(window.shape, np.float32(np.nan)) if variance is None else variance
+            variance[here][nearer] = tile.dtm_variance[there][nearer]
+    return TerrainRasters(window, dtm, dsm, distance, variance)
 
 
 def terrain_meshes(fragments: Sequence[Path], frame: MapFrame, tolerance: float) -> Iterator[TerrainMesh]:

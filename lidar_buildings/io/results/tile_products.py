@@ -25,7 +25,7 @@ _NAME = ("source", "index")
 #: (Python 3.11, https://github.com/python/cpython/issues/106905).
 _READING = threading.Lock()
 #: Names under which a tile's rasters are saved.
-_WINDOW, _RASTERS = "window", ("dtm", "dsm", "distance")
+_WINDOW, _RASTERS, _VARIANCE = "window", ("dtm", "dsm", "distance"), "dtm_variance"
 #: Rows of a tile's core points, of its buildings' points, and of its core roof points.
 CORE, ROOFS, EDGES = (
     np.dtype([(name, COLUMNS[name]) for name in (*_NAME, *columns)])
@@ -114,6 +114,8 @@ class TileProducts:
             window = self.rasters.window
             place = (window.resolution, window.column, window.row, window.width, window.height)
             rasters = {name: getattr(self.rasters, name) for name in _RASTERS}
+            if self.rasters.dtm_variance is not None:
+                rasters[_VARIANCE] = self.rasters.dtm_variance
             rasters[_WINDOW] = np.array(place, dtype=np.float64)  # whole numbers up to 2^53 fit
         with atomic_file(path, has_rivals=True) as temporary, open(temporary, "wb") as file:
             np.savez(
@@ -173,7 +175,14 @@ def load_raster_window(path: Path) -> RasterWindow | None:
 def load_rasters(path: Path) -> TerrainRasters:
     """Read the rasters of a saved tile that has some."""
     with _opened(path) as held:
-        return TerrainRasters(_window_of(held), *(held[name] for name in _RASTERS))
+        names = (*_RASTERS, _VARIANCE) if _VARIANCE in held else _RASTERS
+        return TerrainRasters(_window_of(held), *(held[name] for name in names))
+
+
+def has_variance(path: Path) -> bool:
+    """Tell whether a saved tile has the variance of its terrain."""
+    with _opened(path) as held:
+        return _VARIANCE in held
 
 
 def _window_of(held: Any) -> RasterWindow:

@@ -108,6 +108,19 @@ def test_ndsm_is_dsm_minus_dtm_to_the_bit(tmp_path):
     np.testing.assert_array_equal(ndsm, dsm - dtm)
 
 
+def test_kriged_ground_has_its_variance_beside_it_in_squares_of_the_unit(tmp_path):
+    frame, config = MapFrame("", (0.0, 0.0, 0.0), 0.3048, 0.3048), RasterConfig(dtm_interpolation="kriging")
+    tile = sloping((0.0, 0.0), frame)
+    told, _ = write_rasters(tmp_path, [saved(tmp_path, tile, config, frame)], frame, "")
+    assert list(told) == [*RASTERS, "dtm_variance.tif"]
+    with rasterio.open(tmp_path / "dtm_variance.tif") as file:
+        assert file.units == ("foot^2",)
+        values = file.read(1, masked=True)
+    expected = rasterise_tile(tile, config, frame).dtm_variance
+    np.testing.assert_allclose(values.filled(np.nan), expected / 0.3048**2, rtol=1e-5)
+    assert told["dtm_variance.tif"]["known_cells"] == told["dtm.tif"]["known_cells"]
+
+
 @pytest.mark.parametrize(("horizontal", "vertical"), [(SURVEY_FOOT, SURVEY_FOOT), (0.3048, 1.0)])
 def test_a_source_in_feet_has_its_rasters_in_feet(tmp_path, horizontal, vertical):
     frame = MapFrame("", (600.0, 300.0, 0.0), horizontal, vertical)

@@ -114,8 +114,7 @@ class RoofSelectionConfig(StageConfig):
     road_method: str = advanced(
         "automatic",
         "How roads are told from other ground: by the two modes of the ground's brightness, if it has two; "
-        "by the intensities given, of areas or, as published, of each point as it was recorded; or not at "
-        "all.",
+        "by the intensities given, of areas or, as published, of each point by itself; or not at all.",
         choices=("automatic", "thresholds", "grey_values", "none"),
     )
     min_road_intensity: float = advanced(

@@ -13,6 +13,7 @@ from scipy import ndimage
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import extent_of
 from lidar_buildings.core.stages.terrain.interpolation import LINEAR, interpolator
+from lidar_buildings.core.stages.terrain.kriging import Variogram, kriged
 from lidar_buildings.core.stages.terrain.window import RasterWindow
 from lidar_buildings.core.surfaces.morphology import square_distances
 
@@ -144,6 +145,13 @@ class Cells:
             some = np.divmod(places[start : start + _PLACES], chosen.shape[1])
             found[start : start + _PLACES] = elevations(self.window.centres(*some, self.origin))
         return found
+
+    def kriged_at(
+        self, vertices: CellPoints, chosen: NDArray[np.bool_], variogram: Variogram
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return elevations at the middles of chosen cells, row by row, and their variances [m], [m²]."""
+        rows, columns = np.nonzero(chosen)
+        return kriged(vertices.points, variogram, self.window.centres(rows, columns, self.origin))
 
 
 @kernel

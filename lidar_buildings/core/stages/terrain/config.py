@@ -38,8 +38,9 @@ class RasterConfig(StageConfig):
     dtm_interpolation: str = fixed(
         "linear",
         "How the ground is closed under buildings and in gaps: in the triangles of the points around, by "
-        "natural neighbours (wants the extra `terrain`), inverse distances, or a thin-plate spline.",
-        choices=("linear", "natural_neighbour", "idw", "spline"),
+        "natural neighbours (wants the extra `terrain`), inverse distances, a thin-plate spline, or ordinary "
+        "kriging, which also gives the variance of the DTM.",
+        choices=("linear", "natural_neighbour", "idw", "spline", "kriging"),
         advanced=True,
     )
 

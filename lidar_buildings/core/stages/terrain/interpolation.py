@@ -1,4 +1,4 @@
-"""Elevations of the ground between the places where it is known, by one of four methods."""
+"""Elevations of the ground between the places where it is known, by one of five methods."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from lidar_buildings.core.stages.terrain.kriging import fit_variogram, kriged
 from lidar_buildings.core.surfaces.triangulation import triangulate
 
 _log = logging.getLogger(__name__)
 
-LINEAR, NATURAL, IDW, SPLINE = METHODS = ("linear", "natural_neighbour", "idw", "spline")
+LINEAR, NATURAL, IDW, SPLINE, KRIGING = METHODS = ("linear", "natural_neighbour", "idw", "spline", "kriging")
 #: So many of the nearest vertices take part in `idw` and `spline`.
 _N_NEAREST = 16
 #: Vertices weigh by this power of their inverse distance, which is at least a millimetre.
@@ -37,6 +38,7 @@ def interpolator(
     - ``idw``: mean of the nearest vertices by the inverse square of their distance (Shepard 1968).
     - ``spline``: thin-plate spline of the nearest vertices (Duchon 1977), by SciPy; the same as kriging with
       the generalised covariance r² log r and a plane as drift.
+    - ``kriging``: ordinary kriging by a variogram fitted to the vertices, see `kriging`.
 
     - `vertices`, shape (n_vertices, 3): At least one, no two at one place [m].
     - `extent`, shape (2, 2): Least and greatest x and y of the places [m]; linear is fastest where
@@ -45,6 +47,9 @@ def interpolator(
     """
     if method == IDW:
         return partial(_by_distance, vertices, cKDTree(vertices[:, :2]))
+    if method == KRIGING:
+        variogram = fit_variogram(vertices)
+        return lambda places: kriged(vertices, variogram, places)[0]
     linear = triangulate(vertices, extent).elevation
     if method == NATURAL:
         return _by_natural_neighbours(vertices, linear)

@@ -28,6 +28,8 @@ from lidar_buildings.core.stages.terrain.cells import (
     squared_distance,
 )
 from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.interpolation import KRIGING
+from lidar_buildings.core.stages.terrain.kriging import fit_variogram
 from lidar_buildings.core.stages.terrain.window import RasterWindow, reach_in_cells, window_of
 
 #: Classes whose points carry the terrain, and those that no surface has.
@@ -60,6 +62,9 @@ class TerrainRasters:
     #: Squared distance to the tile's nearest core cell, in cells: of several tiles that answer for a cell the
     #: nearest is right, shape (height, width).
     distance: NDArray[np.int32]
+    #: Variance of `dtm` where it is kriged [m²], shape (height, width): that of kriging where no ground was
+    #: seen, and where it was the semivariance of cells next to one another, which is no less than its own.
+    dtm_variance: NDArray[np.float32] | None = None
 
     @property
     def ndsm(self) -> NDArray[np.float32]:
@@ -140,14 +145,21 @@ def make_rasters(
     distance = squared_distance(own, reach)
     mine = known & (distance <= np.minimum(squared_distance(others, reach), reach * reach))
     gaps = regions_touching(known & np.isnan(dtm), mine)
-    dtm[gaps] = cells.elevations_at(ground.near(gaps), gaps, config.dtm_interpolation)
+    vertices, variance = ground.near(gaps), None
+    if config.dtm_interpolation == KRIGING and len(vertices.points):
+        variogram = fit_variogram(vertices.points)
+        beside = variogram(np.array(resolution))
+        variance = np.where(np.isnan(dtm), np.float32(np.nan), beside.astype(np.float32))
+        dtm[gaps], variance[gaps] = cells.kriged_at(vertices, gaps, variogram)
+    else:
+        dtm[gaps] = cells.elevations_at(vertices, gaps, config.dtm_interpolation)
     seen = points if point_spacing is not None else points[kind != LEFT_OUT]
     spacing = given_or_measured(seen, point_spacing)
     gap = min(widest_gap(spacing, resolution), reach)
     dsm = surface_elevations(cells, contents, dtm, known, mine, gap)
-    for raster in (dtm, dsm):
+    for raster in (dtm, dsm) if variance is None else (dtm, dsm, variance):
         raster[~mine] = np.nan
-    return _cropped(TerrainRasters(cells.window, dtm, dsm, distance), mine)
+    return _cropped(TerrainRasters(cells.window, dtm, dsm, distance, variance), mine)
 
 
 def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> NDArray:  # type: ignore[no-untyped-def]
@@ -157,9 +169,11 @@ def _checked_or(missing, name: str, column: ArrayLike | None, n: int, dtype) -> 
 def _cropped(rasters: TerrainRasters, known: NDArray[np.bool_]) -> TerrainRasters:
     """Return the rasters without the outer rows and columns that hold no known cell."""
     rows, columns = (_span(known.any(axis=axis)) for axis in (1, 0))
+    variance = rasters.dtm_variance
+    cut = None if variance is None else variance[rows, columns].copy()
     dtm, dsm = (each[rows, columns].copy() for each in (rasters.dtm, rasters.dsm))
     distance = rasters.distance[rows, columns].copy()
-    return TerrainRasters(rasters.window.part(columns, rows), dtm, dsm, distance)
+    return TerrainRasters(rasters.window.part(columns, rows), dtm, dsm, distance, cut)
 
 
 def _span(marked: Any) -> slice:
