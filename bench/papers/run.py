@@ -4,7 +4,8 @@ The tables and figures of the three papers beside ours, by the presets of their 
     python -m bench.papers.run [PAPER ...] [--data DIR] [--pictures DIR]
 
 santos         Table 1 (measures on a cube); Figures 2 and 3 (that cube, its clusters); Figure 7 (quality)
-villalba       Table II (combinations of RANSAC); points by class (section III, Figures 3 to 6)
+villalba       Table II (combinations of RANSAC); its ground filter; points by class (section III, Figures
+               3 to 6); grey values of roads
 sampath_shan   Table 1 (σ and largest offset); Figure 4 (points, convex hull, traced, regularised)
 
 Tables are printed; figures are drawn as PNG into the folder of --pictures. The papers' own clouds are not to

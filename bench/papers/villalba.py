@@ -1,17 +1,25 @@
-"""Mancera-Taboada and others 2012: Table II, and the points of each class."""
+"""Mancera-Taboada and others 2012: Table II, its ground filter, points of each class, greys of roads."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.common.clouds import read_tile
 from bench.common.tables import percent, table
+from bench.ground.isprs import read_samples
+from bench.ground.scores import cells_of, mean_cells, score_of
 from bench.papers.presets import config_of
 from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.plane_fitting.search import PROBABILITY, samples_needed
+from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.stages.roof_selection.roads import find_roads, point_brightness
+from lidar_buildings.core.stages.roof_selection.selection import last_and_only_returns
 from lidar_buildings.pipeline.tile_stages import filter_ground, select_roof_points
 
 #: Table II: unknowns → combinations for the shares of gross errors.
@@ -36,6 +44,10 @@ COUNTS = {
     PointClass.BUILDING: 402_055,
 }
 CLOUDS = ("delft", "fusa", "montpellier")
+#: Section III: mean grey values of roads and of other ground.
+GREYS = ("55", "148")
+#: Even planes without objects: slopes (rise over run), side and noise [m], and the paper's density.
+SLOPES, SIDE, NOISE, DENSITY, SEEDS = (0.0, 0.02, 0.05, 0.1, 0.3), 200.0, 0.05, 1.9, range(2)
 
 
 def report(data: Path, folder: Path | None) -> None:
@@ -52,6 +64,9 @@ def report(data: Path, folder: Path | None) -> None:
     ]
     print(f"Table II, P = {PROBABILITY:.0%}, paper / ours:")
     print(table(("", *(f"ε = {share}" for share in SHARES)), rows))
+    print("\nTerrain of even planes that is found [%], and errors on the ISPRS samples:")
+    print(table(("plane", *(f"{slope:.0%}" for slope in SLOPES)), [["found", *map(percent, plane_shares())]]))
+    print(table(("sample", "total", "type I", "type II", "kappa"), _sample_rows(data / "isprs")))
     tiles = {name: classified(data / name) for name in CLOUDS if any((data / name).glob("*.laz"))}
     total = sum(COUNTS.values())
     rows = [
@@ -65,8 +80,62 @@ def report(data: Path, folder: Path | None) -> None:
     ]
     print("\nPoints by class; shares of these six [%], ground without roads:")
     print(table(("class", "paper", "paper %", *tiles), rows) + "\n")
+    print("Mean greys of the ground that is road and of the rest, and what share of the ground is road [%]:")
+    headings = ("cloud", "as recorded", "", "by strip, 0 to 255", "", "road", "areas, by strip", "", "road")
+    rows = [["paper", *GREYS, *GREYS, percent(185_430 / 361_086), "", "", ""]]
+    print(table(headings, [*rows, *([name, *grey_cells(tile)] for name, tile in tiles.items())]) + "\n")
     for name, tile in tiles.items() if folder is not None else ():
         _draw(folder / f"villalba_classes_{name}.png", tile)
+
+
+def plane_shares() -> list[float]:
+    """Return which share of even planes the filter takes for terrain, slope by slope."""
+    found = []
+    for slope in SLOPES:
+        shares = []
+        for seed in SEEDS:
+            random = np.random.default_rng(seed)
+            xy = random.uniform(0.0, SIDE, (int(DENSITY * SIDE**2), 2))
+            z = slope * xy[:, 0] + random.normal(0.0, NOISE, len(xy))
+            tile = PointTile(np.column_stack((xy, z)))
+            classes = filter_ground(tile, config_of("villalba").ground_filter).tile.classification
+            shares.append(float((classes == PointClass.GROUND).mean()))
+        found.append(float(np.mean(shares)))
+    return found
+
+
+def _sample_rows(folder: Path) -> list[list[str]]:
+    if not folder.is_dir():
+        return []
+    settings = asdict(config_of("villalba").ground_filter)
+    scores = {name: score_of(one, "histogram_tin", settings) for name, one in read_samples(folder).items()}
+    rows = [[name, *cells_of(score)] for name, score in scores.items()]
+    return [*rows, ["mean", *mean_cells(list(scores.values()))]]
+
+
+def grey_cells(tile: PointTile) -> list[str]:
+    """Return mean greys of road and other ground: as recorded, by strip, and by strip of roads by areas."""
+    is_ground = np.isin(tile.classification, (PointClass.GROUND, PointClass.ROAD_SURFACE))
+    ground = tile.select(np.flatnonzero(is_ground))
+    _, is_only = last_and_only_returns(ground.points, ground.return_number, ground.number_of_returns)
+    strip = ground.point_source_id
+    grey = point_brightness(len(ground), ground.intensity, ground.normalised_intensity, strip, is_only)
+    limits = config_of("villalba").roof_selection
+    spacing = measure_spacing(ground.points) if ground.point_spacing is None else ground.point_spacing
+    by_areas = find_roads(ground.points, grey, is_only, spacing, RoofSelectionConfig())
+    cells = []
+    for values, road in (
+        (ground.intensity, _between(ground.intensity, limits)),
+        (grey, _between(grey, limits)),
+        (grey, by_areas),
+    ):
+        cells += [f"{values[some].mean():.0f}" if some.any() else "–" for some in (road, ~road)]
+        cells.append(percent(float(road.mean())))
+    return cells[:2] + cells[3:]
+
+
+def _between(grey: NDArray[np.float32], limits: RoofSelectionConfig) -> NDArray[np.bool_]:
+    return (grey >= limits.min_road_intensity) & (grey <= limits.max_road_intensity)
 
 
 def classified(folder: Path) -> PointTile:

@@ -9,6 +9,8 @@ from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingC
 from lidar_buildings.core.stages.boundary_tracing.point_grid import build_point_grid
 from lidar_buildings.core.stages.boundary_tracing.tracing import rows_to_trace
 from lidar_buildings.core.stages.ground_filter.bidirectional_slope import objects_between_slopes
+from lidar_buildings.core.stages.ground_filter.classification import classify_ground
+from lidar_buildings.core.stages.ground_filter.config import GroundFilterConfig
 from lidar_buildings.core.stages.ground_filter.progressive_tin import facet_offsets, histogram_limits
 from lidar_buildings.core.stages.plane_fitting.ransac import best_plane
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
@@ -20,7 +22,8 @@ from lidar_buildings.core.stages.regularisation.directions import (
 from lidar_buildings.core.stages.regularisation.regularising import _problem
 from lidar_buildings.core.stages.regularisation.samples import sample_ring
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.stages.roof_selection.roads import of_road_grey
+from lidar_buildings.core.stages.roof_selection.roads import _say_one_mode, road_greys
+from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.core.surfaces.ring_division import Division
 from lidar_buildings.core.surfaces.triangulation import build_tin
 
@@ -32,9 +35,20 @@ def test_limits_lie_as_far_above_the_median_as_the_minimum_below_or_at_the_maxim
 
 def test_distance_and_angle_are_taken_to_the_facet_and_at_its_nearest_corner():
     tin = build_tin([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
-    ((distance, angle),) = facet_offsets(tin, np.array([[1.0, 1.0, 1.0]]))
-    assert distance == pytest.approx(1.0)
-    assert angle == pytest.approx(np.arcsin(1.0 / np.sqrt(3.0)))
+    above, below = facet_offsets(tin, np.array([[1.0, 1.0, 1.0], [1.0, 1.0, -1.0]]))
+    assert above == pytest.approx([1.0, np.arcsin(1.0 / np.sqrt(3.0))])
+    assert below == pytest.approx(-above)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.1])
+def test_an_even_plane_is_terrain_though_limits_are_renewed(slope):
+    random = np.random.default_rng(0)
+    xy = random.uniform(0.0, 100.0, (19000, 2))
+    points = np.column_stack([xy, slope * xy[:, 0] + random.normal(0.0, 0.05, len(xy))])
+    config = GroundFilterConfig(
+        method="histogram_tin", iteration_angle=6.0, iteration_distance=1.4, ground_distance=0.12
+    )
+    assert (classify_ground(points, config).classification == 2).mean() > 0.98
 
 
 @pytest.mark.parametrize(
@@ -54,8 +68,38 @@ def test_what_lies_between_a_rise_and_a_fall_is_no_ground(z, objects):
 
 
 def test_roads_are_grey_from_40_to_100():
-    grey = np.array([39.0, 40.0, 100.0, 101.0])
-    assert of_road_grey(grey, RoofSelectionConfig()).tolist() == [False, True, True, False]
+    grey, single = np.array([39.0, 40.0, 100.0, 101.0]), np.ones(4, dtype=bool)
+    found = road_greys(np.zeros((4, 3)), grey, single, 1.0, RoofSelectionConfig(), dark_limit=70.0)
+    assert found.tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize(("bits", "gain"), [(8, 1.0), (16, 180.0)])
+def test_roads_are_found_whatever_number_of_bits_was_recorded(bits, gain):
+    random = np.random.default_rng(bits)
+    xy = random.uniform(0.0, 60.0, (6000, 2))
+    is_road = xy[:, 0] < 20.0
+    recorded = gain * (np.where(is_road, 55.0, 148.0) + random.normal(0.0, 8.0, len(xy)))
+    is_wet = random.random(len(xy)) < 0.03
+    recorded[is_wet] = gain * random.uniform(2.0, 8.0, is_wet.sum())
+    points = np.column_stack([xy, np.zeros(len(xy))])
+    ground, config = np.full(len(xy), 2, dtype=np.uint8), RoofSelectionConfig(road_method="grey_values")
+    classes = select_roofs(
+        points, config, height_above_ground=np.zeros(len(xy)), classification=ground, intensity=recorded
+    ).classification
+    assert (classes[~is_road] == 2).mean() > 0.99
+    assert (classes[is_road & ~is_wet] == 11).mean() > 0.95
+
+
+@pytest.mark.parametrize("n_modes", [1, 2])
+def test_ground_of_one_brightness_is_told_once(n_modes, caplog):
+    _say_one_mode.cache_clear()
+    random = np.random.default_rng(0)
+    xy = random.uniform(0.0, 90.0, (30000, 2))
+    bright = 60.0 + 90.0 * ((xy[:, 0] > 45.0) & (n_modes == 2)) + random.normal(0.0, 5.0, len(xy))
+    for _ in range(2):
+        ground = np.column_stack([xy, 0.0 * bright])
+        road_greys(ground, bright, np.ones(len(xy), dtype=bool), 0.5, RoofSelectionConfig())
+    assert len(caplog.records) == (n_modes == 1)
 
 
 def test_a_consensus_as_large_as_any_plane_ends_the_search():

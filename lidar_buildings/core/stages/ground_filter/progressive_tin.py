@@ -83,10 +83,9 @@ def histogram_ground(
     Tell which candidates make up the terrain (Mancera-Taboada and others 2012, sections II.A and III).
 
     The lowest points of large cells are triangulated. In each iteration all candidates join whose distance to
-    their facet and whose angle at its nearest corner are within limits; these follow from the histograms of
-    both, at first of all candidates, then of those that have joined. `iteration_distance` and
-    `iteration_angle` are never exceeded. It ends when none joins. Candidates and extent are those of
-    `grown_ground`.
+    their facet and whose angle at its nearest corner are within limits: `iteration_distance` and
+    `iteration_angle` first, then what the histograms of both, of the points that have joined, tell, but never
+    more. It ends when none joins. Candidates and extent are those of `grown_ground`.
     """
     in_tin = np.zeros(len(candidates), dtype=np.bool_)
     in_tin[lowest_per_cell(candidates, config.seed_cell)] = True
@@ -97,8 +96,8 @@ def histogram_ground(
         if not len(waiting):
             return in_tin
         offsets = facet_offsets(build_tin(candidates[in_tin], extent), candidates[waiting])
-        limits = np.minimum(histogram_limits(joined if len(joined) else offsets), largest)
-        joins = (offsets <= limits).all(axis=1)
+        limits = np.minimum(histogram_limits(joined), largest) if len(joined) else largest
+        joins = (np.abs(offsets) <= limits).all(axis=1)
         if not joins.any():
             return in_tin
         joined = np.concatenate((joined, offsets[joins]))
@@ -107,20 +106,26 @@ def histogram_ground(
 
 def histogram_limits(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Return the upper limit of each column: as far above the median as the minimum is below, or the maximum.
+    Return the limit of each column: as far above the median as the minimum is below, or the maximum.
 
-    How the study combines minimum, median and maximum it leaves open: a longer tail is taken for objects.
+    How the study combines minimum, median and maximum it leaves open. Values are signed: terrain lies as far
+    above the TIN as below, and of objects there are none below.
     """
     least, middle, most = values.min(axis=0), np.median(values, axis=0), values.max(axis=0)
-    return np.minimum(2.0 * middle - least, most)
+    return np.asarray(np.minimum(2.0 * middle - least, most))
 
 
 def facet_offsets(tin: Tin, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each point's distance to its facet [m] and angle at the nearest corner [rad], shape (n, 2)."""
+    """
+    Return each point's distance to its facet [m] and angle at the nearest corner [rad], shape (n, 2).
+
+    Both are negative below the facet.
+    """
     corners = tin.vertices[tin.triangles[tin.locate(points)]]
     local = points - [*tin.origin, 0.0]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    distance = np.abs(np.einsum("ij,ij->i", local - corners[:, 0], normal)) / np.linalg.norm(normal, axis=1)
+    normal *= np.sign(normal[:, 2:])
+    distance = np.einsum("ij,ij->i", local - corners[:, 0], normal) / np.linalg.norm(normal, axis=1)
     nearest = np.linalg.norm(local[:, None] - corners, axis=2).min(axis=1)
     sine = np.divide(distance, nearest, out=np.zeros_like(distance), where=nearest > 0.0)
-    return np.column_stack((distance, np.arcsin(np.minimum(sine, 1.0))))
+    return np.column_stack((distance, np.arcsin(np.clip(sine, -1.0, 1.0))))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +14,8 @@ from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.surfaces.intensity import BrightnessRaster, brightness_raster, strip_scales
 from lidar_buildings.core.surfaces.intensity import normalised_intensity as normalised_by_strip
+
+_log = logging.getLogger(__name__)
 
 #: Side of the square of cells whose majority decides on ground of unknown brightness, as under trees.
 FILL_CELLS = 5
@@ -63,9 +67,35 @@ def find_roads(
     return (is_large[part] & road).ravel()[raster.row_of]
 
 
-def of_road_grey(intensity: NDArray[np.floating], config: RoofSelectionConfig) -> NDArray[np.bool_]:
-    """Tell which intensities as recorded are grey values of roads (Mancera-Taboada and others, 2012)."""
-    return (intensity >= config.min_road_intensity) & (intensity <= config.max_road_intensity)
+def road_greys(
+    ground: NDArray[np.float64],
+    normalised: NDArray[np.floating],
+    is_single: NDArray[np.bool_],
+    spacing: float,
+    config: RoofSelectionConfig,
+    *,
+    cover: NDArray[np.float64] | None = None,
+    dark_limit: float | None = None,
+) -> NDArray[np.bool_]:
+    """
+    Tell which ground points have the grey of roads, each by itself (Mancera-Taboada and others, 2012).
+
+    Arguments are those of `find_roads`. It is logged, once a process, if the brightness of the ground has
+    one mode only: then the thresholds cut through one kind of ground.
+    """
+    if dark_limit is None and is_single.any():
+        raster = brightness_raster(ground, normalised, is_single, spacing, cover)
+        if raster.dark_limit() is None:
+            _say_one_mode()
+    return np.asarray((normalised >= config.min_road_intensity) & (normalised <= config.max_road_intensity))
+
+
+@cache
+def _say_one_mode() -> None:
+    _log.warning(
+        "roof_selection.road_method = grey_values: the intensities of the ground have one mode, which does "
+        "not tell roads from the rest: look at class 11, or set road_method to none"
+    )
 
 
 def _wide(dark: NDArray[np.bool_], bright: NDArray[np.bool_], width: float) -> NDArray[np.bool_]:

@@ -24,7 +24,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import (
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import TOP_REACH, find_facades
 from lidar_buildings.core.stages.roof_selection.published_methods import planar_cells, single_return_planes
-from lidar_buildings.core.stages.roof_selection.roads import find_roads, of_road_grey, point_brightness
+from lidar_buildings.core.stages.roof_selection.roads import find_roads, point_brightness, road_greys
 from lidar_buildings.core.stages.roof_selection.smooth_patches import find_roofs
 from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.surfaces.opened_terrain import opened_terrain
@@ -178,17 +178,13 @@ def select_roofs(
     rejection = np.zeros(len(points), dtype=np.uint8)
     rejection[rows] = why[each]
     rejection[classes == PointClass.BUILDING] = Rejection.NONE
-    if config.road_method == "grey_values":
-        if intensity is not None:
-            grey = checked_column("intensity", intensity, len(points), np.float32)
-            classes[(classes == PointClass.GROUND) & of_road_grey(grey, config)] = PointClass.ROAD_SURFACE
-        return RoofSelection(classes, facade, rejection)
     brightness = point_brightness(len(points), intensity, normalised_intensity, point_source_id, is_only)
     if brightness is not None:
         ground = np.flatnonzero(classes == PointClass.GROUND)
         of_ground = points.take(ground, axis=0), brightness[ground], is_only[ground]
         cover = points.take(np.flatnonzero(classes == PointClass.HIGH_VEGETATION), axis=0)
-        is_road = find_roads(*of_ground, spacing, config, cover=cover, dark_limit=dark_limit)
+        find = road_greys if config.road_method == "grey_values" else find_roads
+        is_road = find(*of_ground, spacing, config, cover=cover, dark_limit=dark_limit)
         classes[ground[is_road]] = PointClass.ROAD_SURFACE
     return RoofSelection(classes, facade, rejection)
 
