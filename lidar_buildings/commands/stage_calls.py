@@ -24,6 +24,7 @@ from lidar_buildings.core.stages.boundary_tracing.walk import bridge_gap
 from lidar_buildings.core.stages.roof_selection.roof_patches import plane_votes
 from lidar_buildings.core.stages.roof_selection.wet_roofs import find_wet_roofs
 from lidar_buildings.core.stages.terrain.config import RasterConfig
+from lidar_buildings.core.stages.terrain.interpolation import KRIGING, LINEAR
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.intensity import brightness_raster
 from lidar_buildings.core.surfaces.plane_adjustment import common_point
@@ -79,7 +80,8 @@ def _models() -> None:
 
 def _rasters() -> None:
     tile = sample_tile().tile
-    rasterise_tile(tile, RasterConfig(), tile.frame)
+    for method in (LINEAR, KRIGING):
+        rasterise_tile(tile, RasterConfig(dtm_interpolation=method), tile.frame)
     relief(np.eye(3), 1.0)
     spacing = quantised_spacing(tile.points)
     brightness_raster(tile.points, tile.intensity, np.ones(len(tile), dtype=bool), spacing)
