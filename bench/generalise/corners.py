@@ -69,7 +69,7 @@ class Counts(NamedTuple):
     @property
     def f1(self) -> float:
         """Harmonic mean of precision and recall of the corners at the narrower tolerance."""
-        return 2 * self.near / (self.corners + self.corners_drawn)
+        return 2 * self.near / max(self.corners + self.corners_drawn, 1)
 
 
 def drawn_roofs(folder: Path) -> list[DrawnRoof]:
@@ -142,10 +142,12 @@ def report(data: Path, options: argparse.Namespace) -> str:
 
 def corner_table(counts: Mapping[str, list[Counts]]) -> str:
     """Return a line for each list of counts, all roofs' corners together."""
-    return table(("disturbance", *HEADINGS), ([name, *_cells(group)] for name, group in counts.items()))
+    return table(("disturbance", *HEADINGS), ([name, *cells_of(group)] for name, group in counts.items()))
 
 
-def _cells(group: list[Counts]) -> list[str]:
+def cells_of(group: list[Counts]) -> list[str]:
+    """Return the figures of roofs together in the order of `HEADINGS`."""
+
     def total(name: str) -> int:
         return sum(getattr(one, name) for one in group)
 

@@ -17,13 +17,14 @@ from pathlib import Path
 
 from bench.common.arguments import data_parser
 from bench.common.clouds import data_folder
-from bench.generalise import buildings, corners, ground
+from bench.generalise import buildings, corners, ground, raw
 
 #: Part → what measures it: the data folder and the command line's options → a table.
 PARTS: dict[str, Callable[[Path, argparse.Namespace], str]] = {
     "ground": ground.report,
     "buildings": buildings.report,
     "corners": corners.report,
+    "raw": raw.report,
 }
 
 
@@ -42,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         nargs="+",
         default=[],
         metavar="NAME=VALUE",
-        help="parameters of the part's stage; corners: STAGE.NAME=VALUE",
+        help="parameters of the part's stage; corners, raw: STAGE.NAME=VALUE",
     )
     options = parser.parse_args(arguments)
     for part in options.parts:
