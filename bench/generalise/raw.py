@@ -91,7 +91,7 @@ def models_on_places(
     with tempfile.TemporaryDirectory() as folder:
         source, output = Path(folder) / "places.laz", Path(folder) / "result"
         las.write(source)
-        arguments = ["run", str(source), "--crs", "EPSG:3301", "--output", str(output), "--no-ros"]
+        arguments = ["run", str(source), "--output", str(output), "--no-ros"]
         said = io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             status = command([*arguments, *(["--set", *settings] if settings else [])])
