@@ -77,8 +77,8 @@ class RoofSelectionConfig(StageConfig):
     )
     min_roof_width: float = advanced(
         2.5,
-        "Narrowest part of a roof, with smooth_patches; raising it drops balconies, carports and more "
-        "hedges. Not used where it is less than five spacings.",
+        "Narrowest part of a roof, three fifths of it if it is flat, with smooth_patches; raising it drops "
+        "balconies, carports and more hedges. Not used where it is less than five spacings.",
         unit="m",
         within=(0.0, 20.0),
     )

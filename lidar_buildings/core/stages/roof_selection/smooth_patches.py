@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import Candidates, ne
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.roof_patches import (
     LARGE_PATCH_AREA,
+    MIN_PATCH_AREA,
     find_roof_surface,
     find_voted_surface,
 )
@@ -33,6 +35,8 @@ PART_SINK = 0.5
 MAX_PART_HEIGHT = 3.0
 #: Wider neighbourhoods reach beyond the faces of houses and are hardly ever smooth [m].
 FACE_WIDTH = 4.0
+#: Parts that are flat may be so much narrower than `min_roof_width`.
+FLAT_WIDTH = 0.6
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
 MIN_PLAN_CELL = 0.25
 
@@ -93,8 +97,8 @@ def _without_narrow(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, rejection: NDArray[np.uint8]
 ) -> NDArray[np.bool_]:
     """Take out of the roofs what is too narrow, in plan and on its level, and what is too small; note why."""
+    label, n = _levels_or_flat(candidates, roof, config, rejection)
     # Buildings end, and so do their parts: but for large ones, which are no spots of a crown above a roof.
-    label, n = _levels(candidates, roof, config, rejection)
     building, n_buildings = candidates.buildings(label >= 0, config.min_building_area)
     rejection[(label >= 0) & (building < 0)] = Rejection.SMALL
     label = np.where(_ending(candidates, building, n_buildings), label, -1)
@@ -102,6 +106,39 @@ def _without_narrow(
     ends = _ending(candidates, label, n) | is_large[label]
     rejection[(building >= 0) & ~ends] = Rejection.ENDLESS
     return ends
+
+
+def _levels_or_flat(
+    candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, rejection: NDArray[np.uint8]
+) -> tuple[NDArray[np.int64], int]:
+    """Return the levels as `_levels`, and what is narrower but flat: an annex is, no piece of a crown."""
+    least = max(FLAT_WIDTH * config.min_roof_width, MIN_CELLS * _plan_cell(candidates))
+    wide = _levels(candidates, roof, config, rejection)
+    if least >= config.min_roof_width:
+        return wide
+    why = rejection.copy()
+    label, n = _levels(candidates, roof, replace(config, min_roof_width=least), why)
+    rows = np.flatnonzero((wide[0] < 0) & (label >= 0))
+    is_flat = _flat_parts(candidates, rows, config.max_roughness)
+    rejection[rows[is_flat]] = Rejection.NONE
+    label[rows[~is_flat]] = -1
+    return label, n
+
+
+def _flat_parts(candidates: Candidates, rows: NDArray[np.intp], max_rms: float) -> NDArray[np.bool_]:
+    """Tell which of some points are of connected parts of a patch's area that lie on one plane each."""
+    label, n = candidates.parts(rows, candidates.radius)
+    part, points = label[rows], candidates.points[rows]
+    is_flat = candidates.areas(label, n) >= MIN_PATCH_AREA
+    for number in np.flatnonzero(is_flat).tolist():
+        own = points[part == number]
+        away = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)[-1]
+        is_flat[number] = away <= max_rms * math.sqrt(len(own))
+    return np.asarray(is_flat[part])
+
+
+def _plan_cell(candidates: Candidates) -> float:
+    return max(MIN_PLAN_CELL, 0.5 * candidates.cell)
 
 
 def _levels(
@@ -115,7 +152,7 @@ def _levels(
     """Return each roof point's level, −1 where it is too narrow, or the plan of whole roofs is; note why."""
     rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
     if not is_bare:
-        plan = sort_by_cell(plan.points, max(MIN_PLAN_CELL, 0.5 * candidates.cell))
+        plan = sort_by_cell(plan.points, _plan_cell(candidates))
         rows = rows[plan.rows]
         is_wide = wide_enough(plan, config.min_roof_width)[plan.cell]
         rejection[rows[~is_wide]] = Rejection.NARROW_PART

@@ -97,6 +97,18 @@ def test_a_smooth_spot_of_a_crown_that_has_grown_onto_a_roof_is_no_part_of_it():
     assert not found[len(roof) :].any()
 
 
+@pytest.mark.parametrize(("bulge", "share"), [(0.0, 1.0), (0.8, 0.0)], ids=["annex", "crown"])
+def test_what_is_narrow_beside_a_house_is_roof_if_it_is_flat(bulge, share):
+    rng = np.random.default_rng(0)
+    house = patch_of(rng, 0, 18, 0, 16, (8.99, 9.01))
+    beside = patch_of(rng, 18.5, 21.5, 3, 13, (4.98, 5.02))
+    beside[:, 2] += bulge * np.cos(0.3 * (beside[:, 1] - 8.0))
+    points = np.vstack([house, beside, patch_of(rng, -8, 30, -8, 26, 0.0)]) * (0.6, 0.6, 1.0)
+    found = select_roofs(points, height_above_ground=points[:, 2]).classification == BUILDING
+    assert found[: len(house)].mean() > 0.99
+    assert found[len(house) : len(house) + len(beside)].mean() == pytest.approx(share, abs=0.05)
+
+
 def test_a_large_part_of_a_roof_may_have_trees_all_along_its_free_rim():
     rng = np.random.default_rng(0)
     transept, nave = patch_of(rng, 20, 28, 0, 12, 10.0), patch_of(rng, 0, 20, -4, 16, 6.0)
