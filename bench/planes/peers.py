@@ -6,8 +6,8 @@ A peer is taken in if `pip` installs it from a wheel on Linux with Python 3.11 a
 ============  =========  ====================================================================================
 package       licence    verdict
 ============  =========  ====================================================================================
-open3d        MIT        taken: ``segment_plane`` (RANSAC), plane by plane, the largest cluster (DBSCAN) of
-                         its inliers each time; and ``detect_planar_patches`` (Araújo and Oliveira 2020)
+open3d        MIT        taken: ``segment_plane`` (RANSAC), plane by plane, a method of the stage; and
+                         ``detect_planar_patches`` (Araújo and Oliveira 2020)
 CGAL          GPL        left out: the licence
 pyransac3d    Apache-2   left out: the same RANSAC in Python, slower
 ============  =========  ====================================================================================
@@ -24,13 +24,6 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.plane_fitting.config import AS_PUBLISHED, PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.fitting import fit_roof_planes
-
-#: What was best on the labelled roofs: tolerance [m], samples, reach of clusters [m], fewest points.
-TUNED = {"tolerance": 0.2, "n_samples": 1000, "reach": 1.5, "fewest": 30}
-#: The defaults of Open3D's function; every plane is the whole set of inliers.
-UNTUNED = {"tolerance": 0.01, "n_samples": 100, "reach": 0.0, "fewest": 3}
-#: Planes sought on one roof at most.
-MOST_PLANES = 60
 
 
 class Method(NamedTuple):
@@ -51,31 +44,6 @@ def own_method(config: PlaneFittingConfig) -> Method:
     return Method(lambda points: fit_roof_planes(points, config).plane_id.astype(np.int64))
 
 
-def open3d_ransac(
-    points: NDArray[np.float64], tolerance: float, n_samples: int, reach: float, fewest: int
-) -> NDArray[np.int64]:
-    """
-    Take planes out one after the other; of each only the largest cluster of inliers if there is a `reach`.
-    """
-    import open3d
-
-    open3d.utility.random.seed(0)
-    plane_id = np.zeros(len(points), dtype=np.int64)
-    for number in range(1, MOST_PLANES + 1):
-        free = np.flatnonzero(plane_id == 0)
-        if len(free) < max(fewest, 3):
-            break
-        cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points[free]))
-        rows = np.asarray(cloud.segment_plane(tolerance, 3, n_samples)[1], dtype=np.int64)
-        if reach > 0.0 and len(rows):
-            label = np.asarray(cloud.select_by_index(rows).cluster_dbscan(reach, 5))
-            rows = rows[label == np.bincount(label[label >= 0]).argmax()] if (label >= 0).any() else rows[:0]
-        if len(rows) < fewest:
-            break
-        plane_id[free[rows]] = number
-    return plane_id
-
-
 def open3d_patches(points: NDArray[np.float64], **settings: Any) -> NDArray[np.int64]:
     """Detect planar patches, and give each the points inside its box that no larger one has."""
     import open3d
@@ -90,11 +58,20 @@ def open3d_patches(points: NDArray[np.float64], **settings: Any) -> NDArray[np.i
     return plane_id
 
 
+def as_set(name: str) -> Method:
+    """Return one of this package's other methods, which may need the package of that name."""
+
+    def find(points: NDArray[np.float64]) -> NDArray[np.int64]:
+        return own_method(PlaneFittingConfig(method=name)).find(points)
+
+    return Method(find, name if name == "open3d" else "lidar_buildings")
+
+
 #: Name → method, this package's first.
 METHODS = {
     "lidar_buildings": own_method(PlaneFittingConfig()),
     "as published": own_method(AS_PUBLISHED),
-    "open3d ransac, tuned": Method(lambda points: open3d_ransac(points, **TUNED), "open3d"),
-    "open3d ransac, defaults": Method(lambda points: open3d_ransac(points, **UNTUNED), "open3d"),
+    "fuzzy k-means": as_set("fuzzy_k_means"),
+    "open3d": as_set("open3d"),
     "open3d patches": Method(open3d_patches, "open3d"),
 }

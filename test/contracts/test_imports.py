@@ -53,7 +53,7 @@ WITHOUT_ROS = {
 }
 WITH_ROS = {"lidar_buildings.commands.run", "lidar_buildings.commands.running_graph"}
 #: Third-party packages that the core is made of.
-CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "threadpoolctl", "shapely"}
+CORE_LIBRARIES = {"numpy", "scipy", "numba", "sklearn", "threadpoolctl", "shapely", "open3d"}
 
 
 def layer_of(module):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from typing import ClassVar
 
+from lidar_buildings.core.model.errors import ParameterError
 from lidar_buildings.core.model.parameters import StageConfig, advanced, parameter
 
 
@@ -16,9 +18,10 @@ class PlaneFittingConfig(StageConfig):
 
     method: str = advanced(
         "connected",
-        "How planes are found: connected, each a piece of surface, as many as pay; or ransac, one after "
-        "the other out of all points, as published.",
-        choices=("connected", "ransac"),
+        "How planes are found: connected, each a piece of surface, as many as pay; as published, ransac, one "
+        "after the other out of all points, or fuzzy_k_means, clusters of normals; or open3d, that library's "
+        "RANSAC.",
+        choices=("connected", "ransac", "fuzzy_k_means", "open3d"),
     )
     max_plane_distance: float = parameter(
         0.18,
@@ -67,6 +70,15 @@ class PlaneFittingConfig(StageConfig):
     random_state: int = advanced(
         0, "Seed of the random samples; another value draws others.", within=(0, None)
     )
+
+    def __post_init__(self) -> None:
+        """Check what the base checks, and that Open3D is there if it is asked for."""
+        super().__post_init__()
+        if self.method == "open3d" and importlib.util.find_spec("open3d") is None:
+            raise ParameterError(
+                "plane_fitting.method = 'open3d': Open3D is not installed: "
+                "pip install 'lidar_buildings[view]', or choose another method"
+            )
 
 
 #: The method of Mancera-Taboada et al. (2012): planes out of all points, one after the other.

@@ -15,10 +15,19 @@ from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, measure_spacing
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
 from lidar_buildings.core.stages.plane_fitting.connected import connected_planes
+from lidar_buildings.core.stages.plane_fitting.fuzzy_clusters import fuzzy_planes
 from lidar_buildings.core.stages.plane_fitting.model_selection import plane_sums
+from lidar_buildings.core.stages.plane_fitting.open3d_planes import open3d_planes
 from lidar_buildings.core.stages.plane_fitting.ransac import ransac_planes
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane, centroids_and_scatters, fitted_planes
 
+#: Method → how it numbers the planes of points near the origin.
+METHODS = {
+    "connected": connected_planes,
+    "ransac": ransac_planes,
+    "fuzzy_k_means": fuzzy_planes,
+    "open3d": open3d_planes,
+}
 #: The largest number that `plane_id` can hold.
 MAX_PLANES = 65535
 #: Points whose variance across a line is no larger than this, relative to that along, are on it.
@@ -46,7 +55,8 @@ def fit_roof_planes(
     whose surroundings lie along them; then they compete: points move to the plane that they are nearest to,
     and planes join or dissolve wherever the points are described as well without them (an energy of fit,
     smoothness and number of planes as of Isack and Boykov 2012). With the method ``"ransac"``, planes are
-    taken out of all points one after the other (Mancera-Taboada et al. 2012).
+    taken out of all points one after the other (Mancera-Taboada et al. 2012); with ``"fuzzy_k_means"`` they
+    are clusters of normals (Sampath & Shan 2010); with ``"open3d"`` that library's RANSAC finds them.
 
     - `points`, shape (n_points, 3): The building's roof points, in any order [m].
     - `point_spacing`, optional: Spacing of the cloud that the points are of [m]; measured on the points if
@@ -78,8 +88,7 @@ def number_planes(
     near = given - extent_of(given)[0]
     spacing = point_spacing or measure_spacing(near, FEW_PROBES)
     min_points = max(config.min_plane_points, math.ceil(config.min_plane_area / spacing**2))
-    find = ransac_planes if config.method == "ransac" else connected_planes
-    return _numbered_by_size(near, find(near, spacing, min_points, config))
+    return _numbered_by_size(near, METHODS[config.method](near, spacing, min_points, config))
 
 
 def _why_degenerate(points: FloatArray) -> str:
