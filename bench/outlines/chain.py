@@ -102,11 +102,15 @@ def chain_of(roofs: PointTile, configs: PipelineConfig) -> Chain:
     return Chain(buildings, seconds)
 
 
-def bias_variants(configs: PipelineConfig) -> dict[str, PipelineConfig]:
-    """Return the configs to compare by name: with and without the correction of the lidar's bias."""
+def variants(configs: PipelineConfig) -> dict[str, PipelineConfig]:
+    """Return the configs to compare by name: the bias of lidar left and corrected, and another ring."""
+    corrected = replace(configs.regularisation, correct_bias=True)
     return {
-        name: replace(configs, regularisation=replace(configs.regularisation, correct_bias=corrected))
-        for name, corrected in (("through the points", False), ("bias corrected", True))
+        "through the points": configs,
+        "bias corrected": replace(configs, regularisation=corrected),
+        "alpha shape": replace(
+            configs, boundary_tracing=replace(configs.boundary_tracing, method="alpha_shape")
+        ),
     }
 
 

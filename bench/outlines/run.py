@@ -25,7 +25,7 @@ from collections.abc import Callable, Sequence
 from bench.common.arguments import add_pictures, config_of, data_parser, picture_folder
 from bench.common.clouds import data_folder
 from bench.outlines import table1
-from bench.outlines.chain import bias_variants
+from bench.outlines.chain import variants
 from bench.outlines.delft import delft_tables, read_delft, run_all
 from bench.outlines.peers import PEERS, is_installed
 from bench.outlines.pictures import draw_map, draw_scenes
@@ -51,7 +51,7 @@ def run_scenes(options: argparse.Namespace) -> None:
             drop_outs=options.drop_outs,
         )
     ]
-    runs = {f"ours, {name}": (OURS, configs) for name, configs in bias_variants(options.configs).items()}
+    runs = {f"ours, {name}": (OURS, configs) for name, configs in variants(options.configs).items()}
     if OURS not in options.methods:
         runs = {}
     runs.update({name: (name, None) for name in options.methods if name != OURS})
@@ -76,7 +76,7 @@ def run_streets(options: argparse.Namespace) -> None:
 def run_delft(options: argparse.Namespace) -> None:
     """Compare outlines of Delft with the map, ours and the peers'."""
     cloud, reference = read_delft(options.data_folder)
-    configs = bias_variants(options.configs) if OURS in options.methods else {}
+    configs = variants(options.configs) if OURS in options.methods else {}
     peers = [name for name in options.methods if name != OURS]
     peered = run_all(cloud, configs or {"as set": options.configs}, peers, options.repeats)
     print(f"Delft: {len(cloud.roofs)} roof points ({cloud.classes} classes), {peered.n_clusters} clusters")

@@ -90,7 +90,7 @@ def test_delft_is_measured_on_the_same_clusters_for_all(data, tmp_path, capsys):
     outlines.main([*arguments, "--methods", *methods])
     output = capsys.readouterr().out
     assert "provider classes), 2 clusters" in output
-    for method in ("ours, through", "ours, bias", "concave_hull ", "concave_hull_simplified "):
+    for method in ("ours, through", "ours, bias", "ours, alpha", "concave_hull ", "concave_hull_simplified "):
         quality, times = lines_of(output, method)[-2:]
         assert "2/2" in quality
         assert float(times.split()[-1]) > 0

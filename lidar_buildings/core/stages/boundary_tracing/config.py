@@ -14,6 +14,18 @@ class BoundaryTracingConfig(StageConfig):
 
     stage: ClassVar[str] = "boundary_tracing"
 
+    method: str = advanced(
+        "walk",
+        "How the ring is found: by a walk from neighbour to neighbour (Sampath & Shan, 2007), or as an alpha "
+        "shape with a radius by the local spacing (dos Santos, Galo & Carrilho, 2019), which asks no ground.",
+        choices=("walk", "alpha_shape"),
+    )
+    alpha: float = advanced(
+        1.5,
+        "Radius of the alpha shape; raising it smooths the ring and closes wider gaps.",
+        unit="spacings",
+        within=(0.5, 20.0),
+    )
     source: str = advanced(
         "points",
         "Which points of a building are traced: all, or those labelled as edges, as Santos and others "

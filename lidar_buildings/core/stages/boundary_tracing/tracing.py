@@ -14,6 +14,7 @@ from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.neighbours.point_spacing import FEW_PROBES, given_or_measured, measure_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.stages.boundary_tracing.alpha_shape import alpha_rings
 from lidar_buildings.core.stages.boundary_tracing.config import BoundaryTracingConfig
 from lidar_buildings.core.stages.boundary_tracing.courtyards import CourtyardRules
 from lidar_buildings.core.stages.boundary_tracing.open_ground import (
@@ -99,7 +100,7 @@ def trace_boundary(
     help, the ring comes from a triangulation. Courtyards are empty discs inside the ring that are wide
     enough and have roof all round; their rims are walked in the same way. Where the rings enclose ground that
     was seen, they are walked once more, and no step crosses it: what is open within is a courtyard, however
-    narrow.
+    narrow. With the method ``"alpha_shape"`` the ring is that of `alpha_rings`.
 
     - `points`, shape (n_points, 3): The building's points, in any order [m].
     - `pattern`, optional: Spacing along and across the scan lines: the neighbourhood is a rectangle with
@@ -130,6 +131,9 @@ def trace_boundary(
     if why_degenerate:
         outline = Outline(_simple_cover(np.column_stack([grid.x, grid.y]), spacing))
         return TracedBoundary(outline, spacing, BuildingStatus.DEGENERATE, why_degenerate)
+    if config.method == "alpha_shape":
+        outline, reason = alpha_rings(np.column_stack([grid.x, grid.y]), config)
+        return TracedBoundary(outline, spacing, BuildingStatus.OK, reason)
     yards = CourtyardRules(
         radius=_MIN_COURTYARD_WIDTH * spacing / 2,
         min_area=config.min_courtyard_area,
