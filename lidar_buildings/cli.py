@@ -6,10 +6,12 @@ import argparse
 import atexit
 import gc
 import os
+import re
 import signal
 import sys
 import traceback
 from contextlib import suppress
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -40,11 +42,19 @@ _STATUSES = (
 )
 
 
+#: What argparse says of a word that is none of those it knows.
+_WRONG_CHOICE = re.compile(r"invalid choice: '(?P<word>[^']*)' \(choose from (?P<choices>.*)\)")
+
+
 class OneLineParser(argparse.ArgumentParser):
     """Reports wrong use in one line, as every other error."""
 
     def error(self, message: str) -> NoReturn:
         """Print one line and exit."""
+        if wrong := _WRONG_CHOICE.search(message):
+            choices = wrong["choices"].replace("'", "").split(", ")
+            if near := get_close_matches(wrong["word"], choices, 1):
+                message = f"{message[: wrong.start()]}no {wrong['word']!r}: did you mean {near[0]}?"
         self.exit(ExitStatus.WRONG_USE, f"{self.prog}: {message} (see --help)\n")
 
 
@@ -75,7 +85,12 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a name, or ×, that the terminal's encoding lacks ends no command
             stream.reconfigure(errors="backslashreplace")
-    options = command_parser().parse_args(arguments)
+    parser = command_parser()
+    words = sys.argv[1:] if arguments is None else arguments
+    if not words:
+        parser.print_help()
+        return ExitStatus.DONE
+    options = parser.parse_args(words)
     # Matrices are small, and threads that wait for the next one keep cores from tiles.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported late: --help answers at once, and malloc can be tuned before ROS allocates.

@@ -74,8 +74,8 @@ def test_the_commands_have_the_options_of_the_contract(name, expected):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "COMMAND"),
         (["walk"], "'walk'"),
+        (["rnu"], "no 'rnu': did you mean run?"),
         (["run", "a.laz", "--output"], "--output"),
         (["run", "--output", "out"], "INPUT"),
         (["run", "a.laz", "--output", "out", "--tile-siz", "x"], "'x'"),
@@ -87,6 +87,12 @@ def test_the_commands_have_the_options_of_the_contract(name, expected):
 )
 def test_wrong_use_gives_one_line_and_status_2(command, arguments, words):
     assert words in command.refused(*arguments)
+
+
+def test_the_command_alone_shows_its_help(command):
+    spoken = command()
+    assert (spoken.status, spoken.err) == (0, [])
+    assert "Raw lidar in, valid 3D city models out." in spoken.out
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,11 @@ def test_a_place_within_an_outline_means_its_building(capsys, result):
     assert explained(capsys, result, source(5.0, 4.0)) == explained(capsys, result, 5)
 
 
+def test_a_place_just_beside_an_outline_means_its_building(capsys, result):
+    assert explained(capsys, result, source(-0.6, 4.0)) == explained(capsys, result, 5)
+    assert "No building at" in explained(capsys, result, source(-7.0, 20.0))
+
+
 def test_a_building_without_solid_tells_its_reason(capsys, result):
     text = explained(capsys, result, 7)
     assert "degenerate" in text

@@ -155,6 +155,8 @@ def _rejected_surfaces(
 
 #: A place as X,Y in the source's coordinates.
 _PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
+#: A place so near to a building means that building [m]: beside its outline, or where its name says it stands.
+_BESIDE = 1.0
 #: How far round a place points are looked at [m].
 _RADIUS = 8.0
 #: How far beyond these lie the points by which roof selection decides on them: across a building [m].
@@ -168,7 +170,8 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
     """
     Return the building that a name means, or a place in the map frame [m] where there is none.
 
-    A name is a building's readable id or the end of it, its number, the name of its footprint, or X,Y.
+    A name is a building's readable id or the end of it, its number, the name of its footprint, or X,Y within
+    a metre of it.
     InputError if no building or several are called so.
     """
     found = [
@@ -186,8 +189,10 @@ def find_building(result: Result, name: str) -> ReportedBuilding | tuple[float, 
             "give a readable_id or a building_id of buildings.gpkg, or X,Y"
         )
     x, y, _ = result.frame.to_map(np.array([[float(place[1]), float(place[2]), 0.0]]))[0].tolist()
-    here = [one for one in result.buildings if one.shape is not None and shapely.contains_xy(one.shape, x, y)]
-    return here[0] if here else (x, y)
+    known = [one for one in result.buildings if one.shape is not None and not one.shape.is_empty]
+    away = shapely.distance(np.array([one.shape for one in known]), shapely.Point(x, y))
+    nearest = int(np.argmin(away)) if len(known) else -1
+    return known[nearest] if len(known) and away[nearest] <= _BESIDE else (x, y)
 
 
 def explain_building(result: Result, building: ReportedBuilding) -> str:
