@@ -155,7 +155,7 @@ def _rejected_surfaces(
 
 #: A place as X,Y in the source's coordinates.
 _PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*[, ]\s*([-+]?\d+(?:\.\d*)?)\s*")
-#: A place so near to a building means that building [m]: beside its outline, or where its name says it stands.
+#: A place so near to a building means that building [m]: its name may say a place beside its outline.
 _BESIDE = 1.0
 #: How far round a place points are looked at [m].
 _RADIUS = 8.0
