@@ -148,6 +148,7 @@ def command_parser() -> argparse.ArgumentParser:
         ("run", add_run_arguments, _run, "turn point clouds into classified points, outlines and models"),
         ("plan", add_plan_arguments, "commands.plan", "estimate what a run will take, from headers alone"),
         ("inspect", _add_inspect, "commands.inspect", "describe files and bags"),
+        ("adjust", _add_adjust, "commands.adjust", "lay overlapping flight strips on each other"),
         ("live", _add_live, "commands.live", "process the feed of a scanner until interrupted"),
         ("simulate", _add_simulate, _simulate, "simulate a survey with ground truth"),
         ("score", add_score_arguments, "evaluation.command.score", "compare a result with a reference"),
@@ -226,6 +227,15 @@ def _add_live(parser: argparse.ArgumentParser) -> None:
 def _add_inspect(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, bags, folders of them or globs")
+    add("--json", action="store_true", help="print JSON, for scripts")
+
+
+def _add_adjust(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("input", nargs="+", metavar="INPUT", help="LAS, LAZ or COPC files, folders of them or globs")
+    add("--output", type=Path, metavar="DIR", help="new folder for copies with the strips shifted")
+    weak = "with --output: withhold points whose intensity, 0 to 255 by strip, is less (default: 0, none)"
+    add("--min-intensity", type=float, default=0.0, metavar="G", help=weak)
     add("--json", action="store_true", help="print JSON, for scripts")
 
 

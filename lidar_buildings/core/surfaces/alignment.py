@@ -19,7 +19,7 @@ GROUND_CELL, MIN_GROUND = 1.0, 100
 _VOXEL, _GROWTH, _MOST_POINTS = 0.15, 1.3, 120_000
 #: Neighbours that a plane goes through, how far they lie from it at most (RMS) [m], and the least part of the
 #: greater of their other two variances that the lesser is.
-_N_NEAR, _MAX_ROUGH, _MIN_WIDE = 12, 0.05, 0.05
+N_NEAR, _MAX_ROUGH, _MIN_WIDE = 12, 0.05, 0.05
 #: Vertical part of the normals of walls at most, and of ground and roofs at least.
 _WALL, _LEVEL = 0.2, 0.8
 #: So far from the top and the foot of what a place holds points are of its walls [m].
@@ -89,7 +89,7 @@ def align(street: _Floats, above: _Floats) -> Alignment | None:
     rise, _, n_cells = height_offset(street, above)
     if n_cells < MIN_GROUND:
         return None
-    places, normals = _planes(_thinned(street))
+    places, normals = planes_at(thinned(street))
     pivot = np.median(places[:, :2], axis=0)
     steepness = np.abs(normals[:, 2])
     walls, level = (_few(np.flatnonzero(rows)) for rows in (steepness <= _WALL, steepness >= _LEVEL))
@@ -153,9 +153,13 @@ def _compared(
     normal, arm = normals[near] @ turn, now[near, :2] - found.pivot - found.shift[:2]
     residual = ((points[rows] - now[near]) * normal).sum(axis=1)
     turning = normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]
+    return np.column_stack([normal, turning]), residual, tukey_weights(residual)
+
+
+def tukey_weights(residual: _Floats) -> _Floats:
+    """Return weights that fall from 1 to 0 beyond `_TUKEY` robust standard deviations (the biweight)."""
     sigma = max(1.4826 * float(np.median(np.abs(residual))), _LEAST_SIGMA) if len(residual) else 1.0
-    weight = np.square(np.clip(1.0 - np.square(residual / (_TUKEY * sigma)), 0.0, None))
-    return np.column_stack([normal, turning]), residual, weight
+    return np.square(np.clip(1.0 - np.square(residual / (_TUKEY * sigma)), 0.0, None))
 
 
 def _figures(residual: _Floats, weight: _Floats) -> tuple[int, float]:
@@ -163,7 +167,8 @@ def _figures(residual: _Floats, weight: _Floats) -> tuple[int, float]:
     return len(used), float(np.sqrt(np.mean(used**2))) if len(used) else math.inf
 
 
-def _thinned(points: _Floats) -> _Floats:
+def thinned(points: _Floats) -> _Floats:
+    """Return one point of each voxel of `_VOXEL`, or of wider ones until `_MOST_POINTS` are left."""
     voxel = _VOXEL
     while True:
         places = np.floor(points / voxel).astype(np.int64) @ np.array([2**42, 2**21, 1])
@@ -173,9 +178,9 @@ def _thinned(points: _Floats) -> _Floats:
         voxel *= _GROWTH
 
 
-def _planes(points: _Floats) -> tuple[_Floats, _Floats]:
-    """Return points about which others lie on a plane, and its unit normal."""
-    near = cKDTree(points).query(points, min(_N_NEAR, len(points)))[1].reshape(len(points), -1)
+def planes_at(points: _Floats) -> tuple[_Floats, _Floats]:
+    """Return points, of some of shape (n, 3), about which others lie on a plane, and its unit normal [m]."""
+    near = cKDTree(points).query(points, min(N_NEAR, len(points)))[1].reshape(len(points), -1)
     around = points[near]
     around -= around.mean(axis=1, keepdims=True)
     values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around) / near.shape[1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -270,10 +270,8 @@ def write_classified(
     """
     dimensions = DIMENSIONS | _VIEW if has_views else DIMENSIONS
     out, written = output_format(cloud, dimensions), ClassifiedCloud(cloud)
-    with checked_file(path) as file:
-        writer = laspy.LasWriter(
-            file, out.header, do_compress=path.suffix == ".laz", laz_backend=laz_backend(), closefd=False
-        )
+
+    def classified() -> Iterator[NDArray[Any]]:
         first = 0
         for chunk in cloud.chunks():
             results = rows(first, first + len(chunk))
@@ -283,12 +281,49 @@ def write_classified(
                 results["height_above_ground"][beyond] = np.nan
             points = _classified(chunk, results, out, cloud, dimensions)
             written.add(chunk, _classes(points, cloud))
-            writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
+            yield points
             first += len(chunk)
+
+    _write(cloud, out, classified(), path)
+    return written
+
+
+def write_changed(cloud: Cloud, change: Callable[[laspy.ScaleAwarePointRecord], None], path: Path) -> None:
+    """
+    Write every point of the input in its order, with all its dimensions and records, changed in place.
+
+    InputError or OutputError as by `write_classified`.
+    """
+    out = output_format(cloud, {})
+
+    def changed() -> Iterator[NDArray[Any]]:
+        for chunk in cloud.chunks():
+            change(chunk)
+            yield _copied(chunk, out)
+
+    _write(cloud, out, changed(), path)
+
+
+def _write(cloud: Cloud, out: OutputFormat, blocks: Iterable[NDArray[Any]], path: Path) -> None:
+    with checked_file(path) as file:
+        writer = laspy.LasWriter(
+            file, out.header, do_compress=path.suffix == ".laz", laz_backend=laz_backend(), closefd=False
+        )
+        for points in blocks:
+            writer.write_points(laspy.PackedPointRecord(points, writer.header.point_format))
         _finish(writer, file, cloud)
         _restore_header(file, cloud.raw, out, writer.header)
         file.flush()
-    return written
+
+
+def _copied(chunk: laspy.ScaleAwarePointRecord, out: OutputFormat) -> NDArray[Any]:
+    points = np.zeros(len(chunk), out.dtype)
+    given = chunk.array.view(np.uint8).reshape(len(points), -1)
+    written = points.view(np.uint8).reshape(len(points), -1)
+    first, behind = out.left_out.start, out.left_out.stop
+    written[:, :first] = given[:, :first]
+    written[:, first : given.shape[1] - behind + first] = given[:, behind:]
+    return points
 
 
 def _classified(
@@ -298,12 +333,7 @@ def _classified(
     cloud: Cloud,
     dimensions: Mapping[str, _Dimension],
 ) -> NDArray[Any]:
-    points = np.zeros(len(chunk), out.dtype)
-    given = chunk.array.view(np.uint8).reshape(len(points), -1)
-    written = points.view(np.uint8).reshape(len(points), -1)
-    first, behind = out.left_out.start, out.left_out.stop
-    written[:, :first] = given[:, :first]
-    written[:, first : given.shape[1] - behind + first] = given[:, behind:]
+    points = _copied(chunk, out)
     known = results["known"].astype(bool)
     decided = known & ~np.asarray(chunk.withheld, dtype=bool)
     if cloud.header.point_format.id < FIRST_EXTENDED_FORMAT:
