@@ -28,9 +28,13 @@ from lidar_buildings.evaluation.readers.city_model import (
 )
 from lidar_buildings.evaluation.readers.labelled_points import EDGES, LabelledPoints, has_clouds, read_labels
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
+from lidar_buildings.evaluation.readers.terrain import read_dtm
 from lidar_buildings.evaluation.readers.true_lengths import scale_of, scaled
-from lidar_buildings.evaluation.scores import cells, edges, models, outlines, planes
+from lidar_buildings.evaluation.scores import cells, control, edges, models, outlines, planes
 from lidar_buildings.evaluation.scores.cells import CellSet, Confusion, Figures, confusion_of, named, ratio
+
+#: Classes of a control cloud that are neither walls nor roofs: ground, vegetation, noise, water.
+_NO_BUILDING = (2, 3, 4, 5, 7, 9, 11, 18)
 
 _Side = TypeVar("_Side", LabelledPoints, MetricPolygons, CityModel)
 
@@ -270,6 +274,24 @@ def _check_same_system(result: str, reference: str, area: MetricPolygons | None)
         )
 
 
+def control_figures(result: Path, reference: Path, options: ScoreOptions) -> Figures:
+    """Compare terrain, walls and roofs of a run with a denser, sharper cloud of the same place."""
+    model = read_city_model(result)
+    cloud = read_labels(reference, prefer_truth=True)
+    _check_same_system(model.crs, cloud.crs, options.area)
+    inside = _is_inside(cloud.points, options.area)
+    points, classes = cloud.points[inside], cloud.labels[0][inside]
+    is_ground = np.isin(classes, list(options.reference_classes or cells.REFERENCE_GROUND))
+    figures = {"lod": options.lod, "n_points": len(points)}
+    terrain = control.terrain_differences(*read_dtm(result, points[is_ground]))
+    figures |= named("terrain", control.difference_figures(terrain))
+    scale = scale_of(model)
+    model = scaled(model, scale)
+    solids = [building.finest(options.lod)[1] for building in model.buildings]
+    above = points[~is_ground & ~np.isin(classes, _NO_BUILDING)] * (scale, scale, 1.0)
+    return {**figures, "n_models": len(solids), **control.score_control(solids, above)}
+
+
 FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], Figures]] = {
     "ground": ground_figures,
     "buildings": building_figures,
@@ -277,4 +299,5 @@ FIGURES: dict[str, Callable[[Path, Path, ScoreOptions], Figures]] = {
     "edges": edge_figures,
     "planes": plane_figures,
     "models": model_figures,
+    "control": control_figures,
 }

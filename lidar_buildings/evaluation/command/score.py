@@ -56,6 +56,7 @@ KINDS = {
     "edges": {"reference_classes"},
     "planes": set(),
     "models": {"lod", "corner_tolerance", "reference_classes"},
+    "control": {"lod", "reference_classes"},
 }
 
 
@@ -82,12 +83,13 @@ def run_score(
     **options: Any,
 ) -> Score:
     """
-    Compare a result with a reference in ground, buildings, outlines, edges, planes or models (`kind`).
+    Compare a result with a reference in one of `KINDS`: ground, buildings, outlines, edges, planes, models.
 
     Either is a LAS or LAZ file, a folder of them or the output folder of a run; or a file of polygons. Ground
     needs clouds, outlines need polygons, buildings take either on both sides, edges take either as reference.
     Planes need clouds: with PlaneId, and with TruePlane, PlaneId or colours as reference. Models need
-    CityJSON, and CityJSON or clouds as reference. Two clouds must hold the same points in the same order.
+    CityJSON, and CityJSON or clouds as reference; control needs the folder of a run, and clouds as reference,
+    denser ones of the same place. Two clouds of other kinds must hold the same points in the same order.
 
     Of `aoi`, a file of polygons, only what lies inside counts; `options` are members of `ScoreOptions`.
     InputError if a file cannot be read or the two sides cannot be compared; ParameterError if the kind or an
@@ -127,7 +129,11 @@ def add_score_arguments(parser: argparse.ArgumentParser) -> None:
     corner = "outlines, models: largest distance between matching corners [m]"
     corner += f" (default: {default.corner_tolerance})"
     add("--corner-tolerance", type=float, metavar="M", help=corner)
-    add("--lod", choices=LODS, help=f"models: finest level of detail to compare (default: {LODS[-1]})")
+    add(
+        "--lod",
+        choices=LODS,
+        help=f"models, control: finest level of detail to compare (default: {LODS[-1]})",
+    )
     add("--json", action="store_true", help="print JSON with unrounded numbers")
 
 
