@@ -64,7 +64,7 @@ def options_of(name):
             {"INPUT", "--output", "--params", "--set", "--until", "--tile-size", "--no-ros", "--overwrite"},
         ),
         ("simulate", {"--output", "--scene", "--seed"}),
-        ("score", {"{ground,buildings,outlines,edges,planes,models}", "RESULT", "REFERENCE"}),
+        ("score", {"{ground,buildings,outlines,edges,planes,models,control}", "RESULT", "REFERENCE"}),
     ],
 )
 def test_the_commands_have_the_options_of_the_contract(name, expected):
