@@ -31,9 +31,11 @@ def test_without_ros_every_point_is_classified_and_every_building_is_there_once(
     assert_complete(survey, without_ros, min_tiles=12)
 
 
-def test_nodes_that_share_the_tiles_give_the_same_files(survey, without_ros, tmp_path):
-    output = tmp_path / "replicas"
+def test_nodes_that_share_the_tiles_beside_another_graph_give_the_same_files(survey, without_ros, tmp_path):
+    output, other = tmp_path / "replicas", tmp_path / "other"
     files = sorted(survey.glob("*.laz"))
+    command = [sys.executable, "-m", "lidar_buildings.cli", "run", files[0], "--output", other]
+    beside = subprocess.Popen([*command, "--tile-size", "150", "--namespace", "other"])
     replicas = {"roof_selector": 2, "building_tracer": 2, "model_builder": 2}
     given = {"tile_size": TILE_SIZE, "max_tiles_in_flight": 4}
     with NodeProcesses(files, output, "shared", tmp_path, replicas=replicas, **given) as graph:
@@ -43,6 +45,9 @@ def test_nodes_that_share_the_tiles_give_the_same_files(survey, without_ros, tmp
     told = json.loads((output / "run.json").read_text())
     assert told["seconds"].keys() >= {"roof_selection", "building_model"}
     assert "replicas" not in told["parameters"]
+    assert beside.wait(400) == 0
+    assert len(list((other / "classified").iterdir())) == 1
+    assert_buildings_once(other)
 
 
 @pytest.fixture
@@ -82,19 +87,3 @@ def test_every_node_may_be_killed_and_restarted_in_mid_run(survey, without_ros, 
             graph.start(name, slow.get(name))
         assert graph.wait_until_written(400) == 0, graph.tails()
     assert contents(tmp_path / "out") == contents(without_ros)
-
-
-def test_two_instances_run_side_by_side_under_different_namespaces(survey, without_ros, tmp_path):
-    command = [sys.executable, "-m", "lidar_buildings.cli", "run"]
-    options = {
-        "left": [str(survey), "--tile-size", str(TILE_SIZE)],
-        "right": [str(sorted(survey.glob("*.laz"))[0]), "--tile-size", "150"],
-    }
-    both = [
-        subprocess.Popen([*command, *given, "--output", str(tmp_path / name), "--namespace", name])
-        for name, given in options.items()
-    ]
-    assert [run.wait(400) for run in both] == [0, 0]
-    assert contents(tmp_path / "left") == contents(without_ros)
-    assert len(list((tmp_path / "right" / "classified").iterdir())) == 1
-    assert_buildings_once(tmp_path / "right")
