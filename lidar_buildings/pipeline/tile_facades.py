@@ -73,9 +73,9 @@ def map_tile_facades(
     return MappedFacades(facades, shown)
 
 
-def map_road_facades(strip: PointTile, config: FacadesConfig) -> MappedFacades:
-    """Find and map the façades of a strip of a vehicle's way, whose ground is not known yet."""
-    filtered = filter_ground(strip, GroundFilterConfig()).tile
+def map_road_facades(place: PointTile, config: FacadesConfig) -> MappedFacades:
+    """Find and map the façades of a place beside a vehicle's way, whose ground is not known yet."""
+    filtered = filter_ground(place, GroundFilterConfig()).tile
     return map_tile_facades(street_points(filtered), (), config)
 
 
@@ -103,12 +103,14 @@ def _with_eaves(
     """Return façades with some of the points before them, near their top, under their building's roof."""
     roofs = {one.building_id: one.outline.polygon for one in outlines}
     above = points[points[:, 2] >= min((one.top for one in found), default=0.0) - _BELOW_TOP]
+    above = above[np.argsort(above[:, 0], kind="stable")]
     with_points = []
     for one in found:
         if one.building_id in roofs:
             low, high = one.foot.min(axis=0) - EAVES_REACH, one.foot.max(axis=0) + EAVES_REACH
-            near = above[((above[:, :2] >= low) & (above[:, :2] <= high)).all(axis=1)]
-            near = near[near[:, 2] >= one.top - _BELOW_TOP]
+            near = above[slice(*np.searchsorted(above[:, 0], (low[0], high[0])))]
+            is_beside = (near[:, 1] >= low[1]) & (near[:, 1] <= high[1])
+            near = near[is_beside & (near[:, 2] >= one.top - _BELOW_TOP)]
             places, line = shapely.points(near[:, :2]), shapely.LineString(one.foot)
             away = shapely.distance(line, places)
             under = near[

@@ -135,8 +135,8 @@ def confidence(wall: Wall, around: PointsAbout, scenery: Scenery) -> float:
 def _unbroken_top(wall: Wall, around: PointsAbout) -> float:
     """Return how high above ground a wall goes on without a wide gap; what is far above is something else."""
     layer = np.floor(around.height[wall.rows] / BIN).astype(np.int64)
-    squares = np.unique(np.column_stack([layer, wall.bins]), axis=0)
-    layers, counts = np.unique(squares[:, 0], return_counts=True)
+    squares = np.unique(layer * len(wall.is_seen) + wall.bins)
+    layers, counts = np.unique(squares // len(wall.is_seen), return_counts=True)
     held = layers[counts >= MIN_FILLED * len(wall.is_seen)]
     if not len(held):
         return 0.0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.facades.curves import Curve, fit_curve
 from lidar_buildings.core.stages.facades.upright import UprightPoints
 
@@ -92,32 +93,69 @@ def _on(curve: Curve, xy: Floats, normals: Floats, tolerance: float) -> tuple[ND
 
 def _best_curve(xy: Floats, normals: Floats, tolerance: float) -> Curve:
     """Return the line or circle through some of the points and their directions that most points lie on."""
-    asked = np.linspace(0, len(xy) - 1, min(len(xy), N_LINES)).astype(np.intp)
-    lines = [Curve(xy[k], np.array([normals[k, 1], -normals[k, 0]])) for k in asked]
-    counts = [int(np.count_nonzero(_on(one, xy, normals, tolerance)[0])) for one in lines]
-    best, most = lines[int(np.argmax(counts))], max(counts)
+    asked = np.linspace(0, len(xy) - 1, min(len(xy), N_LINES)).astype(np.int64)
+    found = np.empty(5)
+    _find_best(xy, normals, asked, max(1, len(asked) // N_CIRCLES), tolerance, found)
+    return Curve(found[:2].copy(), found[2:4].copy(), float(found[4]))
+
+
+@kernel
+def _find_best(xy, normals, asked, stride, tolerance, found):  # type: ignore[no-untyped-def]
+    """Write origin, direction and bend of the best curve to `found`."""
+    most, one = -1, np.empty(5)
+    for k in asked:
+        one[0], one[1], one[2], one[3], one[4] = xy[k, 0], xy[k, 1], normals[k, 1], -normals[k, 0], 0.0
+        n_on = _n_on(xy, normals, one, tolerance, most)
+        if n_on > most:
+            most, found[:] = n_on, one
     if most >= len(xy) / CIRCLE_GAIN:
-        return best
+        return
     most = int(most * CIRCLE_GAIN)
-    for i, k in combinations(asked[:: max(1, len(asked) // N_CIRCLES)], 2):
-        circle = _circle(xy[i], normals[i], xy[k], normals[k])
-        if circle is not None:
-            n_on = int(np.count_nonzero(_on(circle, xy, normals, tolerance)[0]))
-            if n_on > most:
-                best, most = circle, n_on
-    return best
+    for a in range(0, len(asked), stride):
+        for b in range(a + stride, len(asked), stride):
+            if _circle(xy[asked[a]], normals[asked[a]], xy[asked[b]], normals[asked[b]], one):
+                n_on = _n_on(xy, normals, one, tolerance, most)
+                if n_on > most:
+                    most, found[:] = n_on, one
 
 
-def _circle(a: Floats, normal_a: Floats, b: Floats, normal_b: Floats) -> Curve | None:
-    """Return the circle through two points at right angles to their normals, None if there is none."""
+@kernel
+def _n_on(xy, normals, curve, tolerance, most):  # type: ignore[no-untyped-def]
+    """Count the points on a curve that go as it does; of a curve with no more than `most` only some."""
+    x, y, direction_x, direction_y, bend = curve
+    side = 1.0 if bend > 0.0 else -1.0
+    n_on, n = 0, len(xy)
+    for i in range(n):
+        away_x, away_y = xy[i, 0] - x, xy[i, 1] - y
+        v = away_y * direction_x - away_x * direction_y
+        normal_x, normal_y = -direction_y, direction_x
+        if bend != 0.0:
+            u, inward = away_x * direction_x + away_y * direction_y, 1.0 / abs(bend) - side * v
+            far = math.sqrt(u * u + inward * inward)
+            v = 1.0 / abs(bend) - far
+            along, across = side * u / far, inward / far
+            normal_x = -across * direction_y - along * direction_x
+            normal_y = across * direction_x - along * direction_y
+        if abs(v) <= tolerance and abs(normal_x * normals[i, 0] + normal_y * normals[i, 1]) >= MIN_COSINE:
+            n_on += 1
+        elif n_on + n - 1 - i <= most:
+            return n_on
+    return n_on
+
+
+@kernel
+def _circle(a, normal_a, b, normal_b, found):  # type: ignore[no-untyped-def]
+    """Write the circle through two points at right angles to their normals to `found`, if there is one."""
     cross = normal_a[0] * normal_b[1] - normal_a[1] * normal_b[0]
     if abs(cross) < 1e-3:
-        return None
-    away = b - a
-    centre = a + (away[0] * normal_b[1] - away[1] * normal_b[0]) / cross * normal_a
-    radii = np.hypot(*(a - centre)), np.hypot(*(b - centre))
-    radius = 0.5 * (radii[0] + radii[1])
-    if not RADII[0] <= radius <= RADII[1] or abs(radii[0] - radii[1]) > 0.1 * radius:
-        return None
-    out = (a - centre) / radii[0]
-    return Curve(centre + radius * out, np.array([-out[1], out[0]]), float(1.0 / radius))
+        return False
+    reach = ((b[0] - a[0]) * normal_b[1] - (b[1] - a[1]) * normal_b[0]) / cross
+    x, y = a[0] + reach * normal_a[0], a[1] + reach * normal_a[1]
+    radius_a, radius_b = math.hypot(a[0] - x, a[1] - y), math.hypot(b[0] - x, b[1] - y)
+    radius = 0.5 * (radius_a + radius_b)
+    if not RADII[0] <= radius <= RADII[1] or abs(radius_a - radius_b) > 0.1 * radius:
+        return False
+    out_x, out_y = (a[0] - x) / radius_a, (a[1] - y) / radius_a
+    found[0], found[1] = x + radius * out_x, y + radius * out_y
+    found[2], found[3], found[4] = -out_y, out_x, 1.0 / radius
+    return True
