@@ -185,7 +185,7 @@ def _child(rate: float, words: list[str]) -> int:
     publish, show = FacadeFinder.publish, FacadeFinder._show
     add, flush, finish = LiveFeed.add_scan, LiveFeed.flush, LiveFeed.finish
     take, grown = LiveSurvey.take, LiveSurvey.grown
-    #: When, of which tile (0: of a strip), and what.
+    #: When, of which tile (0: of a place), and what.
     published: list[tuple[float, int, list[dict[str, Any]]]] = []
     scans: list[tuple[float, float, float]] = []  # monotonic, of the scanner [s], processor so far
     looks: list[tuple[float, dict[str, int]]] = []
@@ -253,7 +253,7 @@ def _child(rate: float, words: list[str]) -> int:
             "points": counts["points"],
             "left_out": {key: n for key, n in counts.items() if key.startswith("left out")},
             "tiles_sent": len(sent),
-            "strips_skipped": counts["strips_skipped"],
+            "places_skipped": counts["places_skipped"],
             "times_seen": round(sum(sent) / max(counts["points"], 1), 2),
         },
         "backlog": {

@@ -16,6 +16,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import share_cores
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.neighbours.seen_voxels import SeenVoxels
 from lidar_buildings.core.scans.motion import place_points
 from lidar_buildings.core.scans.trajectory import Pose
 from lidar_buildings.core.solids.validity import check_solid
@@ -103,6 +104,7 @@ def _rare() -> None:
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
     times = np.arange(2)
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])
+    SeenVoxels().are_new(roof, 1.0)
     tile = sample_tile().tile
     street = tile.with_columns(view=np.full(len(tile), View.STREET))
     find_tile_facades(street_points(street), (), _CONFIG.facades)

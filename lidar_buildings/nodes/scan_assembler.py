@@ -71,8 +71,8 @@ class ScanAssembler(TileSender):
             self._has_frame = True
             self._tell_place(self.tiles.recorded)
             self.publish_frame(self.tiles.frame)
-        for strip in self.tiles.take_strips():
-            self._road_points.publish(to_message(strip))
+        for place in self.tiles.take_places():
+            self._road_points.publish(to_message(place))
         super().on_tick()
         n_flushed = self.tiles.n_flushed
         if self._n_flushed < n_flushed and self.is_empty:

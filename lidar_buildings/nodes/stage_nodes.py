@@ -79,8 +79,8 @@ from lidar_buildings.ros.tile_table import agree_on_buildings
 from lidar_buildings.ros.wall_maps import wall_map_message
 
 Outlines = tuple[BuildingOutline, ...]
-#: Strips of a vehicle's way that wait, or are worked on, at most: one takes up to a second.
-_MOST_STRIPS = 4
+#: Places beside a vehicle's way that wait, or are worked on, at most: one takes a tenth of a second.
+_MOST_PLACES = 16
 
 
 class GroundFilter(StageNode):
@@ -245,28 +245,31 @@ class FacadeFinder(StageNode):
         self.subscribe_rings("outlines", outlines_of)
         self.subscribe_tiles("street_points")
         self._of_road = RoadFacades()
-        self._n_strips = 0  # that wait or are in hand
+        self._n_places = 0  # that wait or are in hand
         self.create_subscription(PointCloud2, "road_points", self.on_road, CLOUD)
 
     def on_road(self, message: PointCloud2) -> None:
-        """Find the façades of what a vehicle has just passed, unless too many strips wait."""
-        if self._n_strips >= _MOST_STRIPS:
-            self.summary.counts["strips_skipped"] += 1
+        """Find the façades of what a vehicle has just seen, unless too many places wait."""
+        if self._n_places >= _MOST_PLACES:
+            self.summary.counts["places_skipped"] += 1
             return
-        strip = from_message(message).tile
-        self._n_strips += 1
+        place = from_message(message).tile
+        self._n_places += 1
         # not in the pool: there it would wait for whole tiles
-        work = self.submit_here(map_road_facades, strip, self.parameters[FacadesConfig])
-        self.when_done(work, partial(self._publish_road, strip.stamp))
+        work = self.submit_here(map_road_facades, place, self.parameters[FacadesConfig])
+        self.when_done(work, partial(self._publish_road, place))
 
-    def _publish_road(self, stamp: int, work: Future[MappedFacades]) -> None:
-        self._n_strips -= 1
+    def _publish_road(self, place: PointTile, work: Future[MappedFacades]) -> None:
+        self._n_places -= 1
         if work.cancelled():
             return
         if (error := work.exception()) is not None:
-            self.warn(f"strip {stamp}: {reason_of(error)}: its façades come with its tile")
+            self.warn(f"place {place.stamp}: {reason_of(error)}: its façades come with its tile")
             return
-        self._of_road.add(self._show(stamp, work.result()))
+        found = work.result()
+        ids = {one.facade_id for one in found.facades if one.is_core}
+        gone = self._of_road.replaced_at(place.points[place.is_core], ids)
+        self._of_road.add(self._show(place.stamp, found, gone))
 
     def work(self, tile: PointTile, outlines: Outlines) -> Future[MappedFacades]:
         """Find one tile's façades."""

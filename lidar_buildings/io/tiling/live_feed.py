@@ -129,7 +129,7 @@ class LiveFeed:
             "points_waiting": self._n_come - self._n_taken + self._placer.n_waiting,
             "tiles_waiting": survey.n_waiting if survey else 0,
             "clouds_waiting": self._n_clouds_left,
-            "strips_skipped": survey.strips.n_skipped if survey else 0,
+            "places_skipped": survey.places.n_skipped if survey else 0,
             **{f"left out: {reason}": count for reason, count in sorted(left_out.items())},
             **dict(sorted(self._placer.messages.items())),
         }
@@ -191,10 +191,10 @@ class LiveFeed:
             self._has_work.set()
         return tile
 
-    def take_strips(self) -> Iterator[PointTile]:
-        """Yield the strips of a vehicle's way that were passed, each once."""
-        while self._survey is not None and self._survey.strips.ready:
-            yield self._survey.strips.ready.popleft()
+    def take_places(self) -> Iterator[PointTile]:
+        """Yield the places beside a vehicle's way that are ready."""
+        while self._survey is not None and self._survey.places.ready:
+            yield self._survey.places.ready.popleft()
 
     def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
@@ -248,7 +248,7 @@ class LiveFeed:
             self.problems.update(self._search.doubts(self.recorded.given, self._placer))
             self.problems |= dict.fromkeys(self._placer.doubts, 1)
             is_ready, self.obstacle = self._survey.tick(time.monotonic()), ""
-            if self._survey.strips.ready:
+            if self._survey.places.ready:
                 self._wake()
             if is_ready or (self._n_begun > self.n_flushed and self._survey.is_flushed):
                 self._has_work.set()

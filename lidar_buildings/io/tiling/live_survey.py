@@ -20,8 +20,9 @@ from lidar_buildings.core.model.ids import STEP, tile_of
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.sides import ALL, Sides
 from lidar_buildings.core.model.tile import PointTile
+from lidar_buildings.core.neighbours.seen_voxels import SeenVoxels
 from lidar_buildings.core.scans.scan import PlacedScan
-from lidar_buildings.io.tiling.road_strips import RoadStrips
+from lidar_buildings.io.tiling.road_places import RoadPlaces
 from lidar_buildings.io.tiling.spool import PointLog, records_of
 from lidar_buildings.io.tiling.tile_grid import Block, Buffer, Cell, CellTable, TileGrid
 from lidar_buildings.io.tiling.tile_stamps import stamp_of_number, stamp_of_time
@@ -32,10 +33,6 @@ from lidar_buildings.io.tiling.tiling_config import LiveTilingConfig
 VOXEL = 0.1
 #: Share of the most points from which on a tile is crowded.
 _CROWDED = 0.5
-#: Voxels that are remembered, of all tiles together (32 MB).
-_N_SEEN = 2**22
-#: Odd numbers that spread the columns, rows and layers of voxels over 64 bits (Steele, Lea, Flood, 2014).
-_SPREAD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], dtype=np.uint64)
 #: Why points are left out.
 CROWDED = f"a tile has many points: keeping one per {VOXEL} m"
 TOO_MANY = "a tile has more than max_tile_points"
@@ -46,6 +43,9 @@ MOST_REVISIONS = 900
 #: A tile of which fewer points are new waits longer before it comes again: a scanner on the street sees
 #: single far points for long.
 _FEW = 0.01
+#: A tile seen from the street is waited for so many times as long: it was published by places before, and a
+#: vehicle comes back round the block.
+_STREET_PATIENCE = 10.0
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000
 #: After so long without a scan the vehicle's way has ended [s].
@@ -82,7 +82,7 @@ class LiveSurvey:
 
     A feed that was cut off goes on with the points that its folder holds. `spacing` is what tiles are
     expected to have [m]; each has its own if it is not given. `left_out` leads from a reason to the points
-    that were left out; `strips` has what a vehicle has just passed. OutputError if the folder cannot be used.
+    that were left out; `places` has what a vehicle has just seen. OutputError if the folder cannot be used.
     """
 
     def __init__(
@@ -120,12 +120,12 @@ class LiveSurvey:
         #: Tiles that a flush wants sent, and those that it has sent or found under way.
         self._to_flush, self._in_flush = set[Cell](), set[Cell]()
         self._batch: list[PlacedScan] = []
-        self.strips = RoadStrips(self.config.road_strip, self.frame)
+        self.places = RoadPlaces(self.config.road_place, self.frame)
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
         self._n_chosen: Counter[Cell] = Counter()  # points of each tile, those included
         self._arrived = -math.inf
-        self._seen_voxels = np.zeros(_N_SEEN, dtype=np.uint64)
+        self._seen_voxels = SeenVoxels()
 
     @property
     def n_tiles(self) -> int:
@@ -184,7 +184,7 @@ class LiveSurvey:
         with self._lock:
             self._keep_batch()
             if now - self._arrived > _SILENCE:
-                self.strips.end()
+                self.places.end()
             self._drop_unchanged()
             for place in sorted(self._changed - self._under_way):
                 if place in self._to_flush or self._is_due(self._tiles[place], now):
@@ -313,7 +313,9 @@ class LiveSurvey:
         """Whether no point has fallen into a tile or its buffer for long enough: longer with few new ones."""
         share_new = 1.0 - max(tile.n_sent, 0) / max(self._n_near(tile), 1)
         since = now - max(self._touched[cell] for cell in tile.near.cells)
-        return since * min(share_new / _FEW, 1.0) >= self.config.leave_after
+        is_street = self.config.road_place > 0.0 and 2 * self._n_from_street > self.n_points
+        patience = _STREET_PATIENCE if is_street else 1.0
+        return since * min(share_new / _FEW, 1.0) >= patience * self.config.leave_after
 
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
@@ -339,7 +341,7 @@ class LiveSurvey:
         if self._batch:
             chosen = [self._chosen(records_of(scan)) for scan in self._batch]
             for kept, scan in zip(chosen, self._batch, strict=True):
-                self.strips.add(kept.compress(self._are_from_street(kept)), scan.way)
+                self.places.add(kept.compress(self._are_from_street(kept)), scan.way)
             self._unwritten.append(np.concatenate(chosen))
             self._batch.clear()
         while self._unwritten:
@@ -356,42 +358,41 @@ class LiveSurvey:
 
     def _chosen(self, records: NDArray[Any]) -> NDArray[Any]:
         """Leave out points: from the street, and in crowded tiles, those near others; in full ones all."""
+        if voxel := self.config.street_voxel:
+            is_street = self._are_from_street(records)
+            self._n_from_street += int(np.count_nonzero(is_street))
+            is_kept = self._are_kept(records, is_street, voxel, THINNED.format(voxel))
+            records = records.compress(is_kept)
         columns_rows = self._cells_of(records) // self._grid.cells_per_side
         _, first, tile = np.unique(columns_rows @ [2**32, 1], return_index=True, return_inverse=True)
         places = [(column, row) for column, row in columns_rows[first].tolist()]
         counts = np.array([self._n_chosen[place] for place in places], dtype=np.int64)[tile]
         is_kept = counts < self.config.max_tile_points
         n_full = len(records) - int(np.count_nonzero(is_kept))
-        voxel = self.config.street_voxel
-        is_street = self._are_from_street(records) & (voxel > 0.0)
-        self._n_from_street += int(np.count_nonzero(is_street))
+        self.left_out.update({TOO_MANY: n_full} if n_full else {})
+        records, tile, counts = records.compress(is_kept), tile[is_kept], counts[is_kept]
         is_crowded = counts >= _CROWDED * self.config.max_tile_points
-        for why, side, thinned in (
-            (THINNED.format(voxel), voxel, is_street),
-            (CROWDED, VOXEL, is_crowded & ~is_street),
-        ):
-            rows = np.flatnonzero(is_kept & thinned)
-            is_kept[rows] = self._are_new(records[rows], side)
-            self.left_out.update({why: len(rows) - n} if (n := int(is_kept[rows].sum())) < len(rows) else {})
+        if voxel:
+            is_crowded &= ~self._are_from_street(records)
+        is_kept = self._are_kept(records, is_crowded, VOXEL, CROWDED)
         n_of_tile = np.bincount(tile[is_kept], minlength=len(places))
         self._n_chosen.update(dict(zip(places, n_of_tile.tolist(), strict=True)))
-        self.left_out.update({TOO_MANY: n_full} if n_full else {})
         return records.compress(is_kept)
+
+    def _are_kept(
+        self, records: NDArray[Any], is_thinned: NDArray[np.bool_], side: float, why: str
+    ) -> NDArray[np.bool_]:
+        """Tell which records stay if of some those near others are left out, and count the others."""
+        is_kept, rows = ~is_thinned, np.flatnonzero(is_thinned)
+        points = np.stack([records[axis][rows] for axis in "xyz"], axis=1).astype(np.float64)
+        is_kept[rows] = self._seen_voxels.are_new(points, side)
+        n_left_out = len(rows) - int(np.count_nonzero(is_kept[rows]))
+        self.left_out.update({why: n_left_out} if n_left_out else {})
+        return is_kept
 
     def _are_from_street(self, records: NDArray[Any]) -> NDArray[np.bool_]:
         given = self.config.given_view
         return (records["view"] if given is View.UNKNOWN else np.full(len(records), given)) == View.STREET
-
-    def _are_new(self, records: NDArray[Any], side: float) -> NDArray[np.bool_]:
-        """Tell which records are the first of their voxels [m], as far as these are remembered."""
-        voxels = np.stack([np.floor(records[axis].astype(np.float64) / side) for axis in "xyz"], axis=1)
-        keys = np.bitwise_xor.reduce(voxels.astype(np.int64).view(np.uint64) * _SPREAD, axis=1) | np.uint64(1)
-        is_new = np.zeros(len(keys), dtype=bool)
-        is_new[np.unique(keys, return_index=True)[1]] = True
-        slots = keys % np.uint64(_N_SEEN - 1)
-        is_new &= self._seen_voxels[slots] != keys
-        self._seen_voxels[slots[is_new]] = keys[is_new]
-        return is_new
 
     def _keep(self, records: NDArray[Any], now: float) -> None:
         cells = self._cells_of(records)

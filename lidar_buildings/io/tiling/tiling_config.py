@@ -112,10 +112,11 @@ class LiveTilingConfig(TilingConfig):
         within=(0.0, 1.0),
         advanced=True,
     )
-    road_strip: float = fixed(
-        8.0,
-        "Length of the strips of a vehicle's way whose façades are published some seconds after they were "
-        "passed, before their tiles; a longer one costs less and is later; 0: with their tiles alone.",
+    road_place: float = fixed(
+        16.0,
+        "Side of the squares whose façades are published as soon as a vehicle has passed them, or sees "
+        "nothing new there, before their tiles; a larger one costs less and is later; 0: with their tiles "
+        "alone.",
         unit="m",
         within=(0.0, 100.0),
         advanced=True,
