@@ -28,6 +28,7 @@ from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.core.stages.terrain.interpolation import KRIGING, LINEAR
 from lidar_buildings.core.stages.terrain.relief import relief
 from lidar_buildings.core.surfaces.intensity import brightness_raster
+from lidar_buildings.core.surfaces.known_ground import KnownGround
 from lidar_buildings.core.surfaces.plane_adjustment import common_point
 from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.tile_facades import find_tile_facades, street_points
@@ -108,6 +109,7 @@ def _rare() -> None:
     tile = sample_tile().tile
     street = tile.with_columns(view=np.full(len(tile), View.STREET))
     find_tile_facades(street_points(street), (), _CONFIG.facades)
+    KnownGround.at(roof).elevation(roof[:2, :2])
     bridge_gap(grid, np.ones(len(grid.x)), np.array([0]), np.array([1, 2]), 2.0)
 
 

@@ -18,19 +18,24 @@ from lidar_buildings.core.model.ids import anchor_near, anchor_row, rows_by_buil
 from lidar_buildings.core.model.outline import BuildingOutline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.solids.output_grid import elevation_on_grid
+from lidar_buildings.core.stages.building_model.config import DRAPED, BuildingModelConfig
 from lidar_buildings.core.stages.building_model.eaves import SeenWalls
 from lidar_buildings.core.stages.building_model.grading import BESIDE, beside_doubts, ground_doubts
 from lidar_buildings.core.stages.building_model.model import build_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel
 from lidar_buildings.core.stages.facades.facade import NO_BUILDING, Facade
 from lidar_buildings.core.stages.footprints.footprints import remark_on_points
+from lidar_buildings.core.surfaces.known_ground import KnownGround
 from lidar_buildings.pipeline.building_pool import BuildingPool, map_buildings
 
 #: What models and their attributes are made from.
 _NEEDED = {"classification", "facade", "height_above_ground", "plane_id"}
 
 
+#: Traced outlines nearer to each other than this share walls; ground so far about a building is its own [m].
+_SHARED, _ABOUT = 0.01, 10.0
 #: What of a roof lies so far below the tops of bare walls is of a lower part of the building [m].
 _LEVEL = 1.0
 
@@ -66,9 +71,12 @@ def build_models(
     needed = tile.with_columns(**dict.fromkeys(tile.columns.keys() - _NEEDED))
     ordered = sorted(outlines, key=lambda one: one.building_id)
     buildings = [needed.select(rows_of.get(one.building_id, no_rows)) for one in ordered]
+    grounds: Sequence[KnownGround | None] = [None] * len(ordered)
+    if config.foot == DRAPED:
+        grounds = _known_grounds(buildings, ordered)
     jobs = [
-        (one.building_id, _job(part, one, config, seen.get(one.building_id)))
-        for one, part in zip(ordered, buildings, strict=True)
+        (one.building_id, _job(part, one, config, seen.get(one.building_id), ground))
+        for one, part, ground in zip(ordered, buildings, grounds, strict=True)
     ]
 
     def failed(k: int, reason: str) -> BuildingModel:
@@ -85,6 +93,34 @@ def build_models(
     models = map_buildings(pool, jobs, list(map(len, buildings)), failed, "no model was built")
     beside, n_ground = _points_beside(tile, ordered), _ground_within(tile, ordered)
     return tuple(map(_with_attributes, buildings, ordered, models, beside, n_ground))
+
+
+def _ground_under(building: PointTile) -> FloatArray:
+    """Return the ground at each of a building's points, shape (n_points, 3); none if heights are unknown."""
+    height = building.height_above_ground
+    return building.points[:0] if height is None else building.points - np.outer(height, (0.0, 0.0, 1.0))
+
+
+def _known_grounds(
+    buildings: Sequence[PointTile], outlines: Sequence[BuildingOutline]
+) -> list[KnownGround | None]:
+    """Return the ground about each building, of those of one block the same at the walls that they share."""
+    block = np.arange(len(outlines))
+    traced = np.flatnonzero([one.ground_elevation is None for one in outlines])  # no tile parts their blocks
+    plans = np.array([outlines[k].outline.polygon for k in traced], dtype=object)
+    pairs = shapely.STRtree(plans).query(plans, predicate="dwithin", distance=_SHARED)
+    block[traced] = traced[sets_of_pairs(len(traced), *pairs)]
+    places = list(map(_ground_under, buildings))
+    found: list[KnownGround | None] = [None] * len(outlines)
+    for number in np.unique(block):
+        members = np.flatnonzero(block == number)
+        of_block = np.concatenate([places[k] for k in members])
+        if len(of_block):
+            ground = KnownGround.at(of_block)
+            for k in members[[len(outlines[k].outline.exterior) > 0 for k in members]]:
+                ring = outlines[k].outline.exterior
+                found[k] = ground.within(ring.min(axis=0) - _ABOUT, ring.max(axis=0) + _ABOUT)
+    return found
 
 
 def _points_beside(tile: PointTile, outlines: Sequence[BuildingOutline]) -> list[FloatArray]:
@@ -139,25 +175,30 @@ def _seen_walls(facades: Sequence[Facade]) -> dict[int, SeenWalls]:
 
 
 def _job(
-    building: PointTile, one: BuildingOutline, config: BuildingModelConfig, seen: SeenWalls | None
+    building: PointTile,
+    one: BuildingOutline,
+    config: BuildingModelConfig,
+    seen: SeenWalls | None,
+    ground: KnownGround | None,
 ) -> partial[BuildingModel]:
-    points, plane_id, ground = building.points, building.plane_id, one.ground_elevation
+    points, plane_id, foot = building.points, building.plane_id, one.ground_elevation
     is_closed = _is_closed(building, one)
     if is_closed:  # of points those that tell the height of the walls, or lie above them
         is_bare, z = building.facade == classes.FacadeClass.BARE, points[:, 2]
         points, plane_id = points[is_bare | (z >= np.median(z[is_bare]) - _LEVEL)], None
-    if building.height_above_ground is not None and len(building):  # the lowest ground under it
-        ground = float(np.min(building.points[:, 2] - building.height_above_ground))
+    if len(under := _ground_under(building)):
+        foot = float(under[:, 2].min())
     return partial(
         build_model,
         points,
         one.outline,
         config,
         plane_id=plane_id,
-        ground_elevation=ground,
+        ground_elevation=foot,
         is_roof_seen=not is_closed,
         is_traced=one.ground_elevation is None,
         seen=seen,
+        ground=ground,
     )
 
 
@@ -177,6 +218,9 @@ def _with_attributes(
     reason = "; ".join(text for text in (remark, model.reason) if text)
     attributes = {"building_id": one.building_id, **model.attributes}
     attributes.update(status=model.status.value, reason=reason)
+    if len(under := _ground_under(building)):
+        lowest, highest = map(elevation_on_grid, (under[:, 2].min(), under[:, 2].max()))
+        attributes.update(ground_elevation_min=lowest, ground_elevation_max=highest)
     if (quality := one.quality) is not None:
         attributes.update(outline_sigma=quality.sigma, outline_max_offset=quality.max_offset)
         if quality.reason:

@@ -24,14 +24,14 @@ WAVES = (Wave(1.2, 130.0, 35.0, 0.4), Wave(0.3, 41.0, 110.0, 1.7))
 Lot = Building | list[Building]
 
 
-def village(seed: int) -> VirtualScene:
+def village(seed: int, slope: tuple[float, float] = (0.035, 0.02)) -> VirtualScene:
     """
     Return 28 buildings of every roof shape, trees, walls, cars and two roads, 280 m square.
 
-    The ground rises by 4 % with waves of 0.3 and 1.2 m. Which building stands on which lot, its size, place
-    and orientation depend on the seed.
+    The ground rises by a slope along x and y, 4 % if not given, with waves of 0.3 and 1.2 m. Which building
+    stands on which lot, its size, place and orientation depend on the seed.
     """
-    return _villages("village", 1, Terrain(120.0, (0.035, 0.02), WAVES), seed)
+    return _villages("village", 1, Terrain(120.0, slope, WAVES), seed)
 
 
 def city(seed: int) -> VirtualScene:

@@ -137,6 +137,7 @@ KNOWN = {
         "roof_selection.min_building_area": 40.0,
         "roof_selection.road_method": "grey_values",
         "plane_fitting.method": "ransac",
+        "building_model.foot": "draped",
     },
     "sampath_shan": {
         "ground_filter.method": "slope_pairs",

@@ -6,7 +6,7 @@ import pytest
 from lidar_buildings.core.model.outline import BuildingOutline, Outline, OutlineQuality
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.core.model.tile import PointTile
-from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.core.stages.building_model.config import DRAPED, BuildingModelConfig
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES
 from lidar_buildings.pipeline import tile_models
 
@@ -88,3 +88,32 @@ def test_rings_without_vertices_do_not_touch_the_others(tile):
     assert second.attributes["status"] == "failed"
     assert "unexpected error" in second.attributes["reason"]
     assert empty.attributes["status"] == "degenerate"
+
+
+def test_neighbours_on_the_terrain_meet_in_one_foot_and_tell_how_high_it_lies():
+    """Two houses wall to wall across a hillside that bends."""
+    random = np.random.default_rng(0)
+    xy = random.uniform((20, 0), (40, 10), (900, 2))
+    ground = 0.2 * xy[:, 0] + np.sin(xy[:, 1])
+    both = PointTile(
+        np.column_stack([xy, random.normal(18.0, 0.02, 900)]),
+        height_above_ground=18.0 - ground,
+        building_id=np.where(xy[:, 0] < 30, 1, 2),
+        plane_id=np.ones(900),
+    )
+    outlines = tuple(BuildingOutline(k, Outline(SQUARE + np.array([10.0 + 10.0 * k, 0.0]))) for k in (1, 2))
+    west, east = tile_models.build_models(both, outlines, BuildingModelConfig(foot=DRAPED))
+    walls = []
+    for one in (west, east):
+        vertices = one.model.solids["1.2"].vertices
+        walls.append({tuple(vertex) for vertex in vertices[vertices[:, 0] == 30.0] if vertex[2] < 12.0})
+    assert walls[0] == walls[1]
+    assert len(walls[0]) > 3
+    assert west.attributes["ground_elevation_min"] == pytest.approx(ground[xy[:, 0] < 30].min(), abs=0.1)
+    assert east.attributes["ground_elevation_max"] == pytest.approx(ground.max(), abs=0.1)
+
+
+def test_a_ring_without_vertices_has_no_foot(tile):
+    outlines = (BuildingOutline(1, Outline(np.empty((0, 2)))), BuildingOutline(9, Outline(np.empty((0, 2)))))
+    found = tile_models.build_models(tile, outlines, BuildingModelConfig(foot=DRAPED))
+    assert [one.attributes["lod"] for one in found] == ["", ""]

@@ -43,8 +43,9 @@ READABLE_ID = "readable_id"
 #: Name → type of every attribute of a building (doc/formats.md), in the order of the columns.
 BUILDING_FIELDS: dict[str, type] = {
     "building_id": int, "footprint_id": str, "status": str, "reason": str, "quality": str,
-    "quality_reasons": str, "ground_elevation": float, "roof_elevation_min": float,
-    "roof_elevation_50p": float, "roof_elevation_70p": float, "roof_elevation_max": float, "height": float,
+    "quality_reasons": str, "ground_elevation": float, "ground_elevation_min": float,
+    "ground_elevation_max": float, "roof_elevation_min": float, "roof_elevation_50p": float,
+    "roof_elevation_70p": float, "roof_elevation_max": float, "height": float,
     "area": float, "n_points": int, "point_spacing": float, "outline_sigma": float,
     "outline_max_offset": float, "n_planes": int, "roof_type": str, "rmse": float, "plane_sigma": float,
     "coverage": float, "no_data_share": float, "volume": float, "lod": str, "validity": str,

@@ -9,6 +9,8 @@ from lidar_buildings.core.model.parameters import StageConfig, parameter
 
 #: Name of an elevation → percentile of the roof points' elevations.
 ELEVATIONS = {"min": 0.0, "50p": 50.0, "70p": 70.0, "max": 100.0}
+#: Where solids end below.
+LEVEL, DRAPED = "level", "draped"
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,12 @@ class BuildingModelConfig(StageConfig):
         "Which elevation of the roof points the flat tops of LoD1.2 and LoD1.3 take: the lowest, a "
         "percentile or the highest.",
         choices=tuple(ELEVATIONS),
+    )
+    foot: str = parameter(
+        LEVEL,
+        "What models stand on: the lowest ground at the building, or the terrain along its walls, to which "
+        "volumes then count.",
+        choices=(LEVEL, DRAPED),
     )
     assumed_height: float = parameter(
         3.0,

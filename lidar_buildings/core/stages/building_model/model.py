@@ -23,7 +23,8 @@ from lidar_buildings.core.solids.plan_graph import MIN_HEIGHT, RoofPiece, matche
 from lidar_buildings.core.solids.planar_subdivision import PlanGraph
 from lidar_buildings.core.solids.raising import checked_roof_solid, extrude, extrusion_codes
 from lidar_buildings.core.solids.shell import Solid
-from lidar_buildings.core.stages.building_model.config import ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.stages.building_model.config import DRAPED, ELEVATIONS, BuildingModelConfig
+from lidar_buildings.core.stages.building_model.draping import draped_model
 from lidar_buildings.core.stages.building_model.eaves import (
     OverhangingRoof,
     SeenWalls,
@@ -37,6 +38,7 @@ from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, Buildi
 from lidar_buildings.core.stages.building_model.spikes import spike_doubts
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.topology import find_topology
+from lidar_buildings.core.surfaces.known_ground import KnownGround
 
 
 def known_attributes(
@@ -195,6 +197,7 @@ def build_model(
     is_roof_seen: bool = True,
     is_traced: bool = False,
     seen: SeenWalls | None = None,
+    ground: KnownGround | None = None,
 ) -> BuildingModel:
     """
     Build a building's model at the levels of detail 1.2, 1.3, 2.2 and 2.3 (Biljecki et al. 2016).
@@ -203,7 +206,8 @@ def build_model(
     the roof's planes: ridges, hips, valleys and steps divide the outline into faces. LoD2.3 has its eaves
     overhang the walls as well, if walls were seen from the street. The coordinates are
     rounded as they will be written before a solid is built, so that what is checked is what is written.
-    A level that fails its checks is left out, and the reason says so.
+    A level that fails its checks is left out, and the reason says so. With `foot` = ``draped`` all stand on
+    the terrain as it lies along their walls.
 
     - `points`, shape (n_points, 3): The building's roof points, in any order [m].
     - `outline`: In the map frame [m].
@@ -216,6 +220,7 @@ def build_model(
       it, and LoD1.2 is all that is built.
     - `is_traced`: Whether the outline was traced from the points, so that it is no better than they are.
     - `seen`, optional: Walls seen from the street; without any there is no LoD2.3.
+    - `ground`, optional: Ground about the building, on which draped models stand.
 
     ValueError if an array has another shape, or a value is not finite.
     """
@@ -236,7 +241,8 @@ def build_model(
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
     known = (spacing, ground_elevation, is_traced, seen, attributes, config)
-    return _model(points, plane_id if is_roof_seen else None, outline, *known)
+    model = _model(points, plane_id if is_roof_seen else None, outline, *known)
+    return draped_model(model, ground) if config.foot == DRAPED else model
 
 
 def _rows_in_order(points: FloatArray, plane_id: NDArray[np.uint16]) -> IntArray:

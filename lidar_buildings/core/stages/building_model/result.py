@@ -13,6 +13,8 @@ from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 #: Names of a model's attributes, whatever becomes of it.
 ATTRIBUTES = (
     "ground_elevation",
+    "ground_elevation_min",
+    "ground_elevation_max",
     "roof_elevation_min",
     "roof_elevation_50p",
     "roof_elevation_70p",
