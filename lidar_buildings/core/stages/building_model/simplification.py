@@ -80,18 +80,30 @@ def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # ty
 
 
 @kernel
-def whole_length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
-    """Return what all cells, edges and vertices cost [m³]."""
-    first, _, _, _, _, sides, _, prices, _, _, _ = graph
-    vertices = np.arange(len(first) - 1)
-    total = length_of(vertices[:0], vertices, np.inf, labels, costs, corner_cost, graph)
+def _difference(before, labels, work, mark, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return by how much the description is longer with these planes than before [m³]."""
+    _, _, begin, around, borders, sides, _, prices, _, _, _ = graph
+    vertices, vertex_mark = work[1], work[2]
+    mark[0] += 1
+    n, total = 0, 0.0
     for c in range(len(labels)):
-        total += costs[c, labels[c]]
-    for e in range(len(sides)):
-        one, other = sides[e, 0], sides[e, 1]
-        if one >= 0 and other >= 0 and labels[one] != labels[other]:
-            total += prices[e]
-    return total
+        if labels[c] == before[c]:
+            continue
+        total += costs[c, labels[c]] - costs[c, before[c]]
+        for k in range(begin[c], begin[c + 1]):
+            e = around[k]
+            for end in range(2):
+                v = borders[e, end]
+                if vertex_mark[v] != mark[0]:
+                    vertex_mark[v], vertices[n] = mark[0], v
+                    n += 1
+            other = sides[e, 0] if sides[e, 0] != c else sides[e, 1]
+            # An edge between two cells that changed counts for the first one.
+            if other > c or (other >= 0 and labels[other] == before[other]):
+                total += prices[e] * (int(labels[c] != labels[other]) - int(before[c] != before[other]))
+    alone = vertices[:0]
+    total += length_of(alone, vertices[:n], np.inf, labels, costs, corner_cost, graph)
+    return total - length_of(alone, vertices[:n], np.inf, before, costs, corner_cost, graph)
 
 
 @inner_kernel
@@ -298,18 +310,21 @@ def _simplify(  # type: ignore[no-untyped-def]
     work = (members, vertices, vertex_mark, cell_mark, stale, taken, member, tried)
     known = (mark, work, longer, looked, changed, areas, min_area)
     _search(known, labels, costs, corner_cost, graph)
-    shortest, before, is_new = whole_length(labels, costs, corner_cost, graph), labels.copy(), True
+    before, is_new = labels.copy(), True
     gathered = np.zeros(n_cells, np.int64)
+    # When planes about each cell last changed for good, and when each plane last asked for all of its cells.
+    settled, asked = np.zeros(n_cells, np.int64), np.full(costs.shape[1], -1, np.int64)
     while is_new:
         is_new = False
         for label in range(costs.shape[1]):
             mark[0] += 1
-            visit = mark[0]
+            visit, last = mark[0], asked[label]
+            asked[label] = visit
             for c in range(n_cells):
                 if gathered[c] == visit or not costs[c, label] < costs[c, labels[c]]:
                     continue
                 n, gain = _fitting(c, label, visit, members, gathered, labels, costs, graph)
-                if gain <= _FEWEST_CORNERS * corner_cost:
+                if gain <= _FEWEST_CORNERS * corner_cost or settled[members[:n]].max() < last:
                     continue
                 mark[0] += 1
                 for i in range(n):
@@ -318,12 +333,24 @@ def _simplify(  # type: ignore[no-untyped-def]
                         for end in range(2):
                             note(borders[around[k], end], mark[0], changed, graph)
                 _search(known, labels, costs, corner_cost, graph)
-                length = whole_length(labels, costs, corner_cost, graph)
-                if length < shortest - EPSILON:
-                    shortest, is_new = length, True
-                    before[:] = labels
+                if _difference(before, labels, work, mark, costs, corner_cost, graph) < -EPSILON:
+                    is_new = True
+                    _settle(before, labels, mark[0], settled, graph)
                 else:
                     labels[:] = before
+
+
+@kernel
+def _settle(before, labels, mark, settled, graph):  # type: ignore[no-untyped-def]
+    """Take over planes that changed, and note it for the cells about."""
+    _, _, begin, around, borders, _, _, _, _, _, _ = graph
+    for c in range(len(labels)):
+        if before[c] == labels[c]:
+            continue
+        before[c] = labels[c]
+        for k in range(begin[c], begin[c + 1]):
+            for end in range(2):
+                note(borders[around[k], end], mark, settled, graph)
 
 
 @kernel
@@ -344,15 +371,13 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
                 is_new |= spread(c, most, mark, work, longer, changed, labels, costs, corner_cost, graph)
             face_mark = mark[0] + 1
             for c in range(n_cells):
-                if cell_mark[c] >= face_mark:
+                if cell_mark[c] >= face_mark or changed[c] < looked[2, c]:
                     continue
                 mark[0] += 1
                 n = _gather(c, mark[0], members, cell_mark, labels, graph)
-                was_looked_at = True
                 for i in range(n):
-                    was_looked_at &= changed[members[i]] < looked[2, members[i]]
                     looked[2, members[i]] = mark[0]
-                m = 0 if was_looked_at else _touch(members[:n], mark[0], vertices, vertex_mark, labels, graph)
+                m = _touch(members[:n], mark[0], vertices, vertex_mark, labels, graph)
                 if m == 0:
                     continue
                 area = 0.0
