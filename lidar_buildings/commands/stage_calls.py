@@ -15,7 +15,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.parallel import share_cores
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
-from lidar_buildings.core.neighbours.scan_pattern import ScanPattern
+from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, as_pulses, measure_scan_patterns
 from lidar_buildings.core.neighbours.seen_voxels import SeenVoxels
 from lidar_buildings.core.scans.motion import place_points
 from lidar_buildings.core.scans.trajectory import Pose
@@ -102,6 +102,8 @@ def _rare() -> None:
     everywhere = np.ones(len(roof), dtype=bool)
     find_wet_roofs(roof, roof[:, 2], everywhere, ~everywhere, 1.0, _CONFIG.roof_selection)
     plane_votes(roof, 0.1)
+    bare, one_group = as_pulses(roof, None, None), np.zeros(len(roof), dtype=np.int64)
+    measure_scan_patterns(bare, one_group, 1, 1.0, min_ratio=1.0)
     grid = build_point_grid(roof, ScanPattern(0.0, 1.0, 1.0), 2.0)
     times = np.arange(2)
     place_points(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)).at, times[:0], times, roof[:2])

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.point_array import checked_column
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell
+from lidar_buildings.core.neighbours.line_periods import line_periods
 from lidar_buildings.core.neighbours.point_spacing import mark_probes
 
 #: Points whose neighbours are looked at in a group; a mean direction of so many is known to a few degrees.
@@ -126,6 +127,8 @@ def measure_scan_patterns(
     `group` is 0 to `n_groups` (exclusive), or −1 for points of none; `spacing` is 1/√density [m];
     `cells` are the points by `scan_cells`, if they are at hand. Spacings that differ by less than the factor
     `min_ratio` are one. The direction is 0 and the spacings are the given one where no direction stands out.
+    Below `MIN_RATIO` the nearest points need not be on a pulse's line: where nothing else tells lines, they
+    are looked for as what repeats across, see `line_periods`.
     """
     patterns = [ScanPattern.isotropic(spacing) for _ in range(n_groups)]
     size = np.bincount(group[group >= 0], minlength=n_groups)
@@ -141,6 +144,17 @@ def measure_scan_patterns(
             for number, pattern in _spaced(pulses, cells, group, probes, spacing, by_time, axis, min_ratio):
                 patterns[number] = pattern
                 open_[number] = False
+    if min_ratio < MIN_RATIO and (open_ & (size >= MIN_PROBES)).any():
+        kind = np.where(open_[group] & (group >= 0), group, -1)
+        if len(pulses.strip):
+            strip = np.unique(pulses.strip, return_inverse=True)[1]
+            kind = np.where(kind >= 0, kind + n_groups * strip, -1)
+        probes = is_probe & (kind >= 0)
+        direction, across = line_periods(pulses.points, cells, kind, probes, n_groups, spacing)
+        for number in np.flatnonzero(~np.isnan(across)).tolist():
+            along = spacing * spacing / across[number]
+            if max(along, across[number]) >= min_ratio * min(along, across[number]):
+                patterns[number] = ScanPattern(float(direction[number]), along, float(across[number]))
     return patterns
 
 

@@ -2,7 +2,9 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
+from bench.scenes.outlines import Scan
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, as_pulses, measure_scan_patterns
 
@@ -21,12 +23,12 @@ def scanned(along, across, *, turn=0.0, jitter=0.1, size=12.0, seed=0):
     return np.column_stack((xy, np.full(len(xy), 5.0)))[inside] + np.array([200.0, 300.0, 0.0])
 
 
-def measure_scan_pattern(points, *, gps_time=None, point_source_id=None, point_spacing=None):
+def measure_scan_pattern(points, *, gps_time=None, point_source_id=None, point_spacing=None, **asked):
     """The pattern of points that are one group."""
     pulses = as_pulses(points, gps_time, point_source_id)
     group = np.zeros(len(points), dtype=np.int64)
     spacing = point_spacing or quantised_spacing(points)
-    return measure_scan_patterns(pulses, group, 1, spacing)[0]
+    return measure_scan_patterns(pulses, group, 1, spacing, **asked)[0]
 
 
 def off(direction, truth):
@@ -43,6 +45,25 @@ def test_lines_are_found_in_bare_points(along, across, turn):
     assert 0.0 <= found.direction < math.pi
     assert found.along == pytest.approx(along, rel=0.1)
     assert found.across == pytest.approx(across, rel=0.1)
+
+
+@pytest.mark.parametrize("ratio", [1.1, 1.2, 1.35])
+@pytest.mark.parametrize("jitter", [0.1, 0.3])
+def test_lines_hardly_farther_apart_than_their_points_are_found_in_bare_points_if_asked(ratio, jitter):
+    turn = 0.6
+    plan = shapely.affinity.rotate(shapely.box(0, 0, 30, 18), 20.0)
+    xy = Scan(math.degrees(turn), ratio, jitter).over(plan, 1.0, np.random.default_rng(3))
+    points = np.column_stack((xy, np.zeros(len(xy))))
+    assert measure_scan_pattern(points, point_spacing=1.0).is_isotropic
+    found = measure_scan_pattern(points, point_spacing=1.0, min_ratio=1.0)
+    assert off(found.direction, turn) < 4.0
+    assert found.across / found.along == pytest.approx(ratio, rel=0.12)
+
+
+def test_points_anywhere_in_their_cells_have_no_lines_whatever_is_asked():
+    xy = Scan(30.0, 1.0, 0.5).over(shapely.box(0, 0, 30, 18), 1.0, np.random.default_rng(4))
+    points = np.column_stack((xy, np.zeros(len(xy))))
+    assert measure_scan_pattern(points, point_spacing=1.0, min_ratio=1.0).is_isotropic
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7])
