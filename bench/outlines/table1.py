@@ -14,13 +14,17 @@ from bench.common.tables import table
 from bench.outlines.chain import Building, chain_of
 from bench.outlines.clouds import RoofCloud, read_roofs
 from bench.outlines.truth import tile_of
-from bench.scenes.outlines import PLANS, ROTATIONS, outline_scene
+from bench.scenes.outlines import PLANS, Scan, outline_scene
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Buildings per data set, as in the paper.
 N_BUILDINGS = 10
-#: Spacings of the paper's data, at which virtual buildings are scanned [m].
-SPACINGS = (2.7, 1.2, 1.0)
+#: Buildings parallel to the scan lines, as most of the paper's are, and with three of ten "several up to 45
+#: degrees" askew [deg].
+PARALLEL = (0.0,) * N_BUILDINGS
+SOME_ASKEW = (*PARALLEL[:7], 7.0, 22.0, 45.0)
+#: GPS time of a virtual survey's first pulse, and between pulses on roofs [s].
+FIRST_TIME, PULSE = 1000.0, 1e-5
 #: Real clouds, the first of a city of the paper; and the height noise of the virtual surveys [m].
 CLOUDS, NOISE = ("toronto", "fusa", "delft"), 0.03
 #: A building is cut by the cloud's edge if it comes so near to it [spacings].
@@ -56,24 +60,60 @@ def row_of_cloud(cloud: RoofCloud, configs: PipelineConfig) -> Row:
     return _row(cloud.name, largest)
 
 
-def row_of_survey(spacing: float, configs: PipelineConfig, *, noise: float, seed: int) -> Row:
-    """Scan the ten largest rectilinear plans at this spacing, each in another orientation."""
+class Survey(NamedTuple):
+    """How virtual buildings are scanned."""
+
+    spacing: float  #: 1/√density [m]
+    ratio: float  #: spacing across the scan lines over that along them
+    jitter: float = 0.1  #: largest deviation from a regular pattern [cells]
+    has_time: bool = True  #: whether points have GPS time
+    rotations: tuple[float, ...] = PARALLEL  #: of the buildings against the lines [deg]
+    seeds: tuple[int, ...] = (0,)
+
+    @property
+    def name(self) -> str:
+        """A line's heading."""
+        return f"virtual, {self.spacing:g} m, lines × {self.ratio:g}"
+
+
+#: Those of the paper: spacing, and the ratio of those across and along the scan lines.
+SURVEYS = (Survey(2.7, 1.6), Survey(1.2, 1.5), Survey(1.0, 1.2))
+
+
+def largest_plans() -> list[str]:
+    """Name the ten largest rectilinear plans: dozens of metres long, as in the paper."""
     plans = {name: plan() for name, plan in PLANS.items()}
     rectilinear = [name for name, plan in plans.items() if plan.kind == "rectilinear"]
-    largest = sorted(rectilinear, key=lambda name: -plans[name].polygon.area)[:N_BUILDINGS]
+    return sorted(rectilinear, key=lambda name: -plans[name].polygon.area)[:N_BUILDINGS]
+
+
+def row_of_survey(survey: Survey, configs: PipelineConfig, *, noise: float = NOISE) -> Row:
+    """Scan the ten largest rectilinear plans, from points to outlines."""
+    scans = [Scan(0.0, survey.ratio, survey.jitter)]
     buildings = []
-    for name, rotation in zip(largest, ROTATIONS, strict=False):
-        scene = outline_scene(name, density=spacing**-2, noise=noise, rotation_deg=rotation, seed=seed)
-        found = chain_of(tile_of(scene), configs).buildings
-        buildings += sorted(found, key=lambda one: -one.outline.area)[:1]
-    return _row(f"virtual, {spacing:g} m", buildings)
+    for seed in survey.seeds:
+        for name, rotation in zip(largest_plans(), survey.rotations, strict=True):
+            scene = outline_scene(
+                name,
+                density=survey.spacing**-2,
+                noise=noise,
+                rotation_deg=rotation,
+                seed=seed,
+                scans=scans,
+            )
+            tile = tile_of(scene)
+            if survey.has_time:
+                tile = tile.with_columns(gps_time=FIRST_TIME + PULSE * np.arange(len(tile.points)))
+            found = chain_of(tile, configs).buildings
+            buildings += sorted(found, key=lambda one: -one.outline.area)[:1]
+    return _row(survey.name, buildings)
 
 
 def report(data: Path, configs: PipelineConfig, *, noise: float = NOISE, seed: int = 0) -> list[Row]:
     """Print the paper's lines, those of the real clouds that are there, and those of virtual surveys."""
     files = {name: sorted((data / name).glob("*.laz")) for name in CLOUDS}
     rows = [row_of_cloud(read_roofs(name, paths), configs) for name, paths in files.items() if paths]
-    rows += [row_of_survey(spacing, configs, noise=noise, seed=seed) for spacing in SPACINGS]
+    rows += [row_of_survey(one._replace(seeds=(seed,)), configs, noise=noise) for one in SURVEYS]
     print(table_1(rows))
     for figure, title in (("sigma", "σ"), ("max_offset", "largest offset")):
         slope, deviation = slope_through_origin(rows, figure)

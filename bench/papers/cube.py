@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.common.tables import table
+from bench.papers.pages import markdown
 from lidar_buildings.core.stages.edge_labelling.clusters import (
     eigenvalues_by_area,
     in_second,
@@ -59,7 +59,7 @@ def table_1() -> str:
     for (number, (_, paper)), mine in zip(PUBLISHED.items(), ours, strict=True):
         both = [f"{theirs:.2f} / {own:.2f}" for theirs, own in zip(paper, mine, strict=True)]
         rows.append(["edge" if number <= 3 else "non-edge", str(number), *both])
-    return table(("class", "point", "λ1 paper / ours", "λ2", "λ3", "L", "P"), rows)
+    return markdown(("class", "point", "λ1 paper / ours", "λ2", "λ3", "L", "P"), rows)
 
 
 def draw(folder: Path) -> None:

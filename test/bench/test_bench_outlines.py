@@ -110,7 +110,7 @@ def test_clouds_are_read_by_their_classes_or_their_own(data):
 
 
 def test_table_1_has_the_papers_lines_and_ten_virtual_buildings():
-    row = outline_table1.row_of_survey(1.2, PipelineConfig(), noise=0.03, seed=0)
+    row = outline_table1.row_of_survey(outline_table1.SURVEYS[1], PipelineConfig())
     assert len(row.buildings) == 10
     assert row.score.spacing == pytest.approx(1.2, rel=0.15)
     text = outline_table1.table_1([row])
