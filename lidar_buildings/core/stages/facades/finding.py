@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
 
 from lidar_buildings.core.model.point_array import checked_column, checked_points
 from lidar_buildings.core.neighbours.cell_grid import lowest_per_cell, sort_by_cell
 from lidar_buildings.core.stages.facades.config import FacadesConfig
-from lidar_buildings.core.stages.facades.corners import join_corners, touching
 from lidar_buildings.core.stages.facades.facade import ARC, STRAIGHT, Facade
 from lidar_buildings.core.stages.facades.judging import (
     LONE_LENGTH,
@@ -21,11 +21,16 @@ from lidar_buildings.core.stages.facades.judging import (
     stretches,
     tall_stretches,
 )
-from lidar_buildings.core.stages.facades.layers import without_layers
-from lidar_buildings.core.stages.facades.pieces import pieces_of
-from lidar_buildings.core.stages.facades.surroundings import PLACE_CELL, PointsAbout, Scenery
-from lidar_buildings.core.stages.facades.upright import VOXEL, upright_points
-from lidar_buildings.core.stages.facades.walls import BIN, Wall, joined_walls
+from lidar_buildings.core.stages.facades.layers import in_sight, without_layers
+from lidar_buildings.core.stages.facades.pieces import VOXEL, pieces_of, upright_points
+from lidar_buildings.core.stages.facades.walls import (
+    BIN,
+    PLACE_CELL,
+    PointsAbout,
+    Scenery,
+    Wall,
+    joined_walls,
+)
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +40,10 @@ MIN_HEIGHT = 0.15
 _ENDS = (0.005, 0.995)
 #: Ends this near one another touch [m].
 TOUCH = 1.0
+#: Ends of walls are drawn to a corner that lies within this of both [m].
+REACH = 0.5
+#: Walls that meet at a flatter angle have no corner of their own: sine of 15°.
+MIN_SINE = 0.26
 
 
 def find_facades(
@@ -51,7 +60,8 @@ def find_facades(
     Points on upright surfaces are linked to smooth patches, which are divided into straight lines and arcs in
     plan; pieces of one line are joined and fitted to all points near them by least squares with Tukey's
     biweight, so that windows and what is seen through them do not pull. A wall is told from fences, hedges
-    and vehicles by the height at which it ends and by what was seen behind and over it.
+    and vehicles by the height at which it ends and by what was seen behind and over it, and from a room by
+    the open ground that has it in sight past plainer walls.
 
     - `points`, shape (n_points, 3): All points that were seen from the street, in any order [m].
     - `height_above_ground`, shape (n_points,): [m].
@@ -84,6 +94,7 @@ def find_facades(
             sure = confidence(one, around, scenery)
             if sure >= config.min_confidence and one.length >= config.min_length:
                 found.append(one)
+    found = in_sight(found, around, scenery)
     walls = [one for one in without_layers(found, around, config.max_gap) if one.length >= config.min_length]
     lines = [one.curve.chords(one.first, one.last) for one in walls]
     of_line = Counter(tuple(one.curve.origin) for one in walls)
@@ -142,3 +153,55 @@ def _facade(wall: Wall, foot: Floats, sure: float, around: PointsAbout) -> Facad
         confidence=sure,
         kind=ARC if wall.curve.bend else STRAIGHT,
     )
+
+
+def join_corners(lines: Sequence[Floats]) -> list[Floats]:
+    """Return polylines, shape (n ≥ 2, 2) each, whose ends are drawn to where they meet others' ends."""
+    joined = [line.copy() for line in lines]
+    ends = [(k, at) for k in range(len(lines)) for at in (0, -1)]
+    if len(ends) < 4:
+        return joined
+    places = np.array([lines[k][at] for k, at in ends])
+    pairs = cKDTree(places).query_pairs(2.0 * REACH, output_type="ndarray")
+    corners = []
+    for i, j in pairs.tolist():
+        (one, at), (other, there) = ends[i], ends[j]
+        if one != other:
+            corner = _corner(lines[one], at, lines[other], there)
+            if corner is not None:
+                reach = max(np.hypot(*(corner - places[i])), np.hypot(*(corner - places[j])))
+                if reach <= REACH:
+                    corners.append((float(reach), i, j, corner))
+    taken: set[int] = set()
+    for _, i, j, corner in sorted(corners, key=lambda one: one[:3]):
+        if not taken & {i, j}:
+            taken |= {i, j}
+            for k, at in (ends[i], ends[j]):
+                joined[k][at] = corner
+    return joined
+
+
+def _corner(one: Floats, at: int, other: Floats, there: int) -> Floats | None:
+    """Return where the lines of two ends meet, None if they hardly do."""
+    (a, p), (b, q) = _ray(one, at), _ray(other, there)
+    sine = p[0] * q[1] - p[1] * q[0]
+    if abs(sine) < MIN_SINE:
+        return None
+    away = b - a
+    return a + (away[0] * q[1] - away[1] * q[0]) / sine * p
+
+
+def _ray(line: Floats, at: int) -> tuple[Floats, Floats]:
+    """Return an end and the direction in which the line leaves it."""
+    out = line[at] - line[1 if at == 0 else -2]
+    return line[at], out / np.hypot(*out)
+
+
+def touching(lines: Sequence[Floats], reach: float) -> NDArray[np.bool_]:
+    """Tell which lines have an end within reach of another line's end [m]."""
+    is_touching = np.zeros(len(lines), dtype=bool)
+    ends = np.array([line[at] for line in lines for at in (0, -1)]).reshape(-1, 2)
+    for i, j in cKDTree(ends).query_pairs(reach, output_type="ndarray").tolist() if len(ends) else ():
+        if i // 2 != j // 2:
+            is_touching[[i // 2, j // 2]] = True
+    return is_touching

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from lidar_buildings.core.stages.facades.surroundings import PointsAbout, Scenery
-from lidar_buildings.core.stages.facades.walls import BIN, Wall
+from lidar_buildings.core.stages.facades.walls import BIN, PointsAbout, Scenery, Wall
 
 Floats = NDArray[np.float64]
 

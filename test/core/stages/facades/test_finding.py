@@ -59,6 +59,14 @@ def test_windows_and_what_is_behind_glass_do_not_pull_the_line():
     assert abs(facade.foot[:, 1]).max() < 0.01
 
 
+@pytest.mark.parametrize(("is_seen_over", "n"), [(False, 1), (True, 2)])
+def test_wall_of_a_room_is_no_facade_unlike_what_is_seen_over_a_front(is_seen_over, n):
+    low, high = (4.2, 6.0) if is_seen_over else (0.6, 2.4)
+    behind = wall((3.0, 5.0), (7.0, 5.0), low, high, step=0.2)
+    found = facades_of(wall((0.0, 0.0), (12.0, 0.0), 0.3, 3.0), behind, ground((-2.0, 14.0), (-20.0, 0.0)))
+    assert len(found) == n
+
+
 def test_two_passes_with_poses_apart_make_one_wall_between():
     passes = (wall((1.0, offset), (9.0, offset), 0.3, 3.0) for offset in (-0.02, 0.02))
     (facade,) = facades_of(*passes, STREET)
