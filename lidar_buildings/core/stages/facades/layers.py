@@ -28,8 +28,8 @@ ABOUT = 13
 #: Ground counts up to this far from a wall [m], one place of it in a cell of this side [m], and is looked at
 #: from about the height of a scanner on a vehicle [m].
 GROUND_REACH, GROUND_CELL, EYE = 60.0, 4.0, 2.0
-#: A wall stands indoors if of the ground before it a smaller share has it in sight.
-MIN_SHARE = 0.03
+#: A wall stands indoors if it has a smaller share of the ground about in sight before it.
+MIN_SHARE = 0.02
 #: Places of a wall that are looked at, as shares of its length, so far before it [m].
 PLACES, LOOKED_FROM = np.array([0.2, 0.5, 0.8]), 0.45
 
@@ -121,18 +121,17 @@ def _steps(wall: Wall, around: PointsAbout) -> Floats:
 
 @kernel
 def _share(places, normals, ground, blinds, height):  # type: ignore[no-untyped-def]
-    """Return the largest share of the ground before one of the places that has it in sight, 1 if none is."""
+    """Return the largest share of the ground about that one of the places has in sight, 1 without ground."""
     best = -1.0
     for i in range(len(places)):
         x, y, n, n_seen = places[i, 0], places[i, 1], 0, 0
         for g in range(len(ground)):
             dx, dy = ground[g, 0] - x, ground[g, 1] - y
-            if (
-                dx * dx + dy * dy > GROUND_REACH * GROUND_REACH
-                or dx * normals[i, 0] + dy * normals[i, 1] <= 0.0
-            ):
+            if dx * dx + dy * dy > GROUND_REACH * GROUND_REACH:
                 continue
             n += 1
+            if dx * normals[i, 0] + dy * normals[i, 1] <= 0.0:
+                continue
             is_seen = True
             for b in range(len(blinds)):
                 vx, vy = blinds[b, 2] - blinds[b, 0], blinds[b, 3] - blinds[b, 1]
