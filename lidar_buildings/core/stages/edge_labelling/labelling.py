@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.distance import cdist
 
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
@@ -145,7 +144,14 @@ SHAPES = (
 
 def nearest_shapes(eigenvalues: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the row in `SHAPES` nearest to each λ1 ≥ λ2 ≥ λ3, in units of R²; of two as near the first."""
-    return cdist(eigenvalues, np.array([shape.eigenvalues for shape in SHAPES])).argmin(axis=1)
+    if not len(eigenvalues):
+        return np.zeros(0, dtype=np.int64)
+    # Imported here: scikit-learn takes seconds to import, and the default, k-means, does without it.
+    from sklearn.neighbors import KNeighborsClassifier
+
+    nearest = KNeighborsClassifier(n_neighbors=1, algorithm="brute")
+    nearest.fit([shape.eigenvalues for shape in SHAPES], np.arange(len(SHAPES)))
+    return np.asarray(nearest.predict(eigenvalues), dtype=np.int64)
 
 
 def discriminant_edges(eigenvalues: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, eye_array
+from scipy.sparse import coo_array, csr_array, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, QhullError
+from scipy.spatial.distance import cdist
 
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.stages.plane_fitting.config import PlaneFittingConfig
@@ -31,6 +32,8 @@ _RADIUS, _SQUASH = 0.25, 1.5
 _FUZZINESS = 2.0
 #: Normals are clustered in bins of this width, weighted by their points: a degree is far below their noise.
 _BIN = 0.02
+#: Normals whose distances to all others are held at a time: rubbish has 15,000 of them.
+_BLOCK = 256
 #: Rounds after which centres that still move are taken as they are, and by how much less they stand still.
 _MAX_ROUNDS, _STILL = 100, 1e-6
 
@@ -76,7 +79,8 @@ def starts_by_potential(normals: FloatArray, weights: NDArray[Any], min_points: 
     one, spread wider, is taken off all; as long as one is left with that of a plane's fewest points it is a
     cluster's, too, if it is far enough from those found, or high enough.
     """
-    potential = _influence(_squares(normals, normals), _RADIUS) @ weights
+    blocks = np.array_split(normals, len(normals) // _BLOCK + 1)
+    potential = np.concatenate([_influence(_squares(each, normals), _RADIUS) @ weights for each in blocks])
     highest = float(potential.max())
     chosen: list[int] = []
     while (top := float(potential[best := int(potential.argmax())])) >= min_points or not chosen:
@@ -104,7 +108,7 @@ def fuzzy_k_means(normals: FloatArray, weights: FloatArray, centres: FloatArray)
 
 def _squares(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the squared chords between unit normals."""
-    return np.asarray(((one[:, None] - other[None]) ** 2).sum(axis=2))
+    return np.asarray(cdist(one, other, "sqeuclidean"))
 
 
 def _influence(squares: FloatArray, radius: float) -> FloatArray:
@@ -129,11 +133,12 @@ def _surroundings(points: FloatArray, links: csr_array, accuracy: float) -> tupl
 
     The neighbours' neighbours are taken in as long as noise lets the normals tumble.
     """
-    near = links + eye_array(len(points), format="csr")
+    reach = links + csr_array(identity(len(points), format="csr"))
+    near = reach
     values, normals, n = _principal_axes(points, near)
     noise = math.sqrt(np.quantile(values[:, 0] * n / np.maximum(n - 3.0, 1.0), _NOISE_QUANTILE))
     while _noise_of_normals(values, n, noise) > _MAX_NOISE and near.nnz < _MOST_NEIGHBOURS * len(points):
-        near = near @ (links + eye_array(len(points), format="csr"))
+        near = near @ reach
         near.data[:] = 1.0
         values, normals, n = _principal_axes(points, near)
     return normals, (n > 3) & (values[:, 0] <= max(accuracy, _ROUGH * noise) ** 2)
