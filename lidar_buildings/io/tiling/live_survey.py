@@ -43,9 +43,6 @@ MOST_REVISIONS = 900
 #: A tile of which fewer points are new waits longer before it comes again: a scanner on the street sees
 #: single far points for long.
 _FEW = 0.01
-#: A tile seen from the street is waited for so many times as long: it was published by places before, and a
-#: vehicle comes back round the block.
-_STREET_PATIENCE = 10.0
 #: Points of a file when they are written as LAZ; `index` counts them anew in each.
 POINTS_PER_FILE = 5_000_000
 #: After so long without a scan the vehicle's way has ended [s].
@@ -313,9 +310,7 @@ class LiveSurvey:
         """Whether no point has fallen into a tile or its buffer for long enough: longer with few new ones."""
         share_new = 1.0 - max(tile.n_sent, 0) / max(self._n_near(tile), 1)
         since = now - max(self._touched[cell] for cell in tile.near.cells)
-        is_street = self.config.road_place > 0.0 and 2 * self._n_from_street > self.n_points
-        patience = _STREET_PATIENCE if is_street else 1.0
-        return since * min(share_new / _FEW, 1.0) >= patience * self.config.leave_after
+        return since * min(share_new / _FEW, 1.0) >= self.config.leave_after
 
     def _note(self, tile: LiveTile, revision: int, n_done: int) -> None:
         """Note which revision was sent or done last, for the next life: it must send a later one."""
