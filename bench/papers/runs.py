@@ -7,8 +7,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -31,25 +32,38 @@ LARGEST = (
 
 
 def sections_of_runs(data: Path, paper: str) -> Iterator[Section]:
-    """Run every cloud that is there by a preset and by the defaults; name the section of the page."""
+    """Run every cloud that is there by a preset and by the defaults."""
     rows, maps = [], []
-    with tempfile.TemporaryDirectory() as folder:
-        for cloud in (name for name in CLOUDS if any((data / name).glob("*.laz"))):
-            for preset in (paper, ""):
-                output = Path(folder) / f"{cloud}_{preset}"
-                ended = _run(
-                    "run", data / cloud, "--output", output, *(["--preset", preset] if preset else [])
-                )
-                method = preset or "default"
-                rows.append([cloud, method, *(_row(output) if ended else ["did not end"])])
-                if cloud == "delft" and ended:
-                    maps.append([method, *_map_row(data, output)])
-    text = markdown((*HEADINGS, *LARGEST), (row + ["–"] * (10 + 1 - len(row)) for row in rows))
+    for cloud in (name for name in CLOUDS if any((data / name).glob("*.laz"))):
+        for preset in (paper, ""):
+            found = _figures(data, cloud, preset)
+            method = preset or "default"
+            rows.append([cloud, method, *found.cells])
+            if found.on_map:
+                maps.append([method, *found.on_map])
+    text = markdown((*HEADINGS, *LARGEST), rows)
     if maps:
         text += (
             f"\n\nDelft against the blocks of its map, cells of 0.5 m:\n\n{markdown(('method', *MAP), maps)}"
         )
     yield Section("runs", text)
+
+
+class Found(NamedTuple):
+    """What came of a run, as cells of tables."""
+
+    cells: list[str]
+    on_map: list[str]  #: empty of a cloud without a map
+
+
+@cache
+def _figures(data: Path, cloud: str, preset: str) -> Found:
+    """Run a cloud by a preset, or by the defaults."""
+    with tempfile.TemporaryDirectory() as folder:
+        output = Path(folder) / "result"
+        if not _run("run", data / cloud, "--output", output, *(["--preset", preset] if preset else [])):
+            return Found(["did not end", *["–"] * (len(HEADINGS) + len(LARGEST) - 3)], [])
+        return Found(_row(output), _map_row(data, output) if cloud == "delft" else [])
 
 
 def _run(*arguments: Any) -> bool:
@@ -91,13 +105,4 @@ def _map_row(data: Path, output: Path) -> list[str]:
     command += [data / "delft" / "blocks_nw.gpkg", "--aoi", data / "delft" / "aoi_nw.gpkg", "--json"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
     figures = json.loads(done.stdout)
-    found = {name: value for one in _leaves(figures) for name, value in one.items()}
-    return [f"{found[name]:.2f}" for name in ("recall", "precision", "iou")]
-
-
-def _leaves(figures: Any) -> Iterator[dict[str, float]]:
-    """Give all dictionaries of numbers within a result."""
-    if isinstance(figures, dict):
-        yield {name: value for name, value in figures.items() if isinstance(value, float)}
-        for value in figures.values():
-            yield from _leaves(value)
+    return [f"{figures[name]:.2f}" for name in ("recall", "precision", "iou")]

@@ -31,6 +31,13 @@ class BuildingModelConfig(StageConfig):
         "volumes then count.",
         choices=(LEVEL, DRAPED),
     )
+    finest_lod: str = parameter(
+        "2.3",
+        "Finest level of detail that is built: blocks of one height, or all that the points tell; blocks "
+        "take a fraction of the time.",
+        choices=("1.2", "2.3"),
+        advanced=True,
+    )
     assumed_height: float = parameter(
         3.0,
         "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "

@@ -298,6 +298,8 @@ def _finer_levels(
     roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
     """Return LoD1.3, LoD2.2 and LoD2.3, the faces of each, and why one is missing."""
+    if config.finest_lod == LOD12:
+        return {}, {}, "no finer level than LoD1.2 was asked for"
     if not roof.has_extent:
         return {}, {}, f"{len(roof.points)} roof points, too few or all on a line: one height"
     try:

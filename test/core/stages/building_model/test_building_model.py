@@ -77,6 +77,14 @@ def test_without_planes_the_kind_of_roof_is_unknown():
     assert none_found["n_planes"] == 0
 
 
+def test_blocks_are_all_that_is_built_if_they_are_asked_for():
+    config = BuildingModelConfig(finest_lod="1.2")
+    model = build_model(roof(), Outline(SQUARE), config, plane_id=np.ones(600), ground_elevation=0.0)
+    assert list(model.solids) == ["1.2"]
+    assert model.attributes["lod"] == "1.2"
+    assert "asked for" in model.reason
+
+
 @pytest.mark.parametrize(("choice", "share"), [("min", 0), ("50p", 50), ("70p", 70), ("max", 100)])
 def test_the_top_is_the_chosen_elevation_of_the_roof_points(choice, share):
     points = roof()
