@@ -154,7 +154,7 @@ def test_nodes_may_be_killed_and_the_whole_graph_restarted_while_a_feed_is_on(
         own = driver(namespace)
         own.send(scans[: len(scans) // 2])
         stages = [name for name in nodes_until(LAST, SOURCE) if name != SOURCE]
-        for number in range(1, 11):
+        for number in range(1, 7):
             graph.wait_for_tiles(number, 240)
             name = chance.choice(stages)
             graph.kill(name)

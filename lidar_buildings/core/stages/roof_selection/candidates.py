@@ -196,7 +196,7 @@ def _look_around(asking, own, runs, before, place, lowest, highest, reach, n_sec
                     continue
                 low[k], high[k] = min(low[k], lowest[j]), max(high[k], highest[j])
                 if dx != 0 or dy != 0:
-                    seen |= 1 << sector_of(dx, dy)
+                    seen |= 1 << sector_of(float(dx), float(dy))
         while seen:
             n_sectors[k] += seen & 1
             seen >>= 1

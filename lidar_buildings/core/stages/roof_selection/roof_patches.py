@@ -353,7 +353,7 @@ def _count_ends(points, owner, first, places, runs, reach, ends, met):  # type: 
                     dx, dy = places[c, 1] - places[k, 1], places[c, 0] - places[k, 0]
                     if c == k or dx * dx + dy * dy > reach * reach:
                         continue
-                    bit = 1 << sector_of(dx, dy)
+                    bit = 1 << sector_of(float(dx), float(dy))
                     if low[c] - MAX_STEP <= top[one] <= high[c] + MAX_STEP:
                         is_met |= bit
                     for other in range(start[c], start[c + 1]):
