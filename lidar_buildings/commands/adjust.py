@@ -33,6 +33,8 @@ from lidar_buildings.io.tiling.survey_brightness import only_returns
 _MOST = 20_000_000
 #: Intensities by which strips are stretched, about, of each file.
 _SAMPLE = 200_000
+#: A pair lies farther apart than before if by so much: twice what noise leaves of heights [m].
+_WORSE = 0.02
 #: What is said of a run in the folder of the copies.
 RECORD = "adjustment.json"
 
@@ -163,6 +165,12 @@ def _lines(record: dict[str, Any]) -> list[str]:
             f"pair {pair['strips'][0]} {pair['strips'][1]}: height {height} m; RMS {level} m of {counts[0]}, "
             f"{sloping} m of {counts[1]}"
         )
+    if worse := [pair["strips"] for pair in record["pairs"] if _is_worse(pair)]:
+        named = ", ".join(f"{one} {other}" for one, other in worse)
+        lines.append(
+            f"farther apart than before: {named}: overlaps contradict one another; a strip may be "
+            "bent, or no flight strip, as point_source_id 0 may be"
+        )
     for one in record["strips"]:
         x, y, z = one["shift"]
         plan = "plan not told" if one["plan_error"] is None else f"± {one['plan_error']:.3f} in plan"
@@ -173,6 +181,11 @@ def _lines(record: dict[str, Any]) -> list[str]:
     if record.get("weak_points"):
         lines.append(f"withheld for their weak signal: {record['weak_points']:,} points")
     return lines
+
+
+def _is_worse(pair: dict[str, Any]) -> bool:
+    before, after = (pair[when]["height"] for when in ("before", "after"))
+    return before is not None and after is not None and abs(after) > abs(before) + _WORSE
 
 
 def _metres(value: float | None) -> str:

@@ -35,6 +35,18 @@ def test_residuals_are_printed_and_nothing_is_written(strips, command):
     assert [one.name for one in strips.parent.iterdir()] == ["strips"]
 
 
+def test_overlaps_that_contradict_one_another_are_named(command, tmp_path):
+    for place, pair in enumerate([(4, 5), (5, 6), (4, 6)]):  # 5 stands above 4, but both are level with 6
+        for number in pair:
+            cloud = cloud_files.random_cloud(3000, point_format=6, size=(40.0, 40.0, 0.0), seed=number)
+            cloud.x, cloud.z = cloud.x + 60.0 * place, cloud.z + LIFT * ((place, number) == (0, 5))
+            cloud.point_source_id, cloud.withheld = np.full(3000, number), np.zeros(3000, np.uint8)
+            cloud.classification = np.ones(3000, np.uint8)
+            cloud_files.saved(cloud, tmp_path / f"{place}_{number}.laz")
+    (line,) = [line for line in command("adjust", tmp_path).out if line.startswith("farther apart")]
+    assert line.startswith("farther apart than before: 4 6, 5 6: overlaps contradict one another")
+
+
 def test_copies_are_shifted_and_keep_all_else(strips, command, tmp_path):
     spoken = command("adjust", strips, "--output", tmp_path / "out", "--min-intensity", 1)
     assert (spoken.status, spoken.err) == (0, [])
