@@ -113,16 +113,18 @@ def _levels_or_flat(
 ) -> tuple[NDArray[np.int64], int]:
     """Return the levels as `_levels`, and what is narrower but flat: an annex is, no piece of a crown."""
     least = max(FLAT_WIDTH * config.min_roof_width, MIN_CELLS * _plan_cell(candidates))
-    wide = _levels(candidates, roof, config, rejection)
+    wide, n_wide = _levels(candidates, roof, config, rejection)
     if least >= config.min_roof_width:
-        return wide
-    why = rejection.copy()
-    label, n = _levels(candidates, roof, replace(config, min_roof_width=least), why)
-    rows = np.flatnonzero((wide[0] < 0) & (label >= 0))
+        return wide, n_wide
+    label, n = _levels(candidates, roof, replace(config, min_roof_width=least), rejection.copy())
+    rows = np.flatnonzero((wide < 0) & (label >= 0))
     is_flat = _flat_parts(candidates, rows, config.max_roughness)
     rejection[rows[is_flat]] = Rejection.NONE
     label[rows[~is_flat]] = -1
-    return label, n
+    # what is wide by itself stays, also where what hangs on it makes a part that is not
+    lost = (wide >= 0) & (label < 0)
+    label[lost] = n + wide[lost]
+    return label, n + n_wide
 
 
 def _flat_parts(candidates: Candidates, rows: NDArray[np.intp], max_rms: float) -> NDArray[np.bool_]:
