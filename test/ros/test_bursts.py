@@ -67,6 +67,8 @@ def test_a_burst_of_rings_within_one_process_loses_nothing(context):
     wait_until(lambda: len(listener.ids) > N_RINGS)
     rclpy.try_shutdown(context=context)
     thread.join()
+    sender.destroy_node()
+    listener.node.destroy_node()
     assert listener.ids == [*range(N_RINGS), -1]
 
 
@@ -89,6 +91,7 @@ def test_a_burst_of_rings_to_another_process_loses_nothing(context):
         executor.spin_once(timeout_sec=0.1)
     child.communicate()
     executor.shutdown()
+    listener.node.destroy_node()
     assert listener.ids == [*range(N_RINGS), -1]
 
 

@@ -117,5 +117,6 @@ def test_large_clouds_of_a_driver_that_never_sends_again_come_in(context):
     finally:
         driver.communicate()
         executor.shutdown()
+        node.destroy_node()
     # One or the other may get lost; with plain settings half of them are.
     assert len(heard) > 0.75 * N_CLOUDS
