@@ -28,6 +28,9 @@ class RoofPlane:
     centroid: FloatArray
     rms: float  #: root mean square of the points' orthogonal distances [m]
     n_points: int  #: number of points
+    #: Of a, b and c of z = a (x − x₀) + b (y − y₀) + c about the centroid x₀, y₀, see `plane_covariances`;
+    #: shape (3, 3).
+    covariance: FloatArray
 
     @property
     def gradient(self) -> FloatArray:
@@ -44,6 +47,12 @@ class RoofPlane:
     def elevation(self, xy: FloatArray) -> FloatArray:
         """Elevation of the plane [m] at positions of shape (n, 2)."""
         return np.asarray(self.centroid[2] + (xy - self.centroid[:2]) @ self.gradient)
+
+    def elevation_sigma(self, xy: FloatArray) -> FloatArray:
+        """Standard deviation of `elevation` [m] at positions of shape (n, 2)."""
+        place = np.ones((len(xy), 3))
+        place[:, :2] = xy - self.centroid[:2]
+        return np.sqrt(np.einsum("ni,ij,nj->n", place, self.covariance, place))
 
 
 def without_gaps(plane_id: NDArray[np.uint16]) -> NDArray[np.uint16]:
@@ -192,6 +201,44 @@ def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
     return normals, rms, coefficients, cost, roof
 
 
+#: Points of a roof scatter by no less [m]: noise of the range and of the survey's pose.
+_LEAST_NOISE = 0.01
+#: Neighbouring points share noise and what the roof itself is uneven by: of so many one counts.
+POINTS_SHARED = 4.0
+
+
+def plane_covariances(
+    counts: FloatArray, scatter: FloatArray, upright: FloatArray, rms: FloatArray
+) -> FloatArray:
+    """
+    Return the covariances of a, b, c of planes z = a (x − x₀) + b (y − y₀) + c about their centroids.
+
+    Least squares: the variance of a point along z, from the residuals with n − 3 degrees of freedom, times
+    the inverse normal matrix (Förstner and Wrobel 2016, 4.2). It is greater by the number of neighbouring
+    points that share an error. Planes of points on a line stay finite.
+
+    - `counts`, shape (n,): Number of points.
+    - `scatter`, shape (n, 3, 3): Sums of products of coordinates about the centroid [m²].
+    - `upright`, shape (n,): z of the unit normal.
+    - `rms`, shape (n,): Root mean square of the orthogonal distances [m].
+
+    Returns shape (n, 3, 3): of a and b [1], with c [m], of c [m²].
+    """
+    freedom = counts / np.maximum(counts - 3.0, 1.0)
+    variance = (
+        POINTS_SHARED
+        * np.maximum(rms**2 * freedom, _LEAST_NOISE**2)
+        / np.maximum(upright, _LEAST_VERTICAL) ** 2
+    )
+    xx, xy, yy = scatter[:, 0, 0] + _PRIOR, scatter[:, 0, 1], scatter[:, 1, 1] + _PRIOR
+    determinant = np.maximum(xx * yy - xy * xy, _PRIOR**2)
+    found = np.zeros((len(counts), 3, 3))
+    found[:, 0, 0], found[:, 1, 1] = variance * yy / determinant, variance * xx / determinant
+    found[:, 0, 1] = found[:, 1, 0] = -variance * xy / determinant
+    found[:, 2, 2] = variance / np.maximum(counts, 1.0)
+    return found
+
+
 def fitted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
     """Fit every plane to its points by orthogonal least squares, each by itself, numbered as in `adjust`."""
     free = free_planes(plane_moments(points, plane_id, int(plane_id.max(initial=0))))
@@ -203,10 +250,9 @@ def adjusted_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPla
     normals, places, rms = _placed(
         free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
     )
-    columns = (normals, places + free.moments.centre, rms.tolist(), free.moments.sums[:, 0].tolist())
-    return tuple(
-        RoofPlane(normal, place, miss, int(n)) for normal, place, miss, n in zip(*columns, strict=True)
-    )
+    covariances = plane_covariances(free.counts, free.scatter, free.normals[:, 2], free.rms)
+    columns = (normals, places + free.moments.centre, rms.tolist(), map(int, free.moments.sums[:, 0]))
+    return tuple(RoofPlane(*each) for each in zip(*columns, covariances, strict=True))
 
 
 @kernel

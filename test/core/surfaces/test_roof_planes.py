@@ -5,7 +5,7 @@ import pytest
 
 from bench.scenes.models import model_scene
 from lidar_buildings.core.surfaces.plane_adjustment import CommonVertex, adjust, common_point, multipliers
-from lidar_buildings.core.surfaces.roof_planes import plane_moments
+from lidar_buildings.core.surfaces.roof_planes import POINTS_SHARED, fitted_planes, plane_moments
 
 
 def adjusted(points, plane_id):
@@ -23,6 +23,27 @@ def test_adjusted_planes_are_those_of_the_building(name, rotation_deg):
             face.elevation(np.array([middle]))[0], abs=0.02
         )
         assert plane.rms == pytest.approx(0.03 * plane.normal[2], rel=0.3)
+
+
+def test_the_covariance_of_a_plane_is_the_scatter_of_planes_of_other_noise():
+    scene, random = model_scene("shed", density=1.0, noise=0.0), np.random.default_rng(1)
+    corners = scene.building.exterior
+    heights, sigmas = [], []
+    for _ in range(300):
+        noisy = scene.points + np.outer(random.normal(0.0, 0.05, len(scene.points)), [0, 0, 1])
+        (plane,) = fitted_planes(noisy, scene.plane_id)
+        heights.append(plane.elevation(corners))
+        sigmas.append(plane.elevation_sigma(corners))
+    independent = np.sqrt(np.mean(np.square(sigmas), axis=0) / POINTS_SHARED)
+    assert independent == pytest.approx(np.std(heights, axis=0), rel=0.15)
+
+
+def test_the_covariance_of_a_plane_of_points_on_a_line_is_finite_and_large():
+    line = np.column_stack([np.arange(9.0), np.zeros(9), np.ones(9)])
+    (plane,) = fitted_planes(line, np.ones(9, np.uint16))
+    on, beside = plane.elevation_sigma(np.array([[4.0, 0.0], [4.0, 2.0]]))
+    assert on < 0.02
+    assert 1.0 < beside < np.inf
 
 
 def test_a_slope_that_is_none_becomes_level_and_a_drained_roof_stays_as_it_is():
