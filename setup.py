@@ -50,6 +50,7 @@ TEST = [
     "startinpy",
     "cjio",
     "ezdxf>=1.0",
+    "geopandas",
     "trimesh>=5",
     "ruff",
     "mypy",
@@ -70,7 +71,9 @@ setup(
     name=PACKAGE,
     version=VERSION,
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["ros/*.xml", "commands/*.npz", "io/models/*.dxf", "report/page/*"]},
+    package_data={
+        PACKAGE: ["py.typed", "*.pyi", "ros/*.xml", "commands/*.npz", "io/models/*.dxf", "report/page/*"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

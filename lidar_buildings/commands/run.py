@@ -42,17 +42,28 @@ def run_command(options: argparse.Namespace) -> int:
     log_to_terminal()
     request = request_of(options)
     with sole_use(request.output):
-        if request.overwrite:
-            discard_unfinished(request.output)
-        _check_places(request)
         started = time.perf_counter()
-        compiling = start_compiling()
-        request = with_fetched_inputs(with_placed_bags(request))
-        footprints = _footprints(request)
-        if compiling is not None:
-            compiling.wait()
-        outcome = _outcome(request, options, footprints)
+        request, outcome = carry_out(request, options)
         return _report(request, options, outcome, time.perf_counter() - started)
+
+
+def carry_out(
+    request: RunRequest, options: argparse.Namespace, n_processes: int | None = None
+) -> tuple[RunRequest, RunOutcome]:
+    """
+    Run a job in a folder that is locked; return the request, with what was found of bags, and the outcome.
+
+    Without the graph or workers it takes so many processes, one a core if not given.
+    """
+    if request.overwrite:
+        discard_unfinished(request.output)
+    _check_places(request)
+    compiling = start_compiling()
+    request = with_fetched_inputs(with_placed_bags(request))
+    footprints = _footprints(request)
+    if compiling is not None:
+        compiling.wait()
+    return request, _outcome(request, options, footprints, n_processes)
 
 
 def _report(request: RunRequest, options: argparse.Namespace, outcome: RunOutcome, wall: float) -> int:
@@ -106,7 +117,10 @@ def _footprints(request: RunRequest) -> FootprintFile | None:
 
 
 def _outcome(
-    request: RunRequest, options: argparse.Namespace, footprints: FootprintFile | None
+    request: RunRequest,
+    options: argparse.Namespace,
+    footprints: FootprintFile | None,
+    n_processes: int | None,
 ) -> RunOutcome:
     if not options.no_ros:
         if importlib.util.find_spec("rclpy") is None:
@@ -135,7 +149,7 @@ def _outcome(
 
     tune_malloc()
     load_stages()  # before the pool: its processes are forked
-    with BuildingPool() as pool:
+    with BuildingPool(n_processes) as pool:
         return run_local(request, footprints, pool)
 
 

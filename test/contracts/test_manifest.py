@@ -49,7 +49,9 @@ ROS_DEPENDENCIES = {
 OPTIONAL = {
     "dask",
     "distributed",
+    "geopandas",
     "open3d",
+    "pandas",
     "pypcd4",
     "sensor_msgs_py",
     "tf2_msgs",

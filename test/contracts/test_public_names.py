@@ -1,5 +1,7 @@
 """The names that users import from the package itself."""
 
+import doctest
+import importlib
 import subprocess
 import sys
 
@@ -28,6 +30,9 @@ PUBLIC = [
     "PointTile",
     "PipelineConfig",
     "reconstruct_tile",
+    "read",
+    "reconstruct",
+    "Reconstruction",
 ]
 
 
@@ -36,6 +41,14 @@ def test_every_public_name_is_importable_from_the_package(name):
     assert getattr(lidar_buildings, name).__name__ == name
     assert name in lidar_buildings.__all__
     assert name in dir(lidar_buildings)
+
+
+@pytest.mark.parametrize("of", ["lidar_buildings", "lidar_buildings.commands.from_python"])
+def test_the_examples_of_docstrings_hold(of):
+    module = importlib.import_module(of)
+    failed, tried = doctest.testmod(module)
+    assert not failed
+    assert tried
 
 
 def test_an_unknown_name_is_no_attribute():

@@ -148,6 +148,11 @@ class PointTile:
         return {name: getattr(self, name) for name in COLUMNS if getattr(self, name) is not None}
 
     @property
+    def world(self) -> NDArray[np.float64]:
+        """The points in the source's reference system and units, shape (n_points, 3)."""
+        return self.frame.to_source(self.points)
+
+    @property
     def is_core(self) -> NDArray[np.bool_]:
         """True for the tile's own points, False for the buffer's."""
         return np.ones(len(self), dtype=bool) if self.buffer is None else self.buffer == 0

@@ -7,6 +7,7 @@ Any failure is one `InputError` of the form "file: what is wrong: what to do".
 from __future__ import annotations
 
 import copy
+import os
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -96,30 +97,41 @@ def open_inputs(inputs: Inputs) -> tuple[list[Cloud], list[str]]:
     return agreement.without_copies(clouds), problems
 
 
-def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointTile:
+def read(*paths: str | os.PathLike[str], bounds: Sequence[float] | None = None, crs: str = "") -> PointTile:
     """
-    Read a LAS, LAZ or COPC file, or the URL of one, as one tile, or a part of it.
+    Read LAS, LAZ or COPC files, folders, globs or URLs as one tile, or a part of them.
 
-    `bounds` are west, south, east and north of the points that are wanted, in the file's own coordinates; of
-    COPC only the chunks that touch them are read. Rows are in file order; the map's origin is the file's
-    lower corner rounded down to 100 m. InputError if the file cannot be read.
+    `bounds` are west, south, east and north of the points that are wanted, in the files' own coordinates; of
+    COPC only the chunks that touch them are read. `crs` is the system of files that name none. Rows are in
+    the order of files and points; the map's origin is the files' lower corner rounded down to 100 m, and
+    `world` has the files' own coordinates. InputError if a file cannot be read, or they do not fit together.
     """
-    cloud = open_cloud(path)
-    frame = frame_of([cloud])
+    clouds, problems = open_inputs(paths)
+    if problems:
+        raise InputError(*problems)
+    frame = frame_of(clouds, crs)
+    clouds = agreement.in_frame(clouds, frame)
     within = (-np.inf, -np.inf, np.inf, np.inf) if bounds is None else bounds
     parts = [
-        {"index": rows, "points": frame.to_map(xyz_of(chunk)), **point_columns(chunk)}
+        {
+            "source": np.full(len(rows), number, np.uint16),
+            "index": rows,
+            "points": frame.to_map(xyz_of(chunk)),
+            **point_columns(chunk),
+        }
+        for number, cloud in enumerate(clouds)
         for rows, chunk in chunks_within(cloud, within)
     ]
     for part in parts:
         if not (held := are_held(part["points"])).all():
-            warn_once(f"{cloud.path}: {np.count_nonzero(~held):,} points are left out: {BEYOND}")
+            path = clouds[part["source"][0]].path
+            warn_once(f"{path}: {np.count_nonzero(~held):,} points are left out: {BEYOND}")
             part.update({name: column[held] for name, column in part.items()})
     if not parts:
         return PointTile(np.empty((0, 3)), frame=frame)
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     tile = PointTile(columns.pop("points"), frame=frame)
-    numbers = {"source": np.zeros(len(tile)), "index": columns.pop("index")}
+    numbers = {name: columns.pop(name) for name in ("source", "index")}
     view = strip_views(tile.points, strip_numbers(columns["point_source_id"], columns["gps_time"], len(tile)))
     columns["view"] = np.where(columns["view"] == View.UNKNOWN, view, columns["view"])
     if not (columns["view"] >= View.STREET).any():
@@ -131,6 +143,11 @@ def read_tile(path: str | Path, bounds: Sequence[float] | None = None) -> PointT
         last = tile.points.compress(is_measured, axis=0)
     spacing = steady_spacing(last, None)
     return tile.with_columns(**kept, **numbers, point_spacing=spacing)
+
+
+def read_tile(path: str | os.PathLike[str], bounds: Sequence[float] | None = None) -> PointTile:
+    """Read one file, as `read` does."""
+    return read(path, bounds=bounds)
 
 
 def chunks_within(

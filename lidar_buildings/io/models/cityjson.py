@@ -8,7 +8,7 @@ them into the source's coordinates. So what was checked is what is written, in m
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -86,6 +86,26 @@ def header_line(
     if metadata:
         header["metadata"] = metadata
     return compact_json(header)
+
+
+def whole_document(sequence: Iterable[str]) -> dict[str, Any]:
+    """Return the lines of a CityJSONSeq, of which the first is the header, as one CityJSON document."""
+    lines = iter(sequence)
+    document: dict[str, Any] = json.loads(next(lines))
+    objects, vertices = document["CityObjects"], document["vertices"]
+    for line in lines:
+        feature = json.loads(line)
+        for name, thing in feature["CityObjects"].items():
+            for geometry in thing.get("geometry", ()):
+                geometry["boundaries"] = _renumbered(geometry["boundaries"], len(vertices))
+            objects[name] = thing
+        vertices += feature["vertices"]
+    return document
+
+
+def _renumbered(boundaries: list[Any], first: int) -> list[Any]:
+    """Return boundaries with the numbers of their vertices counted from another first one."""
+    return [one + first if isinstance(one, int) else _renumbered(one, first) for one in boundaries]
 
 
 def feature_id(anchor: tuple[float, float], frame: MapFrame) -> str:
