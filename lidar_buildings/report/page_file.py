@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import shapely
@@ -20,17 +21,20 @@ from lidar_buildings.core.model.grade import Grade
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
 from lidar_buildings.io.results.output_config import REPORT_FILE
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.report import summary_words as words
 from lidar_buildings.report.contents import UNKNOWN, Contents, Relief, contents_of
 from lidar_buildings.report.result_folder import ReportedBuilding, read_result
 
 #: In this order: what a later one uses stands before it.
-_SCRIPTS = ("data", "elements", "camera", "drawing", "scene", "residuals", "charts", "viewer")
+_SCRIPTS = ("data", "camera", "drawing", "scene", "ground", "residuals", "map", "lists", "viewer")
 #: What a building that is well is called.
 _WELL = (Grade.GOOD.value, BuildingStatus.OK.value)
 _MILLIMETRES = 1000
 #: Kind of ring → its number in the page.
 _OUTLINE, _TRACED = 0, 1
+#: Grade → its colour, as in the page's scripts.
+_COLOURS = {Grade.GOOD.value: "#2f9e63", Grade.CHECK.value: "#e0a526", Grade.POOR.value: "#c2262e"}
 #: Fast: finer levels take four times as long for a twentieth of the size.
 _LEVEL = 1
 
@@ -57,15 +61,18 @@ def write_page(path: Path, contents: Contents, explanation: str = "") -> None:
 def page_of(contents: Contents, explanation: str = "") -> str:
     """Return a page as text."""
     result = contents.result
+    problems = words.problems(result.run)
     parts = {
         "title": html.escape(_title(contents)),
+        "figures": _figures(words.figures(result)),
+        "alarm": f'<a class="alarm" href="#run">{counted(len(problems), "problem")}</a>' if problems else "",
         "headlines": _rows(words.headlines(result).items()),
         "notes": _items([*words.notes(result), *words.remarks(result.run), *_limits(contents)]),
-        "problems": _items(words.problems(result.run)),
+        "problems": _items(problems),
         "stages": _stage_rows(words.stage_seconds(result.run)),
         "parameters": _rows(words.changed_parameters(result.run))
         or "<tr><td>none: all parameters have their defaults</td></tr>",
-        "files": _items(str(name) for name in result.run.get("files", ())),
+        "files": _links(str(name) for name in result.run.get("files", ())),
         "explanation": html.escape(explanation),
         "data": "\n".join(_elements(contents)),
         "style": _packaged("style.css"),
@@ -166,6 +173,25 @@ def _title(contents: Contents) -> str:
     if contents.focus is not None:
         return f"Building {contents.buildings[contents.focus].name} of {contents.result.folder.name}"
     return f"Buildings of {contents.result.folder.resolve().name}"
+
+
+def _figures(figures: Iterable[words.Figure]) -> str:
+    lines = []
+    for one in figures:
+        total = sum(one.shares.values())
+        bars = "".join(
+            f'<i style="width:{100 * n / total:.2f}%;background:{_COLOURS[name]}"></i>'
+            for name, n in one.shares.items()
+        )
+        share = f'<span class="share">{bars}</span>' if bars else ""
+        value, more = html.escape(one.value), html.escape(one.more)
+        lines.append(f"<div><dt>{one.title}</dt><dd>{value}{share}<small>{more}</small></dd></div>")
+    return "\n".join(lines)
+
+
+def _links(names: Iterable[str]) -> str:
+    """Return files that lie beside the page as links."""
+    return "\n".join(f'<li><a href="{quote(name)}">{html.escape(name)}</a></li>' for name in names)
 
 
 def _rows(rows: Iterable[Sequence[str]]) -> str:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.grade import causes_in
+from lidar_buildings.core.model.grade import Grade, causes_in
 from lidar_buildings.core.model.parameters import spec_of
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.model.status import BuildingStatus
@@ -22,15 +23,19 @@ from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
 from lidar_buildings.report.result_folder import GPKG, Result
 
-#: Attribute → what its histogram is called.
+#: Attribute → what its histogram is called, and its unit.
 HISTOGRAMS = {
-    "rmse": "distance of points to models, rmse [m]",
-    "outline_sigma": "distance of traced points to outlines, σ [m]",
-    "coverage": "share of the outline that points support",
+    "rmse": ("Distance of points to models (rmse)", " m"),
+    "outline_sigma": ("Distance of traced points to outlines (σ)", " m"),
+    "coverage": ("Share of the outline that points support", ""),
 }
-_BINS = 24
-#: Histograms end where so many percent of the values do; what is beyond is in the last bin.
-_LAST = 99.0
+_MOST_BINS = 24
+#: Widths of bins, of which the finest is taken that needs no more bins.
+_STEPS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+#: Bins end where so many percent of the values do; those beyond are counted apart.
+_LAST = 98.0
+#: Attribute → power of the unit of length.
+_SIZES = (("area", 2), ("volume", 3))
 _KINDS = {
     "ground": (PointClass.GROUND, PointClass.ROAD_SURFACE, PointClass.WATER, PointClass.RAIL),
     "buildings": (PointClass.BUILDING,),
@@ -110,18 +115,56 @@ def changed_parameters(run: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 
 def histograms(result: Result) -> list[dict[str, Any]]:
-    """Return counts per bin and the bins' bounds of what tells how good the buildings are."""
+    """Return counts per bin of what tells how good the buildings are, and how many lie beyond the last."""
     found = []
-    for name, title in HISTOGRAMS.items():
+    for name, (title, unit) in HISTOGRAMS.items():
         values = _values(result, name)
         if not len(values):
             continue
-        low, high = 0.0, max(float(np.percentile(values, _LAST)), 0.01)
-        if name == "coverage":
-            low, high = min(0.5, float(values.min())), 1.0
-        counts, _ = np.histogram(np.clip(values, low, high), _BINS, (low, high))
-        bounds = {"from": low, "to": high, "median": float(np.median(values))}
-        found.append({"title": title, "counts": counts.tolist(), **bounds})
+        most = 1.0 if name == "coverage" else float(np.percentile(values, _LAST))
+        low = float(values.min()) if name == "coverage" else 0.0
+        step = next((one for one in _STEPS if most - low <= _MOST_BINS * one), (most - low) / _MOST_BINS)
+        first = math.floor(low / step + 1e-6)
+        edges = np.arange(first, max(math.ceil(most / step - 1e-6), first + 1) + 1) * step
+        values = np.round(values, 6)  # so that an edge's own multiples fall where they belong
+        beyond = int((values > round(edges[-1], 6)).sum())
+        counts, _ = np.histogram(values[values <= round(edges[-1], 6)], np.round(edges, 6))
+        known = {"from": float(edges[0]), "step": step, "beyond": beyond, "median": float(np.median(values))}
+        found.append({"title": title, "unit": unit, "counts": counts.tolist(), **known})
+    return found
+
+
+class Figure(NamedTuple):
+    """One of the numbers that a page begins with."""
+
+    title: str
+    value: str
+    more: str
+    shares: Mapping[str, int] = {}  #: grade → buildings
+
+
+def figures(result: Result) -> list[Figure]:
+    """Return buildings, area and volume, grades, accuracy: those that are known."""
+    buildings = result.buildings
+    n_solids = sum(bool(one.attributes.get("lod")) for one in buildings)
+    n_valid = sum(one.attributes.get("validity") == "[]" for one in buildings)
+    valid = f"{n_valid:,} with valid solids" if n_solids else "outlines only"
+    found = [Figure("Buildings", f"{len(buildings):,}", valid if buildings else "none was found")]
+    area, volume = (_values(result, name).sum() * result.unit**power for name, power in _SIZES)
+    if area:
+        found.append(
+            Figure("Footprints and volume", f"{area:,.0f} m²", f"{volume:,.0f} m³" if volume else "")
+        )
+    counts = Counter(one.quality for one in buildings)
+    grades = {grade.value: counts[grade.value] for grade in Grade if counts[grade.value]}
+    if grades:
+        best, *others = grades.items()
+        rest = ", ".join(f"{n:,} {name}" for name, n in others)
+        found.append(Figure("Grades", f"{best[1]:,} {best[0]}", rest, grades))
+    off = _values(result, "rmse")
+    if len(off):
+        worse = f"points off the models; 90 % below {np.percentile(off, 90):.2f} m"
+        found.append(Figure("Accuracy", f"{np.median(off):.2f} m", worse))
     return found
 
 

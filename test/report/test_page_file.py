@@ -1,6 +1,9 @@
 """The page of a result: its data are the files', what is left out is said, nothing comes from elsewhere."""
 
 import json
+import re
+from argparse import Namespace
+from itertools import pairwise
 
 import laspy
 import numpy as np
@@ -16,7 +19,8 @@ from lidar_buildings.cli import main
 from lidar_buildings.io.results import classified_files
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report.page_file import page_of, write_report
-from lidar_buildings.report.result_folder import read_result
+from lidar_buildings.report.result_folder import ReportedBuilding, read_result
+from lidar_buildings.report.summary_words import histograms
 from lidar_buildings.simulation import simulate_survey
 
 
@@ -122,6 +126,45 @@ def test_the_top_says_what_came_in_what_came_out_how_sure_and_how_long(page, res
         assert words in page.words
     assert "roof_selection.min_height 2.25 m 2.0 m" in page.words, "a parameter that differs, and its default"
     assert "segmentation.window" not in page.words
+
+
+def test_the_first_screen_has_four_figures_and_shows_no_points(page, result):
+    (known,) = page.data["facts"]["attributes"]
+    first = page.words.split("Layers")[0]
+    grade = next(iter(json.loads((result / "run.json").read_text())["quality"]))
+    for words in (
+        "Buildings 1 1 with valid solids",
+        f"Footprints and volume {known['area']:,.0f} m² {known['volume']:,.0f} m³",
+        f"Grades 1 {grade}",
+        f"Accuracy {known['rmse']:.2f} m",
+    ):
+        assert words in first
+    assert 'id="show-points">' in page.text, "not checked"
+
+
+def test_links_lead_to_parts_of_the_page_and_to_files_beside_it(page, result):
+    inner = [one[1:] for one in page.links if one.startswith("#")]
+    assert set(inner) <= set(page.ids)
+    files = [one for one in page.links if not one.startswith("#")]
+    assert files == json.loads((result / "run.json").read_text())["files"]
+    assert all((result / one).exists() for one in files)
+
+
+def test_scripts_use_only_ids_that_the_page_has(page):
+    used = set(re.findall(r'byId\("([\w-]+)"\)', page.text))
+    assert len(used) > 20
+    assert used <= set(page.ids)
+
+
+def test_bins_of_histograms_count_every_building_where_it_belongs():
+    values = [0.01, 0.05, 0.05, 0.11, *[0.07] * 96, 9.0]
+    buildings = [ReportedBuilding(str(row), {"rmse": value}) for row, value in enumerate(values)]
+    (told,) = histograms(Namespace(buildings=buildings, unit=1.0))
+    edges = told["from"] + told["step"] * np.arange(len(told["counts"]) + 1)
+    assert sum(told["counts"]) + told["beyond"] == len(values)
+    assert told["beyond"] == sum(value > edges[-1] for value in values)
+    expected = [sum(low <= value < high for value in values) for low, high in pairwise(np.round(edges, 9))]
+    assert told["counts"][:-1] == expected[:-1]
 
 
 def test_the_page_is_one_of_the_runs_files_and_fetches_nothing(page, result):

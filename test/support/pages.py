@@ -15,11 +15,15 @@ import numpy as np
 class _Elements(HTMLParser):
     def __init__(self):
         super().__init__()
-        self.data, self.words, self._name = {}, [], None
+        self.data, self.words, self.links, self.ids, self._name = {}, [], [], [], None
 
     def handle_starttag(self, tag, attributes):
         known = dict(attributes)
         self._name = None
+        if tag == "a":
+            self.links.append(known["href"])
+        if "id" in known:
+            self.ids.append(known["id"])
         if tag == "script":
             self._name = known.get("id", "script")
             self.data[self._name] = known
@@ -35,13 +39,14 @@ class _Elements(HTMLParser):
 
 
 class Page:
-    """The words of a page, and its data by name: arrays, and `facts`."""
+    """The words, links and ids of a page, and its data by name: arrays, and `facts`."""
 
     def __init__(self, text):
         elements = _Elements()
         elements.feed(text)
         self.text = text
         self.words = " ".join(" ".join(elements.words).split())
+        self.links, self.ids = elements.links, elements.ids
         self.data = {
             name.removeprefix("data-"): _decoded(one)
             for name, one in elements.data.items()
@@ -59,9 +64,9 @@ class Page:
         return np.array(known["corner"]) + self.data["points"] * np.array(known["step"])
 
     def addresses(self):
-        """Whatever would be fetched from elsewhere."""
+        """Whatever would be fetched from elsewhere; links wait for a click."""
         markup = re.sub(r'<script type="text/plain".*?</script>', "", self.text, flags=re.DOTALL)
-        names = r"""(?:src|href)\s*=\s*["'][^"']*|url\([^)]*|@import|\bfetch\(|XMLHttpRequest"""
+        names = r"""(?:src|<link[^>]*href)\s*=\s*["'][^"']*|url\([^)]*|@import|\bfetch\(|XMLHttpRequest"""
         return re.findall(names, markup)
 
 

@@ -1,4 +1,4 @@
-// The page's data: arrays and facts, inflated from the elements that hold them.
+// The page's data: arrays and facts, inflated from the elements that hold them; and small pieces of the page.
 
 const TYPES = { uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, int16: Int16Array, int32: Int32Array };
 
@@ -22,12 +22,27 @@ async function loadData() {
   return data;
 }
 
-/** Return the elevation of a raster's cell under a place [m], null where it is unknown. */
-function elevationAt(relief, facts, x, y) {
-  if (!relief) return null;
-  const [rows, columns] = relief.shape;
-  const column = Math.floor((x - facts.west) / facts.cell[0]), row = Math.floor((facts.north - y) / facts.cell[1]);
-  if (row < 0 || column < 0 || row >= rows || column >= columns) return null;
-  const steps = relief.array[row * columns + column];
-  return steps === facts.unknown ? null : facts.middle + steps * facts.step;
+const byId = (id) => document.getElementById(id);
+const clamped = (value, low, high) => Math.min(Math.max(value, low), high);
+const written = (value) => (typeof value === "number" && !Number.isInteger(value) ? String(+value.toFixed(4)) : String(value));
+const rounded = (value, digits) => value.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits });
+
+/** An element with a text, or with properties and children. */
+function element(name, properties = {}, ...children) {
+  const found = Object.assign(document.createElement(name), typeof properties === "string" ? { textContent: properties } : properties);
+  found.append(...children);
+  return found;
 }
+
+function key(colour, text) {
+  const mark = element("i");
+  mark.style.background = colour;
+  return element("div", { className: "key" }, mark, text);
+}
+
+function table(rows) {
+  return element("table", {}, ...rows.map((cells) => element("tr", {}, ...cells.map((cell) => element("td", cell)))));
+}
+
+/** Whether the page is dark: as chosen, or as the system is. */
+const isDark = () => (document.documentElement.style.colorScheme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";

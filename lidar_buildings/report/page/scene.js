@@ -1,4 +1,4 @@
-// What is drawn: models, points, terrain and rings as vertices, coloured as chosen.
+// What is drawn: models, points and rings as vertices, coloured as chosen.
 
 const KIND = { ground: 0, wall: 1, roof: 2 };
 const OUTLINE = 0, FACADE = 128;
@@ -19,17 +19,17 @@ const ramp = (colours) => {
     return (255 << 24 | mixed[2] << 16 | mixed[1] << 8 | mixed[0]) >>> 0;
   };
 };
-const SLOPES = ramp(["#f6e6b4", "#f0b873", "#df7d50", "#b3453b", "#6e2440"]);
-const HEIGHTS = ramp(["#30408f", "#2f8fb3", "#5fc08a", "#e0d65c", "#d8653a"]);
+const SLOPES = ramp(["#d6d0c3", "#e2b68d", "#d07f58", "#a94c3c", "#6b2b33"]);
+const HEIGHTS = ramp(["#2a1a5e", "#3355c4", "#22a6c9", "#6fe0a5", "#f2fff0"]);
 const GOODNESS = ramp(["#2f9e63", "#e3d25a", "#d9432f"]);
 const SIGNED = ramp(["#2459a8", "#8fb7dd", "#f5f2ea", "#eba17c", "#b3261e"]);
 const STATUSES = { good: "#2f9e63", check: "#e0a526", poor: "#c2262e", ok: "#2f9e63", traced_outline: "#e0a526", cut_off: "#8a63c0", degenerate: "#7d8790", no_solid: "#e0662f", failed: "#c2262e", unknown: "#5c88b0" };
 /** How good a building is: its quality, or its status where the run ended before there were models. */
 const standing = (known) => known.quality || known.status || "unknown";
 const standingColour = (known) => STATUSES[standing(known)] ?? STATUSES.unknown;
-const CLASSES = { 0: "#b9b9b9", 1: "#b9b9b9", 2: "#a98a64", 3: "#a8cf7a", 4: "#74b35a", 5: "#3f8a43", 6: "#d1503f", 9: "#3d85c6", 10: "#7a6a8a", 11: "#8d8f94", 17: "#c79a3e" };
+const CLASSES = { 0: "#b9b9b9", 1: "#b9b9b9", 2: "#a98a64", 3: "#a8cf7a", 4: "#74b35a", 5: "#3f8a43", 6: "#00b4e6", 9: "#3d85c6", 10: "#7a6a8a", 11: "#8d8f94", 17: "#c79a3e" };
 const PALETTE = ["#4e79a7", "#f28e2b", "#59a14f", "#b07aa1", "#76b7b2", "#edc948", "#e15759", "#9c755f", "#ff9da7", "#86bcb6", "#d4a6c8", "#8cd17d"];
-const WALL = rgb("#e8e3d8"), FOOT = rgb("#a7a79c"), EDGE = rgb("#30363e"), NONE = rgb("#c3c8cd");
+const WALL = rgb("#efeae0"), FOOT = rgb("#a7a79c"), EDGE = rgb("#262b31"), NONE = rgb("#c3c8cd");
 /** Distances of points to the model are coloured up to this one [m]. */
 const FAR = 0.3;
 
@@ -37,6 +37,8 @@ class Scene {
   constructor(data) {
     this.data = data;
     this.facts = data.facts;
+    /** Rows of buildings that a filter leaves out. */
+    this.dimmed = new Set();
     this.types = [...new Set(this.facts.attributes.map((one) => one.roof_type ?? "unknown"))].sort();
     this.bounds = this.measured();
     this.centre = [0, 1].map((axis) => (this.bounds[0][axis] + this.bounds[1][axis]) / 2).concat(this.bounds[0][2]);
@@ -101,10 +103,8 @@ class Scene {
     for (const solid of solids)
       for (let t = solid.first; t < solid.first + solid.count; t++) {
         const colour = kinds[t] === KIND.roof ? this.roofColour(solid.row, t, mode) : kinds[t] === KIND.wall ? WALL : FOOT;
-        for (let k = 0; k < 3; k++) {
-          const place = this.corner(t, k);
-          vertices.set(row++, ...this.near(place), colour, solid.row + 1);
-        }
+        const normal = Vertices.packed(this.normal(t));
+        for (let k = 0; k < 3; k++) vertices.set(row++, ...this.near(this.corner(t, k)), colour, solid.row + 1, normal);
       }
     return vertices;
   }
@@ -115,6 +115,7 @@ class Scene {
 
   roofColour(row, triangle, mode) {
     const known = this.facts.attributes[row];
+    if (this.dimmed.has(row)) return WALL;
     if (mode === "quality") return rgb(standingColour(known));
     if (mode === "type") return rgb(PALETTE[this.types.indexOf(known.roof_type ?? "unknown") % PALETTE.length]);
     if (mode === "rmse") return known.rmse == null ? NONE : GOODNESS((known.rmse * this.facts.unit) / FAR);
@@ -163,25 +164,6 @@ class Scene {
     if (mode === "plane") return plane.array[i] ? rgb(PALETTE[plane.array[i] % PALETTE.length]) : EDGE;
     const far = residuals?.[i];
     return far == null || Number.isNaN(far) ? NONE : SIGNED(0.5 + far / (2 * FAR));
-  }
-
-  /** The terrain of every so many-th row and column. */
-  terrainVertices(step) {
-    const relief = this.data.terrain, facts = this.facts.terrain;
-    if (!relief) return new Vertices(0);
-    const [height, width] = relief.shape, [rows, columns] = relief.shape.map((size) => Math.ceil(size / step));
-    const vertices = new Vertices(rows * columns), cells = [], colour = rgb("#cfd2bd");
-    const stepsAt = (row, column) => relief.array[Math.min(row * step, height - 1) * width + Math.min(column * step, width - 1)];
-    const isKnown = (at) => stepsAt(Math.floor(at / columns), at % columns) !== facts.unknown;
-    for (let r = 0; r < rows; r++)
-      for (let c = 0; c < columns; c++) {
-        const at = r * columns + c, [b, d, e] = [at + 1, at + columns, at + columns + 1];
-        const place = [facts.west + (c * step + 0.5) * facts.cell[0], facts.north - (r * step + 0.5) * facts.cell[1], facts.middle + stepsAt(r, c) * facts.step];
-        vertices.set(at, ...this.near(place), colour);
-        if (r + 1 < rows && c + 1 < columns && [at, b, d, e].every(isKnown)) cells.push(at, d, b, b, d, e);
-      }
-    vertices.rows = new Uint32Array(cells);
-    return vertices;
   }
 
   /** Rings of a kind: outlines by quality just above the ground, traced rings at the eaves. */
