@@ -13,7 +13,7 @@ from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.point_array import checked_points
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.neighbours.parallel import for_row_blocks
-from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
+from lidar_buildings.core.surfaces.point_moments import N_MOMENTS
 from lidar_buildings.core.surfaces.symmetric_eigen import eigenvalues_3x3, values_and_normal
 
 #: Cells a block of work: some thousand points.
@@ -24,8 +24,6 @@ SMALLEST_RADIUS, LARGEST_RADIUS = 1e-100, 1e100
 SLACK = 1.0 + 1e-9
 #: Points looked at around one cell; where there are more, every second, third… stands for all.
 MAX_CANDIDATES = 4608
-#: Bins of the squared distance by which shells are looked up.
-LOOKUP_BINS = 256
 #: Shares of a shape below this count as nothing; no logarithm of 0.
 SMALLEST_SHARE = 1e-200
 
@@ -98,14 +96,11 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     if min_neighbours < 1:
         raise ValueError(f"min_neighbours = {min_neighbours!r}: must be at least 1")
     cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]))
-    # By the bins of the squared distance, a shell that is not too far out.
-    lowest = np.arange(LOOKUP_BINS + 1) * (squares[-1] / LOOKUP_BINS) * (1 - 1e-9)
-    lookup, runs = np.searchsorted(squares, lowest), cloud.first[cloud.around(cloud.size)]
-    n = len(cloud.points)
+    runs, n = cloud.first[cloud.around(cloud.size)], len(cloud.points)
     found = EigenFeatures(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64))
     outputs = (found.eigenvalues, found.normals, found.radius, found.n_neighbours)
     for_row_blocks(
-        lambda a, b: _describe(cloud, runs, squares, lookup, min_neighbours, outputs, a, b),
+        lambda a, b: _describe(cloud, runs, squares, min_neighbours, outputs, a, b),
         len(cloud.numbers),
         CELLS_A_BLOCK,
     )
@@ -124,14 +119,15 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
 
 
 @kernel
-def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
+def _describe(cloud, runs, squares, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
     """Describe the neighbourhoods of the points in cells begin to end."""
-    reach, scale, n_radii = math.sqrt(squares[-1]), LOOKUP_BINS / squares[-1], len(squares)
+    reach, n_radii = math.sqrt(squares[-1]), len(squares)
     points, first, rows_of = cloud.points, cloud.first, cloud.rows
     eigenvalues, normals, radius, n_neighbours = found
     near = np.empty((3, MAX_CANDIDATES))
     near_x, near_y, near_z = near
-    square, rows = np.empty(MAX_CANDIDATES), np.empty(MAX_CANDIDATES, dtype=np.int64)
+    square = np.empty(MAX_CANDIDATES)
+    rows, own = np.empty((2, MAX_CANDIDATES), dtype=np.int64)
     shells, covariance = np.empty((n_radii, N_MOMENTS)), np.empty(6)
     for cell in range(begin, end):
         stop = first[cell]
@@ -151,19 +147,16 @@ def _describe(cloud, runs, squares, lookup, min_neighbours, found, begin, end): 
                     # Written always, kept if near: a branch here would be mispredicted half of the time.
                     rows[n_within] = j
                     n_within += square[j] <= most
-                shells[:] = 0.0
-                for one in range(n_within):
-                    j = rows[one]
-                    k = lookup[int(square[j] * scale)]
-                    while square[j] > squares[k]:
-                        k += 1
-                    add_point(shells[k], near_x[j] - x, near_y[j] - y, near_z[j] - z)
+                for k in range(n_radii - 1):
+                    n_own, n_within = _split(square, squares[k], rows, n_within, own)
+                    _add_up(near, own, n_own, x, y, z, shells[k])
+                _add_up(near, rows, n_within, x, y, z, shells[n_radii - 1])
                 best, least = n_radii - 1, np.inf
                 for k in range(n_radii):
                     if k > 0:
                         for moment in range(N_MOMENTS):
                             shells[k, moment] += shells[k - 1, moment]
-                    if shells[k, 0] >= min_neighbours or k == n_radii - 1:
+                    if n_radii > 1 and (shells[k, 0] >= min_neighbours or k == n_radii - 1):
                         _covariance(shells, k, covariance)
                         entropy = entropy_of_shape(covariance)
                         if entropy < least:
@@ -193,6 +186,35 @@ def _gather(points, runs, cell, low, high, near):  # type: ignore[no-untyped-def
                     found += 1
                 seen += 1
     return found
+
+
+@kernel
+def _split(square, limit, rows, n_rows, own):  # type: ignore[no-untyped-def]
+    """Move rows up to a limit out of the first `n_rows` to `own`; return how many went, how many are left."""
+    n_own, n_left = 0, 0
+    for one in range(n_rows):
+        row = rows[one]
+        is_own = square[row] <= limit
+        own[n_own], rows[n_left] = row, row
+        n_own += is_own
+        n_left += not is_own
+    return n_own, n_left
+
+
+@kernel
+def _add_up(near, rows, n_rows, x, y, z, sums):  # type: ignore[no-untyped-def]
+    """Write the moments of the first `n_rows` rows' points about a place."""
+    # Numbers stay in registers: sums in an array would be written and read again for each point.
+    sx, sy, sz, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    near_x, near_y, near_z = near
+    for one in range(n_rows):
+        row = rows[one]
+        dx, dy, dz = near_x[row] - x, near_y[row] - y, near_z[row] - z
+        sx, sy, sz = sx + dx, sy + dy, sz + dz
+        xx, xy, xz = xx + dx * dx, xy + dx * dy, xz + dx * dz
+        yy, yz, zz = yy + dy * dy, yz + dy * dz, zz + dz * dz
+    sums[0], sums[1], sums[2], sums[3] = n_rows, sx, sy, sz
+    sums[4], sums[5], sums[6], sums[7], sums[8], sums[9] = xx, xy, xz, yy, yz, zz
 
 
 @kernel
