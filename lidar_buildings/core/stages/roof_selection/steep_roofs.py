@@ -51,10 +51,10 @@ def find_steep_roofs(
     is wall if its points scatter no farther across than pulses do about an upright plane, and roof if they
     cover ground.
     """
-    columns = candidates.columns._replace(points=candidates.points * (1.0, 1.0, FLATTENING))
     radius, nothing = candidates.radius, np.zeros(len(is_roof), dtype=bool)
     rows = np.flatnonzero(~is_roof)
-    features = eigen_features(columns.points[rows], [radius], min_neighbours=MIN_PLANE_POINTS)
+    flat = candidates.points[rows] * (1.0, 1.0, FLATTENING)
+    features = eigen_features(flat, [radius], min_neighbours=MIN_PLANE_POINTS)
     # Normals and distances as they are without the flattening.
     scaled = features.normals * (1.0, 1.0, FLATTENING)
     length = np.linalg.norm(scaled, axis=1)
@@ -67,7 +67,7 @@ def find_steep_roofs(
         return nothing
     chosen = nothing.copy()
     chosen[rows[own]] = True
-    surface, normals = columns.select(chosen), features.normals[own]
+    surface, normals = candidates.columns.select(chosen)._replace(points=flat[own]), features.normals[own]
     limits = {"max_angle_deg": MAX_ANGLE_DEG, "max_offset": PATCH_OFFSET * config.max_roughness}
     label = smooth_patches(surface, normals, np.full(len(own), radius), **limits)
     n, count = int(label.max()) + 1, np.bincount(label)
@@ -81,8 +81,11 @@ def find_steep_roofs(
     rise = np.sqrt(np.maximum(_mean(z**2, label) - _mean(z, label) ** 2, 0.0))
     least = max(MIN_SCATTER_CELLS * candidates.cell, MIN_SCATTER)
     accepted &= _scatter_across(surface.points[:, :2], label) >= np.maximum(least, LEAST_RUN * rise)
+    if not accepted.any():
+        return nothing
     is_surface = nothing.copy()
     is_surface[surface.rows[accepted[label]]] = True
+    columns = candidates.columns._replace(points=candidates.points * (1.0, 1.0, FLATTENING))
     grown = near_tangent_plane(
         columns, normals[accepted[label]], is_surface, radius, config.max_plane_distance
     )
