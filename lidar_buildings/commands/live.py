@@ -120,8 +120,6 @@ def live_command(options: argparse.Namespace) -> int:
     """
     Listen to scans and poses until SIGINT or SIGTERM, or play a bag; then finish the tiles that have points.
 
-    if writer.failed_tiles:
-        return ExitStatus.TILE_FAILED
     Return 0; 2 if a bag could be played in part only; 4 if more than 5 % of the points were lost; 130 if a
     second signal came before all was finished: the same command goes on.
     """
