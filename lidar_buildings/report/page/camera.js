@@ -100,6 +100,15 @@ class Camera {
     for (let n = 0; n < 100 && this.clearance() < CLEAR; n++) this.distance *= 1.05;
   }
 
+  /** Whether something solid stands between the eye and a place. */
+  isHidden(place) {
+    const eye = this.eye, along = minus(eye, place);
+    return Array.from({ length: 60 }, (_, k) => (k + 3) / 63).some((share) => {
+      const [x, y, z] = place.map((value, axis) => value + along[axis] * share);
+      return (this.solidAt(x, y) ?? -Infinity) > z + 0.5;
+    });
+  }
+
   matrix(aspect) {
     const near = clamped(Math.min(this.distance, this.clearance()) / 8, 0.3, this.distance / 20 + 0.3), far = this.distance * 10 + 3000;
     return multiplied(perspective(aspect, near, far), this.view());

@@ -75,7 +75,7 @@ const SKIES = {
   dark: [[0.03, 0.06, 0.12], [0.17, 0.22, 0.29], [0.07, 0.09, 0.12]],
 };
 const SUN = normalised([-0.62, -0.30, 0.80]);
-const SHADOW_SIZE = 2048;
+const SHADOW_SIZE = Math.min(screen.width, screen.height) < 700 ? 2048 : 4096;
 /** Bytes of a vertex: three float32, a colour, an owner (a building's row and one), a normal in bytes. */
 const STRIDE = 24;
 

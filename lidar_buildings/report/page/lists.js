@@ -32,7 +32,7 @@ function fillPanel(panel, facts, row, { faces, n }, level, acts) {
   const raw = Object.keys(known).filter((one) => known[one] != null && known[one] !== "").map((one) => [one, written(known[one])]);
   panel.replaceChildren(
     element("div", { className: "panel-head" }, element("h2", {}, element("a", { href: `#building=${encodeURIComponent(name)}`, textContent: name, title: "link to this building" })),
-      button("⌖", "fly there (f)", acts.fly), button("×", "close (Escape)", acts.close)),
+      button("◎", "fly there (f)", acts.fly), button("×", "close (Escape)", acts.close)),
     element("p", {}, chip(known), reasons.length ? "" : " nothing speaks against it"),
     element("ul", { className: "reasons" }, ...reasons.map((one) => element("li", one))),
     element("dl", {}, ...rows.map(([title, value, meaning]) => element("div", {}, element("dt", title), element("dd", {}, element("b", value), element("small", meaning))))),

@@ -258,8 +258,13 @@ class Viewer {
     if (!box) return;
     goal.solidAt = this.camera.solidAt;
     Object.assign(goal, { azimuth: this.camera.azimuth, tilt: clamped(this.camera.tilt, 0.5, 0.9) });
-    goal.frame(box, this.aspect, 1.9);
+    goal.frame(box, this.aspect, this.aspect < 0.8 ? 2.2 : 1.9);
+    goal.distance = Math.max(goal.distance, 45);
+    const top = [...goal.target.slice(0, 2), box[1][2]];
+    while (goal.isHidden(top) && goal.tilt < 1.4) goal.tilt += 0.05;
     goal.keepOut();
+    // where the panel covers the lower half, the building stands in the upper one
+    if (this.aspect < 0.8) goal.target = goal.target.map((value, axis) => value - goal.axes()[1][axis] * 0.5 * Math.tan(FIELD / 2) * goal.distance);
     this.fly(goal.state);
   }
 
