@@ -53,9 +53,11 @@ _SAME, _ON_EDGE = 0.05, 0.02
 _STRAIGHT = 1.0
 
 
-def places_of(clouds: Sequence[NDArray[np.float64]], seed: int = 0) -> tuple[NDArray[np.float64], NDArray]:
+def places_of(
+    clouds: Sequence[NDArray[np.float64]], seed: int = 0, *, place: float = PLACE
+) -> tuple[NDArray[np.float64], NDArray]:
     """
-    Put clouds (n_points, 3) on places of their own, with ground at one elevation.
+    Put clouds (n_points, 3) on places of their own, `place` wide [m], with ground at one elevation.
 
     Returns all points (n, 3) and how far each cloud was moved (n_clouds, 3) [m].
     """
@@ -63,14 +65,14 @@ def places_of(clouds: Sequence[NDArray[np.float64]], seed: int = 0) -> tuple[NDA
     n_across = int(np.ceil(np.sqrt(len(clouds))))
     parts, shifts = [], np.empty((len(clouds), 3))
     for k, cloud in enumerate(clouds):
-        corner = PLACE * np.array(divmod(k, n_across), dtype=float)[::-1]
+        corner = place * np.array(divmod(k, n_across), dtype=float)[::-1]
         middle = 0.5 * (cloud[:, :2].min(axis=0) + cloud[:, :2].max(axis=0))
-        shifts[k, :2] = np.round(corner + 0.5 * PLACE - middle, 3)
+        shifts[k, :2] = np.round(corner + 0.5 * place - middle, 3)
         shifts[k, 2] = np.round(BELOW - np.percentile(cloud[:, 2], _LOWEST), 3)
         own = cloud + shifts[k]
         ground = np.column_stack([
-            corner + rng.uniform(0.0, PLACE, (int(DENSITY * PLACE**2), 2)),
-            np.zeros(int(DENSITY * PLACE**2)),
+            corner + rng.uniform(0.0, place, (int(DENSITY * place**2), 2)),
+            np.zeros(int(DENSITY * place**2)),
         ])  # fmt: skip
         ground[:, 2] = rng.normal(0.0, NOISE, len(ground))
         is_open = cKDTree(own[:, :2]).query(ground[:, :2], distance_upper_bound=AWAY)[0] > AWAY
@@ -79,10 +81,14 @@ def places_of(clouds: Sequence[NDArray[np.float64]], seed: int = 0) -> tuple[NDA
 
 
 def models_on_places(
-    clouds: Sequence[NDArray[np.float64]], settings: Sequence[str] = (), level: str = LOD22
+    clouds: Sequence[NDArray[np.float64]],
+    settings: Sequence[str] = (),
+    level: str = LOD22,
+    *,
+    place: float = PLACE,
 ) -> list[list[Solid]]:
     """Run the chain over clouds on places of their own; return the finest solids of each, moved back."""
-    points, shifts = places_of(clouds)
+    points, shifts = places_of(clouds, place=place)
     header = laspy.LasHeader(point_format=0, version="1.2")
     header.scales = np.full(3, 0.001)
     las = laspy.LasData(header)
@@ -102,7 +108,7 @@ def models_on_places(
     found: list[list[Solid]] = [[] for _ in clouds]
     for one in buildings:
         for solid in one.finest(level)[1]:
-            column, row = (solid.vertices[:, :2].mean(axis=0) // PLACE).astype(int)
+            column, row = (solid.vertices[:, :2].mean(axis=0) // place).astype(int)
             if (k := row * n_across + column) < len(found):
                 vertices = solid.vertices - shifts[k]
                 found[k].append(Solid(vertices, solid.faces, solid.semantics))

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +37,8 @@ _TYPES = {"float": "<f4", "double": "<f8", "int": "<i4", "uint": "<u4", "short":
 _COUNTED = ("models", "LoD2.2", "vertices", "spikes", "buildings with spikes")
 
 
-def read_ply(path: Path) -> NDArray[np.float64]:
-    """Read the vertices of a binary, little-endian PLY."""
+def read_ply(path: Path, names: Iterable[str] = "xyz") -> NDArray[np.float64]:
+    """Read members of the vertices of a binary, little-endian PLY."""
     content = path.read_bytes()
     head, _, body = content.partition(_HEADER)
     lines = head.decode().splitlines()
@@ -48,7 +48,7 @@ def read_ply(path: Path) -> NDArray[np.float64]:
         line.split()[1:] for line in lines[after:] if line.startswith("property") and "list" not in line
     ]
     rows = np.frombuffer(body, np.dtype([(name, _TYPES[kind]) for kind, name in members]), n)
-    return np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
+    return np.column_stack([rows[name] for name in names]).astype(np.float64)
 
 
 def tile_of(points: NDArray[np.float64]) -> PointTile:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bench.models import city3d, grade_cases, grade_truth, grades
 from bench.models import clouds as model_clouds
-from bench.models import grade_cases, grade_truth, grades
 from bench.models import run as models
 from bench.models import truth as model_truth
 from bench.scenes.models import model_scene
@@ -94,3 +94,21 @@ def test_grades_of_a_disturbed_roof_are_counted():
     assert [one.is_off for one in found] == [False, True]
     rows = [line.split()[:4] for line in grades.grade_table(found).splitlines()[2:]]
     assert rows[0] == ["all", "2", "1", str(sum(one.grade.value != "good" for one in found[1:]))]
+
+
+def test_a_model_through_the_points_is_better_than_one_half_a_metre_below(tmp_path):
+    right = extrude(model_scene("flat").outline, 0.0, 5.0)
+    low = tmp_path / "low.obj"
+    vertices = [f"v {x} {y} {min(z, 4.5)}" for x, y, z in right.vertices]
+    low.write_text(
+        "\n".join([*vertices, *("f " + " ".join(str(k + 1) for k in face[0]) for face in right.faces)])
+    )
+    x, y = (
+        one.ravel()
+        for one in np.mgrid[right.vertices[:, 0].min() : right.vertices[:, 0].max() : 20j, 0:1:20j]
+    )
+    y = np.interp(y, [0, 1], [right.vertices[:, 1].min(), right.vertices[:, 1].max()])
+    cloud = np.column_stack([x, y, np.full(400, 5.0), np.zeros((400, 2)), np.ones(400)])
+    place = city3d.place_of("a", cloud, [right], city3d.read_obj(low))
+    assert (place.ours, place.theirs, place.n_models) == (1.0, 0.0, 1)
+    assert place.planes == (1, 0, 1)
