@@ -18,13 +18,13 @@ from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, read_re
 
 SPACING = 0.5
 LIMITS = Limits({}, SPACING)
+LARGE = {"roof_selection": {"min_building_area": 25.0}}
 
 
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("explained") / "out"
-    parameters = {"roof_selection": {"min_building_area": 25.0}}
-    return with_points(written_models(folder, DUTCH, parameters=parameters), DUTCH)
+    return with_points(written_models(folder, DUTCH, parameters=LARGE), DUTCH)
 
 
 def explained(capsys, *arguments):
@@ -95,7 +95,7 @@ def test_a_missing_building_is_explained_by_the_limit_that_it_fails(capsys, resu
 
 
 def test_a_shed_is_as_large_where_nothing_lies_round_it(capsys, tmp_path):
-    folder = with_points(written_models(tmp_path / "out", DUTCH), DUTCH, has_lawn=False)
+    folder = with_points(written_models(tmp_path / "out", DUTCH, parameters=LARGE), DUTCH, has_lawn=False)
     text = explained(capsys, folder, source(15.0, 3.5))
     assert 5.0 <= float(text.split("points on ")[1].split(" m²")[0]) <= 7.5, "it has 6 m²"
     assert "smaller than min_building_area" in text

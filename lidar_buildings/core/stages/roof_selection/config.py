@@ -50,7 +50,8 @@ class RoofSelectionConfig(StageConfig):
     )
     min_building_area: float = parameter(
         SMALLEST_BUILDING,
-        "Smallest building in plan; raising it drops sheds and garages (Mancera-Taboada and others: 40).",
+        "Smallest building in plan, with smooth_patches half of it if it is compact, even and opaque; "
+        "raising it drops sheds and garages (Mancera-Taboada and others: 40).",
         unit="m^2",
         within=(0.0, 10000.0),
     )
@@ -84,8 +85,9 @@ class RoofSelectionConfig(StageConfig):
     )
     min_building_width: float = advanced(
         3.0,
-        "Least width of a building at its widest place, with smooth_patches; raising it drops lorries, "
-        "hedges and small garages. Not used where it is less than two spacings.",
+        "Least width of a building at its widest place, with smooth_patches, three fifths of it if it is "
+        "compact, even and opaque; raising it drops lorries, hedges and small garages. Not used where it is "
+        "less than two spacings.",
         unit="m",
         within=(0.0, 50.0),
     )

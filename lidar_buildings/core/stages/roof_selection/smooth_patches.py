@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
@@ -16,8 +17,10 @@ from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfi
 from lidar_buildings.core.stages.roof_selection.roof_patches import (
     LARGE_PATCH_AREA,
     MIN_PATCH_AREA,
+    N_VOTERS,
     find_roof_surface,
     find_voted_surface,
+    plane_votes,
 )
 from lidar_buildings.core.stages.roof_selection.steep_roofs import find_steep_roofs
 from lidar_buildings.core.surfaces.morphology import square_distances
@@ -37,6 +40,15 @@ MAX_PART_HEIGHT = 3.0
 FACE_WIDTH = 4.0
 #: Parts that are flat may be so much narrower than `min_roof_width`.
 FLAT_WIDTH = 0.6
+#: Small buildings may be so much smaller than `min_building_area`, and narrower than `min_building_width`.
+SHED_AREA, SHED_WIDTH = 0.5, 0.6
+#: They are no longer than so many widths: vans are 2 to 3, lorries more. So much of their points is of smooth
+#: patches, and so many of the points around each are on one plane with it: 0.73 and 0.83 of real ones are,
+#: 0.7 and 0.78 of vans, hedges and bits of crowns.
+SHED_LENGTH, SHED_SURFACE, SHED_VOTES = 1.75, 0.7, 0.8
+#: So much of what was sent to them reached the ground below at most, as through parasols and crowns; and how
+#: far from their edges nothing is seen below the eaves [m].
+SHED_OPEN, SHED_EAVE = 0.12, 0.5
 #: Side of the cells in which narrow parts are found: half of an area's cell, but no smaller than this [m].
 MIN_PLAN_CELL = 0.25
 
@@ -58,14 +70,20 @@ def find_roofs(
         columns, surface.normals, surface.is_surface, radius, config.max_plane_distance
     )
     is_other, is_wall, rejection = surface.is_other, surface.is_wall, surface.rejection
+    is_surface = surface.is_surface
     del surface  # memory
     rejection[roof] = Rejection.NONE
+    every = roof
     roof = _levels(candidates, roof, config, rejection, is_bare=True)[0] >= 0
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     stands &= ~is_other
     rejection[stands] = Rejection.NONE
+    every = every | stands
     roof = _without_narrow(candidates, roof | stands, config, rejection)
+    sheds = _sheds(candidates, every, roof, is_surface, config)
+    rejection[sheds] = Rejection.NONE
+    roof |= sheds
     steep = find_steep_roofs(candidates, roof, config)
     rejection[steep] = Rejection.NONE
     return roof | steep, is_wall, rejection
@@ -125,6 +143,66 @@ def _levels_or_flat(
     lost = (wide >= 0) & (label < 0)
     label[lost] = n + wide[lost]
     return label, n + n_wide
+
+
+def _sheds(
+    candidates: Candidates,
+    every: NDArray[np.bool_],
+    roof: NDArray[np.bool_],
+    is_surface: NDArray[np.bool_],
+    config: RoofSelectionConfig,
+) -> NDArray[np.bool_]:
+    """
+    Tell which points are of small buildings that are no roof yet, among `every` that roofs have grown to.
+
+    They are compact, unlike most vehicles and hedges, and even and opaque nearly all over, unlike bits of
+    crowns.
+    """
+    rows = np.flatnonzero(every)
+    label, n = candidates.parts(rows, candidates.radius)
+    part, points = label[rows], candidates.points[rows]
+    is_shed = np.bincount(part, is_surface[rows], n) >= SHED_SURFACE * np.bincount(part, minlength=n)
+    is_shed &= (np.bincount(part, roof[rows], n) == 0) & (candidates.areas(label, n) < LARGE_PATCH_AREA)
+    for number in np.flatnonzero(is_shed).tolist():
+        own = points[part == number]
+        width, length = (
+            np.sort(_box(own)[2]) + 0.5 * candidates.cell
+        )  # points end half a spacing short of edges
+        is_shed[number] = (
+            width >= SHED_WIDTH * config.min_building_width
+            and length <= SHED_LENGTH * width
+            and width * length >= SHED_AREA * config.min_building_area
+            and plane_votes(own, 0.5 * config.max_roughness)[0].mean() >= SHED_VOTES * N_VOTERS
+        )
+    if is_shed.any():
+        ground = candidates.ground()
+        ground = ground[np.argsort(ground[:, 0], kind="stable")]
+        for number in np.flatnonzero(is_shed).tolist():
+            is_shed[number] = _is_closed(points[part == number], ground, 0.5 * candidates.cell)
+    label[~np.append(is_shed, False)[label]] = -1
+    return _ending(candidates, label, n)
+
+
+def _box(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the middle, the axes as rows and the sides of the smallest rectangle around points in plan."""
+    corners = shapely.get_coordinates(shapely.oriented_envelope(shapely.multipoints(points[:, :2])))
+    x, y = (corners[1] - corners[0] if len(corners) > 1 else np.zeros(2)).tolist()
+    length = math.hypot(x, y) or 1.0
+    axes = np.array([[x, y], [-y, x]]) / length
+    along = corners @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    return 0.5 * (low + high) @ axes, axes, high - low
+
+
+def _is_closed(points: NDArray[np.float64], ground: NDArray[np.float64], spacing: float) -> bool:
+    """Tell whether no ground, given from west to east, was seen through the middle of a small building."""
+    middle, axes, sides = _box(points)
+    half = 0.5 * sides - SHED_EAVE
+    if half.min() <= 0.0:
+        return True
+    begin, end = np.searchsorted(ground[:, 0], middle[0] + half.sum() * np.array([-1.0, 1.0]))
+    is_inside = (np.abs((ground[begin:end, :2] - middle) @ axes.T) <= half).all(axis=1)
+    return int(np.count_nonzero(is_inside)) <= SHED_OPEN * 4.0 * half.prod() / spacing**2
 
 
 def _flat_parts(candidates: Candidates, rows: NDArray[np.intp], max_rms: float) -> NDArray[np.bool_]:

@@ -109,6 +109,28 @@ def test_what_is_narrow_beside_a_house_is_roof_if_it_is_flat(bulge, share):
     assert found[len(house) : len(house) + len(beside)].mean() == pytest.approx(share, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("size", "noise", "seen", "is_kept"),
+    [
+        ((2.6, 3.2), 0.02, 0.0, True),
+        ((2.9, 5.0), 0.02, 0.0, True),
+        ((2.0, 5.2), 0.02, 0.0, False),
+        ((2.9, 3.2), 0.11, 0.0, False),
+        ((3.0, 3.0), 0.02, 0.25, False),
+        ((1.8, 1.8), 0.02, 0.0, False),
+    ],
+    ids=["shed", "garage", "van", "bush", "parasol", "box"],
+)
+def test_small_buildings_are_compact_even_and_closed(size, noise, seen, is_kept):
+    rng = np.random.default_rng(3)
+    points = np.column_stack([rng.uniform(0.0, 20.0, (6400, 2)), rng.normal(0.0, 0.02, 6400)])
+    is_object = (np.abs(points[:, :2] - 10.0) < np.array(size) / 2).all(axis=1) & (rng.random(6400) >= seen)
+    points[is_object, 2] = 2.5 + rng.normal(0.0, noise, is_object.sum())
+    found = select_roofs(points, height_above_ground=points[:, 2]).classification == BUILDING
+    assert found[is_object].mean() == pytest.approx(float(is_kept), abs=0.02)
+    assert not found[~is_object].any()
+
+
 def test_a_large_part_of_a_roof_may_have_trees_all_along_its_free_rim():
     rng = np.random.default_rng(0)
     transept, nave = patch_of(rng, 20, 28, 0, 12, 10.0), patch_of(rng, 0, 20, -4, 16, 6.0)
@@ -277,7 +299,7 @@ def test_roof_cells_agree_with_the_base_map(data_folder):
     [
         ((12.0, 10.0), 5.0, 0.02, Rejection.NONE),
         ((12.0, 10.0), 1.5, 0.02, Rejection.LOW),
-        ((4.5, 4.5), 3.0, 0.02, Rejection.SMALL),
+        ((3.9, 3.9), 3.0, 0.02, Rejection.SMALL),
         ((3.2, 3.2), 3.0, 0.02, Rejection.NARROW_BUILDING),
         ((20.0, 2.0), 3.0, 0.02, Rejection.NARROW_PART),
         ((12.0, 10.0), 5.0, 0.2, Rejection.ROUGH),
