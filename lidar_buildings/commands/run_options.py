@@ -10,6 +10,7 @@ from typing import Any
 UNTOLD: dict[str, Any] = {
     **dict.fromkeys(("output", "update", "tile_size", "bounds", "crs", "namespace", "record", "rate")),
     **dict.fromkeys(("footprints", "footprints_layer", "footprint_id")),
+    **dict.fromkeys(("attributes", "geoid")),
     **dict.fromkeys(("topic", "odometry", "start", "duration", "offset", "align")),
     **dict.fromkeys(("georeferenced", "no_ros", "quiet", "json", "overwrite", "retry_failed"), False),
     "input": (),
@@ -98,6 +99,12 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     add("--footprints-layer", metavar="NAME", help="polygon layer to use, if the file has several")
     add(
         "--footprint-id", metavar="COLUMN", help="column with the footprint ids (default: chosen by its name)"
+    )
+    add("--attributes", metavar="NAMES", help="3dbag: also write attributes under the names of 3DBAG (b3_…)")
+    add(
+        "--geoid",
+        metavar="FILE|M",
+        help="3D Tiles: grid of the geoid's heights (GeoTIFF, GTX), or its height [m], if PROJ has no grid",
     )
     add("--no-ros", action="store_true", help="call the stages directly, without ROS")
     where = parser.add_mutually_exclusive_group()

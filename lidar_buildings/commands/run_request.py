@@ -152,9 +152,25 @@ def _short_forms(options: argparse.Namespace) -> list[str]:
     if options.rate is not None and options.no_ros:
         raise ParameterError("--rate: needs ROS: remove --no-ros or --rate")
     forms = [f"{ScanConfig.stage}.georeferenced=true"] if options.georeferenced else []
+    if options.attributes is not None:
+        forms.append(f"{OutputConfig.stage}.attributes={options.attributes}")
+    if options.geoid is not None:
+        forms.append(f"{OutputConfig.stage}.{_geoid(options.geoid)}")
     named = {name: getattr(options, name) for name in ("rate", *(one.name for one in fields(BagConfig)))}
     told = {name: value for name, value in named.items() if value is not None}
     return forms + [f"{_TILING}.{name}={json.dumps(value)}" for name, value in told.items()]
+
+
+def _geoid(given: str) -> str:
+    """Return the parameter that a height or a grid of the geoid sets; InputError if PROJ reads no grid."""
+    try:
+        return f"geoid_height={float(given)}"
+    except ValueError:
+        from lidar_buildings.io.files.reference_systems import geoid_of_grid  # takes time to import
+
+        grid = str(Path(given).resolve()) if Path(given).exists() else given
+        geoid_of_grid(grid)
+        return f"geoid_grid={json.dumps(grid)}"
 
 
 def _footprints(options: argparse.Namespace, settings: Settings) -> FootprintSource | None:

@@ -82,7 +82,6 @@ def build_models(
     def failed(k: int, reason: str) -> BuildingModel:
         known: dict[str, Any] = dict.fromkeys(ATTRIBUTES) | {
             "lod": "",
-            "validity": "",
             "roof_type": "unknown",
         }
         points, outline, _ = jobs[k][1].args

@@ -24,7 +24,7 @@ from lidar_buildings.io.results.output_config import FORMAT_FILES
 from lidar_buildings.io.results.run_folder import RUN
 from lidar_buildings.io.vectors.layers import read_layer
 
-(GPKG,), (CITY_MODEL,) = FORMAT_FILES["gpkg"], FORMAT_FILES["cityjson"]
+(GPKG,), (CITY_MODEL, _) = FORMAT_FILES["gpkg"], FORMAT_FILES["cityjson"]
 _FEATURE = '{"type":"CityJSONFeature","id":"'
 _NAME = re.compile(re.escape(_FEATURE) + r'([^"]*)"')
 #: What pieces of terrain are called, which are no buildings.

@@ -232,7 +232,7 @@ def _how_sure(result: Result) -> str:
     causes = Counter(cause for one in result.buildings for cause in causes_in(one.quality_reasons))
     if causes:
         words.append("doubts: " + ", ".join(f"{n:,} {cause}" for cause, n in causes.most_common()))
-    n_valid = sum(one.attributes.get("validity") == "[]" for one in result.buildings)
+    n_valid = sum(one.attributes.get("validity") in ("[]", []) for one in result.buildings)
     if any(one.attributes.get("lod") for one in result.buildings):
         words.append(f"{n_valid:,} of {len(result.buildings):,} with valid solids")
     return "; ".join(words) or "nothing to measure"

@@ -173,7 +173,7 @@ def test_a_run_gives_every_file_of_the_contract(roofs, result):
     names = set(laspy.open(result / ALWAYS[0]).header.point_format.dimension_names)
     assert {"HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel"} <= names
     layers = dict(pyogrio.list_layers(result / "buildings.gpkg"))
-    assert set(layers) == {"outlines", "traced", "roof_faces", "roof_lines"}
+    assert set(layers) == {"outlines", "traced", "roof_faces", "roof_lines", "layer_styles"}
     assert layers["roof_faces"].endswith("Z")
     assert set(BUILDING_FIELDS) <= set(
         pyogrio.read_info(result / "buildings.gpkg", layer="outlines")["fields"]
@@ -210,6 +210,7 @@ def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(command, hou
     reasons = [f"quality_reasons: 1 {cause}" for cause in told["quality_reasons"]]
     assert [line.strip() for line in spoken.out[2:]] == [
         *reasons,
+        *(remark["text"] for remark in told["remarks"]),
         *(f"{tmp_path / 'out' / name}" for name in told["files"]),
         f"open first: {tmp_path / 'out' / 'report.html'}",
     ]

@@ -11,7 +11,13 @@ import numpy as np
 import pyogrio
 
 #: Files that tell of buildings.
-MODELS = ["city_model.city.jsonl", "city_model.dxf", "city_model.mtl", "city_model.obj"]
+MODELS = [
+    "city_model.city.json",
+    "city_model.city.jsonl",
+    "city_model.dxf",
+    "city_model.mtl",
+    "city_model.obj",
+]
 RESULTS = ("buildings.gpkg", *MODELS, "dtm.tif", "dsm.tif", "ndsm.tif")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
@@ -306,3 +307,23 @@ def reprojected(geometries: NDArray[Any], source: str, target: str, label: str) 
         return np.column_stack(transformer.transform(xy[:, 0], xy[:, 1]))
 
     return shapely.transform(geometries, moved)
+
+
+#: From longitude, latitude and elevation to height above the ellipsoid, by a geoid's heights [deg, m].
+_BY_GRID = (
+    '+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=vgridshift +grids="{}" '
+    "+multiplier=1 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+)
+
+
+def geoid_of_grid(grid: str) -> pyproj.Transformer:
+    """Open a grid of geoid heights, a file or one that PROJ knows by name; InputError if it is none."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return pyproj.Transformer.from_pipeline(_BY_GRID.format(grid))
+    except ProjError:
+        raise InputError(
+            f"{grid}: PROJ reads no grid of geoid heights from it: give a GeoTIFF or GTX file, or the "
+            "geoid's height in metres"
+        ) from None

@@ -38,23 +38,37 @@ from lidar_buildings.io.models.survey_building import (
 
 #: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
+#: The file with one document, and how many buildings it has at most.
+DOCUMENT, _MOST_IN_DOCUMENT = "city_model.city.json", 5000
 #: Decimals of the extent's coordinates.
 _DECIMALS = 6
 
 
 @contextmanager
 def cityjson_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
-    """Give a function that adds a building's line, or terrain, to a file that appears when the block ends."""
+    """
+    Give a function that adds a building's line, or terrain, to a file that appears when the block ends.
+
+    Of as many buildings as viewers hold in memory there is one document of CityJSON beside it, too.
+    """
     header = header_line(heading.frame, crs=heading.crs, extent=heading.extent, title=heading.title)
-    with atomic_file(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
-        file.write(f"{header}\n")
+    document, n_buildings = path.with_name(DOCUMENT), 0
+    with atomic_file(path) as temporary:
+        with open(temporary, "w", encoding="utf-8") as file:
+            file.write(f"{header}\n")
 
-        def add(one: SurveyBuilding | TerrainMesh) -> None:
-            line = _terrain_line(one) if isinstance(one, TerrainMesh) else one.line
-            if line:
-                file.write(f"{line}\n")
+            def add(one: SurveyBuilding | TerrainMesh) -> None:
+                nonlocal n_buildings
+                line = _terrain_line(one) if isinstance(one, TerrainMesh) else one.line
+                n_buildings += not isinstance(one, TerrainMesh)
+                if line:
+                    file.write(f"{line}\n")
 
-        yield add
+            yield add
+        document.unlink(missing_ok=True)
+        if n_buildings <= _MOST_IN_DOCUMENT:
+            with open(temporary, encoding="utf-8") as lines, atomic_file(document) as whole:
+                whole.write_text(f"{compact_json(whole_document(lines))}\n", encoding="utf-8")
 
 
 def header_line(

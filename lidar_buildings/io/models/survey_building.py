@@ -154,3 +154,5 @@ class ModelHeading(NamedTuple):
     #: Of all coordinates of buildings and terrain: a `model_frame`.
     frame: MapFrame = MapFrame()
     extent: NDArray[np.float64] | None = None  #: of all solids, shape (2, 3), None if there are none [m]
+    #: Name → type of every attribute of a building, in the order of the columns.
+    fields: dict[str, type] = BUILDING_FIELDS

@@ -26,9 +26,14 @@ from lidar_buildings.core.model.errors import LidarBuildingsError
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.solids.triangulation import triangles_of
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, compact_json
-from lidar_buildings.io.files.reference_systems import GEOCENTRIC, GEODETIC, east_north_up, horizontal_part
+from lidar_buildings.io.files.reference_systems import (
+    GEOCENTRIC,
+    GEODETIC,
+    east_north_up,
+    geoid_of_grid,
+    horizontal_part,
+)
 from lidar_buildings.io.models.survey_building import (
-    BUILDING_FIELDS,
     MATERIALS,
     READABLE_ID,
     TERRAIN,
@@ -201,17 +206,20 @@ class EarthFrame:
     """
     Turns map coordinates into east, north and up at the map's origin.
 
-    Places come from the horizontal system. Where PROJ has the grid of the vertical one, ellipsoidal heights
-    come from that; else they are the source's elevations plus a height of the geoid that is given [m]. Both
+    Places come from the horizontal system. Ellipsoidal heights come from a grid of the geoid's heights, if
+    one is given, or from that of the vertical system, where PROJ has it; else they are the source's
+    elevations plus a height of the geoid that is given [m], by which `lacks_geoid` models are off. Both
     systems together cannot be asked without the grid: PROJ then leaves out the change of datum, too, which is
     108 m in the Netherlands. NoPlaceError if the reference system is not known, or PROJ knows no way from it
     to WGS 84.
     """
 
-    def __init__(self, frame: MapFrame, crs: str, geoid_height: float = 0.0) -> None:
+    def __init__(self, frame: MapFrame, crs: str, geoid_height: float = 0.0, geoid_grid: str = "") -> None:
         if not frame.crs:
             raise NoPlaceError("the inputs name no reference system")
-        self._frame, self._geoid_height = frame, geoid_height
+        self._frame, self._grid = frame, geoid_grid
+        self._geoid_height = 0.0 if geoid_grid else geoid_height
+        self._geoid = geoid_of_grid(geoid_grid) if geoid_grid else None
         try:
             horizontal = horizontal_part(frame.crs)
             self._plan = pyproj.Transformer.from_crs(horizontal, GEODETIC, always_xy=True)
@@ -219,7 +227,7 @@ class EarthFrame:
             compound = pyproj.CRS.from_user_input(crs)
             #: the way of places and heights together, None where no vertical system is known
             self._spatial: pyproj.Transformer | None = None
-            if len(compound.axis_info) >= 3:
+            if len(compound.axis_info) >= 3 and self._geoid is None:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     target = self._plan.target_crs
@@ -231,21 +239,30 @@ class EarthFrame:
         if self._spatial is not None:
             change = self._spatial.transform(*frame.to_source(origin)[0])[2] - frame.origin[2]
             self.has_grid = bool(np.isfinite(change) and abs(change) > _NO_CHANGE)
-        longitude, latitude, _ = self._geodetic(origin)[0]
+        longitude, latitude, height = self._geodetic(origin)[0]
         if not np.isfinite([longitude, latitude]).all():
             raise NoPlaceError(f"the map's origin is outside the area of {frame.crs.split(',')[0]}")
+        if not np.isfinite(height):
+            raise NoPlaceError(f"the map's origin is outside the grid {geoid_grid}")
         self._origin = self._ecef(origin)[0]
         self._axes = east_north_up(longitude, latitude)
 
     @property
     def heights(self) -> str:
         """What the heights are, in words."""
+        if self._geoid is not None:
+            return f"ellipsoidal: the source's elevations + the geoid's heights of {Path(self._grid).name}"
         if self.has_grid:
             return "ellipsoidal: turned from the source's elevations by the grid of their vertical system"
         return (
             f"the source's elevations + {self._geoid_height:g} m (model_writer.geoid_height): PROJ has no "
             "grid that turns them into ellipsoidal ones"
         )
+
+    @property
+    def lacks_geoid(self) -> bool:
+        """Whether elevations are taken for ellipsoidal heights, for want of anything better."""
+        return not (self.has_grid or self._geoid or self._geoid_height)
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -266,6 +283,8 @@ class EarthFrame:
             return np.column_stack(self._spatial.transform(x, y, z))
         longitude, latitude = self._plan.transform(x, y)
         height = map_xyz[:, 2] + self._frame.origin[2] + self._geoid_height
+        if self._geoid is not None:
+            height = self._geoid.transform(longitude, latitude, height)[2]
         return np.column_stack([longitude, latitude, height])
 
     def _ecef(self, map_xyz: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -277,7 +296,6 @@ TILESET = "tileset.json"
 _SIDE = 256.0
 #: A square holds what is smaller than this share of its side, and no smaller square does.
 _SHARE = 1.0 / 8.0
-_FIELDS = {READABLE_ID: str} | BUILDING_FIELDS
 _COLOURS = {kind: linear_colour(colour) for kind, (_, colour) in MATERIALS.items()}
 _TERRAIN_COLOUR = linear_colour(TERRAIN[1])
 #: Boxes are so much larger than what they hold: what float32 and decimals round [m].
@@ -333,7 +351,10 @@ def tiles3d_folder(path: Path, heading: ModelHeading) -> Iterator[Add]:
                 meshes.add(_square_of(mesh), mesh)
 
         yield add
-        contents = {node: _write(folder, node, meshes.of(node), earth) for node in sorted(meshes.places)}
+        fields = {READABLE_ID: str} | heading.fields
+        contents = {
+            node: _write(folder, node, meshes.of(node), earth, fields) for node in sorted(meshes.places)
+        }
         _write_tileset(folder / TILESET, contents, earth)
 
 
@@ -369,7 +390,9 @@ def _largest(level: int) -> float:
     return _SHARE * _SIDE * 2.0**level
 
 
-def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame) -> _Content:
+def _write(
+    folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame, fields: dict[str, type]
+) -> _Content:
     held = list(meshes)
     sizes = np.cumsum([len(mesh.vertices) for mesh in held])
     places = earth.local(np.concatenate([mesh.vertices for mesh in held]))
@@ -384,7 +407,7 @@ def _write(folder: Path, node: _Node, meshes: Iterator[_Mesh], earth: EarthFrame
             buildings.append(corners)
             rows.append(mesh.attributes)
     nothing = np.zeros(0, CORNER)
-    content = glb(np.concatenate([nothing, *buildings]), np.concatenate([nothing, *terrain]), _FIELDS, rows)
+    content = glb(np.concatenate([nothing, *buildings]), np.concatenate([nothing, *terrain]), fields, rows)
     name = f"{node.name}.glb"
     (folder / name).write_bytes(content)
     return name, origin, np.stack([low - _MARGIN, high + _MARGIN])

@@ -27,7 +27,14 @@ from lidar_buildings.core.stages.facades.facade import Facade
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.files.atomic_files import Waiting, atomic_folder, writing
 from lidar_buildings.io.files.reference_systems import is_same_unit, model_frame, reprojected, unit_name
-from lidar_buildings.io.models.survey_building import Add, ModelHeading, SurveyBuilding, TerrainMesh
+from lidar_buildings.io.models.other_names import OTHER_NAMES
+from lidar_buildings.io.models.survey_building import (
+    BUILDING_FIELDS,
+    Add,
+    ModelHeading,
+    SurveyBuilding,
+    TerrainMesh,
+)
 from lidar_buildings.io.models.tiles3d import EarthFrame, NoPlaceError
 from lidar_buildings.io.results.output_config import (
     FORMAT_FILES,
@@ -39,6 +46,11 @@ from lidar_buildings.io.results.output_config import (
 from lidar_buildings.io.results.run_folder import BLOCKS, output_names
 from lidar_buildings.io.results.run_summary import BuildingCounts
 from lidar_buildings.io.results.survey_buildings import SurveyBuildings
+
+_NO_GEOID = (
+    "3D Tiles are off by the height of the geoid, tens of metres in most places: no grid turns the inputs' "
+    "elevations into heights above the ellipsoid: give --geoid FILE or METRES, or fetch a grid (`projsync`)"
+)
 
 
 def model_heading(
@@ -53,15 +65,16 @@ def model_heading(
         title, heights = f"{title}; x, y and z in {unit_name(models.vertical_unit)}", models.crs
     else:
         heights = crs
-    heading = ModelHeading(title, heights, frame=models)
+    fields = BUILDING_FIELDS | OTHER_NAMES[files.attributes]
+    heading = ModelHeading(title, heights, frame=models, fields=fields)
     if TILES not in files.formats:
         return heading, []
     try:
-        earth = EarthFrame(frame, crs, files.geoid_height)
+        earth = EarthFrame(frame, crs, files.geoid_height, files.geoid_grid)
     except NoPlaceError as error:
         why = f"no 3D Tiles were made: {error}: give one (--crs), or remove {TILES} from model_writer.formats"
         return heading, [Remark("no_tiles3d", why)]
-    return heading._replace(earth=earth), []
+    return heading._replace(earth=earth), [Remark("no_geoid", _NO_GEOID)] if earth.lacks_geoid else []
 
 
 def write_buildings(
@@ -106,7 +119,7 @@ def write_buildings(
         if not all(OUTPUT_FORMATS[name].of_outlines for name in chosen):
             for mesh in terrain:
                 add_to_all(mesh)
-    files = [file for name in chosen for file in FORMAT_FILES[name]]
+    files = [file for name in chosen for file in FORMAT_FILES[name] if (folder / file).exists()]
     if facades and _INSTEAD["gpkg"] in chosen:
         files += [f"{layer}.fgb" for layer in STREET_LAYERS]
     return files, outlined if outlined.total else traced

@@ -26,6 +26,7 @@ from lidar_buildings.io.models.survey_building import (
     SurveyBuilding,
     TerrainMesh,
 )
+from lidar_buildings.io.results.layer_looks import looks_in
 from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file, write_flatgeobuf
 
 _NAMES: dict[str, type] = {"building_id": int, READABLE_ID: str}
@@ -81,7 +82,8 @@ _Rows = list[tuple[dict[str, Any], Any]]
 @contextmanager
 def building_layers_file(path: Path, heading: ModelHeading) -> Iterator[Add]:
     """Give a function that adds a building to a GeoPackage; the file appears when the block ends well."""
-    with geopackage_file(path, heading.frame.crs) as append, _added(append, heading, _PORTION) as add:
+    looks = looks_in(heading.frame.vertical_unit)
+    with geopackage_file(path, heading.frame.crs, looks) as append, _added(append, heading, _PORTION) as add:
         yield add
 
 
@@ -99,7 +101,7 @@ def flatgeobuf_files(path: Path, heading: ModelHeading) -> Iterator[Add]:
 @contextmanager
 def _added(write: Callable[[VectorLayer], None], heading: ModelHeading, portion: float) -> Iterator[Add]:
     """Give a function that gathers rows; they are written in portions, at first all layers, even empty."""
-    columns = LAYERS | STREET_LAYERS
+    columns = LAYERS | STREET_LAYERS | {"outlines": heading.fields | {READABLE_ID: str}}
     rows: dict[str, _Rows] = {name: [] for name in columns}
     frame, begun = heading.frame, set[str]()
 

@@ -9,6 +9,7 @@ from lidar_buildings.core.model.parameters import fixed
 from lidar_buildings.core.model.stage_table import STAGES
 from lidar_buildings.core.stages.terrain.config import RasterConfig
 from lidar_buildings.io.clouds.find_inputs import InputConfig
+from lidar_buildings.io.models.other_names import OTHER_NAMES, OWN
 
 
 class OutputFormat(NamedTuple):
@@ -32,7 +33,9 @@ _BY_LAYER = "results.building_layers"
 #: The one declaration of each format: its name in `formats`, files and writer.
 OUTPUT_FORMATS = {
     "gpkg": OutputFormat(("buildings.gpkg",), f"{_BY_LAYER}:building_layers_file", of_outlines=True),
-    "cityjson": OutputFormat(("city_model.city.jsonl",), "models.cityjson:cityjson_file"),
+    "cityjson": OutputFormat(
+        ("city_model.city.jsonl", "city_model.city.json"), "models.cityjson:cityjson_file"
+    ),
     "obj": OutputFormat(("city_model.obj", "city_model.mtl"), "models.obj:obj_file"),
     "dxf": OutputFormat(("city_model.dxf",), "models.dxf:dxf_file"),
     TILES: OutputFormat(("tiles3d",), "models.tiles3d:tiles3d_folder"),
@@ -62,6 +65,13 @@ class OutputConfig(RasterConfig):
         "and room.",
         choices=(*OUTPUT_FORMATS, REPORT),
     )
+    attributes: str = fixed(
+        OWN,
+        "Names of another data set under which attributes of buildings stand as well, such as `b3_h_dak_70p` "
+        "of 3DBAG.",
+        choices=tuple(OTHER_NAMES),
+        advanced=True,
+    )
     max_buildings_per_file: int = fixed(
         20_000,
         "Buildings above which they are written in blocks, squares of at most as many each, with an index; "
@@ -83,6 +93,12 @@ class OutputConfig(RasterConfig):
         "where no grid of PROJ turns them into ellipsoidal heights.",
         unit="m",
         within=(-200.0, 200.0),
+        advanced=True,
+    )
+    geoid_grid: str = fixed(
+        "",
+        "File with a grid of the geoid's heights above that ellipsoid, GeoTIFF or GTX, or the name of one of "
+        "PROJ's; it is taken instead, for all elevations.",
         advanced=True,
     )
 

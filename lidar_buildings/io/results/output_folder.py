@@ -289,7 +289,11 @@ class OutputFolder:
         files = replace(self._files, formats=formats)
         heading, remarks = model_heading(self.inputs, self.frame, crs, files)
         with SurveyBuildings(
-            self._partial / _LINES, model_frame(self.frame), without=pieces, footprint_id=names
+            self._partial / _LINES,
+            model_frame(self.frame),
+            without=pieces,
+            footprint_id=names,
+            names=files.attributes,
         ) as buildings:
             for fragment in fragments:
                 buildings.add(load_shapes(fragment))

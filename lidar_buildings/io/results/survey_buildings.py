@@ -18,6 +18,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.io.files.atomic_files import Waiting, compact_json, writing
 from lidar_buildings.io.models.cityjson import CityFeature, load_feature, parse_feature
+from lidar_buildings.io.models.other_names import OWN, other_attributes
 from lidar_buildings.io.models.survey_building import SurveyBuilding, in_source_units
 from lidar_buildings.io.results.tile_products import Shapes
 
@@ -44,7 +45,8 @@ class SurveyBuildings:
     Collects buildings tile by tile, but for some; they wait in a file until they are asked for.
 
     `footprint_id` leads from a building id to what the file of footprints calls it, which becomes one of the
-    building's attributes; None where outlines were traced. OutputError if the file cannot be written.
+    building's attributes; None where outlines were traced. `names` are those of `OTHER_NAMES` under which
+    attributes stand, too. OutputError if the file cannot be written.
     """
 
     def __init__(
@@ -54,8 +56,10 @@ class SurveyBuildings:
         *,
         without: Collection[int] = (),
         footprint_id: Mapping[int, str] | None = None,
+        names: str = OWN,
     ) -> None:
         self.frame = frame
+        self._names = names
         self._without = frozenset(without)
         self._footprint_id = footprint_id
         self._entries: dict[tuple[int, str], _Entry] = {}
@@ -141,12 +145,15 @@ class SurveyBuildings:
         return True
 
     def _named(self, line: str) -> str:
-        """Return a feature's line with the footprint's name among the attributes, if footprints have any."""
-        if self._footprint_id is None:
+        """Return a feature's line with the footprint's name and other names of attributes, if any."""
+        if self._footprint_id is None and self._names == OWN:
             return line
         feature, number = load_feature(line)
         building = feature["CityObjects"][feature["id"]]
-        attributes = building["attributes"] | {_FOOTPRINT_ID: self._footprint_id.get(number, "")}
+        attributes = building["attributes"]
+        if self._footprint_id is not None:
+            attributes[_FOOTPRINT_ID] = self._footprint_id.get(number, "")
+        attributes |= other_attributes(self._names, attributes, feature["id"], parse_feature(line).roof_faces)
         building["attributes"] = dict(sorted(attributes.items()))
         return compact_json(feature)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,17 +19,21 @@ from pyogrio.errors import DataLayerError, DataSourceError, FeatureError, FieldE
 
 from lidar_buildings.core.model.errors import InputError
 from lidar_buildings.io.files.atomic_files import atomic_file, writing
+from lidar_buildings.io.vectors.geopackage_looks import DATE, Looks, add_looks
 
 #: How each type of attribute is held in arrays.
 _DTYPES: dict[type, Any] = {int: np.int64, str: object}
 #: What stands in an array where a value is missing; a mask says so beside it.
 _VOID: dict[type, Any] = {int: 0, str: None}
-FAILURES = (DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError, OSError, RuntimeError)
+FAILURES = (
+    *(DataLayerError, DataSourceError, FeatureError, FieldError, GeometryError),
+    *(OSError, RuntimeError, sqlite3.Error),
+)
 #: So that equal content gives equal bytes: the date that stands in the file's tables, and no thread for the
 #: index, which needs other transactions, counted in the file, and is there only where there are two cores.
 #: And no waiting for the disk at each of its transactions: the file has its name when all are written.
 _FIXED = {
-    "OGR_CURRENT_DATE": "2000-01-01T00:00:00.000Z",
+    "OGR_CURRENT_DATE": DATE,
     "OGR_GPKG_ALLOW_THREADED_RTREE": "NO",
     "OGR_SQLITE_SYNCHRONOUS": "OFF",
     "OGR_SQLITE_JOURNAL": "MEMORY",
@@ -50,9 +55,12 @@ class VectorLayer:
 
 
 @contextmanager
-def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], None]]:
+def geopackage_file(
+    path: Path, crs: str, looks: Looks | None = None
+) -> Iterator[Callable[[VectorLayer], None]]:
     """Give a function that adds a layer, or rows to one, to a file that appears when the block ends well."""
     counts: dict[str, int] = {}
+    columns: dict[str, Sequence[str]] = {}
     with atomic_file(path, has_rivals=True) as temporary:
 
         def add(layer: VectorLayer) -> None:
@@ -63,9 +71,12 @@ def geopackage_file(path: Path, crs: str) -> Iterator[Callable[[VectorLayer], No
                 finally:
                     pyogrio.set_gdal_config_options(dict.fromkeys(_FIXED))
             counts[layer.name] = counts.get(layer.name, 0) + len(layer.geometries)
+            columns[layer.name] = list(layer.fields)
 
         yield add
         with writing(path, FAILURES):
+            if looks is not None:
+                add_looks(temporary, looks, columns)
             check_complete(temporary, counts)
 
 
@@ -99,6 +110,8 @@ def write_layer(
             geometry_type=layer.kind,
             crs=crs or None,
             append=append,
+            # GDAL before 3.7, Debian's for one, warns of later versions
+            dataset_options={"VERSION": "1.3"} if driver == "GPKG" and not append else None,
             layer_options={"GEOMETRY_NAME": "geometry"} if driver == "GPKG" else None,
         )
 

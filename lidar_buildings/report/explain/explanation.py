@@ -265,7 +265,7 @@ def _head(building: ReportedBuilding, spacing: float) -> list[str]:
     words = [
         f"roof {known['roof_type']}" if known.get("roof_type") else "",
         f"LoD{known['lod']}" if known.get("lod") else "no solid",
-        f"validity {known['validity']}" if known.get("validity") not in (None, "", "[]") else "",
+        f"validity {known['validity']}" if known.get("validity") not in (None, "", "[]", []) else "",
         f"{known['n_points']:,.0f} points {spacing:.2f} m apart" if known.get("n_points") else "",
         *(f"{name} {known[name]:g}" for name in _QUALITY if known.get(name) is not None),
     ]

@@ -188,6 +188,10 @@ def test_a_vertical_grid_gives_ellipsoidal_heights(tmp_path):
     assert earth.has_grid
     assert earth.heights.startswith("ellipsoidal")
     assert in_source(earth.matrix[:3, 3][None], frame.crs)[0] == pytest.approx([6e5, 5.76e6, 40.0], abs=1e-3)
+    given = EarthFrame(frame, frame.crs, 7.0, str(grid))
+    assert in_source(given.matrix[:3, 3][None], frame.crs)[0][2] == pytest.approx(40.0, abs=1e-3)
+    assert not given.lacks_geoid
+    assert EarthFrame(frame, frame.crs).lacks_geoid
 
 
 @pytest.mark.parametrize(("crs", "why"), [("", "no reference system"), ('LOCAL_CS["site"]', ".")])

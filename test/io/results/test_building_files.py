@@ -3,6 +3,8 @@ The files of a survey's buildings: GeoPackage layers read by GDAL, order, repeti
 """
 
 import json
+import re
+from xml.etree import ElementTree
 
 import ezdxf
 import numpy as np
@@ -18,10 +20,13 @@ from support.source_tree import ROOT
 from lidar_buildings.core.model.errors import InputError, OutputError
 from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.stages.building_model.result import BuildingModel
+from lidar_buildings.io.models.other_names import OTHER_NAMES
 from lidar_buildings.io.models.survey_building import BUILDING_FIELDS, ModelHeading, TerrainMesh
 from lidar_buildings.io.models.tiles3d import EarthFrame
 from lidar_buildings.io.results import building_files
 from lidar_buildings.io.results.building_files import write_buildings
+from lidar_buildings.io.results.building_layers import LAYERS, STREET_LAYERS
+from lidar_buildings.io.results.layer_looks import MEANINGS
 from lidar_buildings.io.results.output_config import FORMAT_FILES, OutputConfig
 from lidar_buildings.io.results.tile_products import Shapes
 from lidar_buildings.io.vectors.layers import read_polygons
@@ -29,6 +34,7 @@ from lidar_buildings.io.vectors.layers import read_polygons
 NAMES = [
     "buildings.gpkg",
     "city_model.city.jsonl",
+    "city_model.city.json",
     "city_model.obj",
     "city_model.mtl",
     "city_model.dxf",
@@ -72,6 +78,7 @@ def test_all_files_and_layers_are_named_and_buildings_counted_by_status(dutch):
         ["traced", "Polygon"],
         ["roof_faces", "Polygon Z"],
         ["roof_lines", "LineString Z"],
+        ["layer_styles", None],
     ]
 
 
@@ -88,9 +95,59 @@ def test_outlines_have_every_attribute_and_every_building(dutch):
     assert [len(polygon.interiors) for polygon in polygons] == [0, 0, 0, 0, 1]
 
 
+def test_layers_have_styles_of_their_columns_and_every_column_a_meaning(dutch):
+    path = dutch[0] / "buildings.gpkg"
+    names = ["f_table_name", "styleName", "styleQML"]
+    styles = pyogrio.raw.read(path, layer="layer_styles", columns=names)[3]
+    assert [tuple(one) for one in zip(*styles[:2], strict=True)] == [
+        ("outlines", "grade"),
+        ("outlines", "height"),
+        ("roof_faces", "slope"),
+    ]
+    for layer, qml in zip(styles[0], styles[2], strict=True):
+        renderer = ElementTree.fromstring(qml).find("renderer-v2")
+        assert renderer.get("attr") in pyogrio.read_info(path, layer=layer)["fields"]
+        used = {one.get("symbol") for one in renderer[0]}
+        assert used == {one.get("name") for one in renderer.find("symbols")}
+    assert {name for columns in (LAYERS | STREET_LAYERS).values() for name in columns} == set(MEANINGS)
+
+
+def test_the_document_has_what_the_sequence_has(dutch, monkeypatch, tmp_path):
+    header, *lines = (dutch[0] / "city_model.city.jsonl").read_text().splitlines()
+    document = json.loads((dutch[0] / "city_model.city.json").read_text())
+    assert document["transform"] == json.loads(header)["transform"]
+    features = [json.loads(line) for line in lines]
+    assert list(document["CityObjects"]) == [one["id"] for one in features]
+    for one in features:
+        theirs, mine = one["CityObjects"][one["id"]], document["CityObjects"][one["id"]]
+        assert mine["attributes"] == theirs["attributes"]
+        for a, b in zip(mine["geometry"], theirs["geometry"], strict=True):
+            numbers = [np.array(re.findall(r"\d+", str(g["boundaries"])), dtype=int) for g in (a, b)]
+            vertices = np.array(document["vertices"]), np.array(one["vertices"])
+            np.testing.assert_array_equal(vertices[0][numbers[0]], vertices[1][numbers[1]])
+    monkeypatch.setattr("lidar_buildings.io.models.cityjson._MOST_IN_DOCUMENT", 4)
+    (tmp_path / "city_model.city.json").touch()
+    assert written(tmp_path, model_survey.shapes(), formats=["cityjson"])[0] == ["city_model.city.jsonl"]
+    assert not (tmp_path / "city_model.city.json").exists()
+
+
+def test_attributes_stand_under_the_names_of_3dbag_as_well(tmp_path):
+    with model_survey.survey(tmp_path, model_survey.shapes(), names="3dbag") as survey:
+        fields = BUILDING_FIELDS | OTHER_NAMES["3dbag"]
+        write_buildings(tmp_path, survey, ["gpkg", "cityjson"], ModelHeading(fields=fields))
+    _, columns, _ = read_polygons(tmp_path / "buildings.gpkg", "outlines")
+    assert set(fields) <= set(columns)
+    assert columns["b3_dak_type"].tolist()[1:4] == ["multiple horizontal", "slanted", "no points"]
+    assert columns["b3_opp_dak_schuin"][2] == pytest.approx(100.0)
+    assert columns["b3_volume_lod22"][2] == columns["volume"][2]
+    lines = (tmp_path / "city_model.city.jsonl").read_text().splitlines()[1:]
+    things = [one["attributes"] for line in lines for one in json.loads(line)["CityObjects"].values()]
+    assert [one["b3_n_vlakken"] for one in things if one["building_id"] == 5] == [2]
+
+
 def test_every_attribute_is_explained():
     page = (ROOT / "doc" / "formats.md").read_text(encoding="utf-8")
-    assert [name for name in BUILDING_FIELDS if f"`{name}`" not in page] == []
+    assert [name for name in BUILDING_FIELDS | OTHER_NAMES["3dbag"] if f"`{name}`" not in page] == []
 
 
 def test_roof_faces_are_those_of_the_finest_solid_with_their_slopes(dutch):

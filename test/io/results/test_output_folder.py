@@ -32,8 +32,8 @@ def test_a_run_makes_every_file_and_leaves_nothing_else(tmp_path, survey):
     summary = run(tmp_path / "deep" / "out", source, tiles)
     assert sorted(p.name for p in (tmp_path / "deep" / "out").iterdir()) == FILES
     assert summary.files == (
-        "classified/0.laz", "classified/1.laz", "buildings.gpkg", "city_model.city.jsonl", "city_model.obj",
-        "city_model.mtl", "city_model.dxf", "tiles3d", "run.json",
+        "classified/0.laz", "classified/1.laz", "buildings.gpkg", "city_model.city.jsonl",
+        "city_model.city.json", "city_model.obj", "city_model.mtl", "city_model.dxf", "tiles3d", "run.json",
     )  # fmt: skip
     assert (summary.n_tiles, summary.n_points, summary.n_unclassified) == (len(tiles), 1200, 0)
     assert sum(summary.classes.values()) == 1200
@@ -81,6 +81,7 @@ def test_the_files_hold_every_building_and_what_the_run_was_told(tmp_path, surve
         "traced",
         "roof_faces",
         "roof_lines",
+        "layer_styles",
     ]
     outlines, columns, crs = read_polygons(path, "outlines")
     assert crs == "EPSG:28992"
@@ -197,7 +198,7 @@ def test_buildings_coarser_than_the_finest_level_are_told(tmp_path, survey):
 def test_formats_that_are_not_wanted_are_not_made(tmp_path, survey):
     source, tiles = survey
     summary = run(tmp_path / "out", source, tiles, files=OutputConfig(formats=["cityjson"]))
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [MODELS[0], "classified", "run.json"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [*MODELS[:2], "classified", "run.json"]
     assert "city_model.city.jsonl" in summary.files
     assert "buildings.gpkg" not in summary.files
     assert summary.buildings == {"no_solid": len(tiles)}

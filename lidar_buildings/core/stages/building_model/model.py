@@ -59,7 +59,7 @@ def known_attributes(
         "n_planes": None if plane_id is None else int(np.count_nonzero(np.bincount(plane_id)[1:])),
         "roof_type": "unknown",
         "lod": "",
-        "validity": "",
+        "validity": None,
     }
 
 
@@ -74,7 +74,7 @@ def elevation_at(z: FloatArray, share: float) -> float:
 
 def solid_attributes(lod: str, solid: Solid) -> dict[str, Any]:
     """Return what the finest solid, a valid one, tells by itself."""
-    return {"volume": _rounded(solid.volume), "lod": lod, "validity": "[]"}
+    return {"volume": _rounded(solid.volume), "lod": lod, "validity": []}
 
 
 def roof_attributes(topology: RoofTopology, quality: ModelQuality) -> dict[str, Any]:
@@ -278,7 +278,7 @@ def _model(
     attributes |= {"ground_elevation": ground, "height": elevation_on_grid(top - ground)}
     if lowest.solid is None:
         reason = "the solid fails checks " + ", ".join(map(str, lowest.codes))
-        attributes |= {"validity": str(list(lowest.codes))}
+        attributes |= {"validity": list(lowest.codes)}
         return _without_solid(attributes, ground, BuildingStatus.NO_SOLID, reason)
     remarks = [remark, why_raised]
     if plane_id is None:
