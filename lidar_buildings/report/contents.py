@@ -175,7 +175,7 @@ def _triangles(
 #: Set in `classes` for points of walls.
 FACADE = 128
 #: Read beside the class; numbers of buildings are whole in float64, too.
-_DIMENSIONS = ("BuildingId", "PlaneId", "EdgeLabel", "intensity", "HeightAboveGround")
+_DIMENSIONS = ("BuildingId", "PlaneId", "EdgeLabel", "intensity", "HeightAboveGround", "red", "green", "blue")
 #: Share of the budget that the points of buildings may take.
 _OF_BUILDINGS = 0.6
 _STEPS = 65_535
@@ -197,6 +197,9 @@ class ShownPoints:
     edge: NDArray[np.bool_]  #: whether the point lies on an edge of a roof, shape (n_points,)
     intensity: NDArray[np.uint16]  #: the source's, 0 where it has none, shape (n_points,)
     height: NDArray[np.float32]  #: above ground [m], 0 where it is not known, shape (n_points,)
+    colours: (
+        NDArray[np.uint8] | None
+    )  #: red, green and blue, None where the source has none, shape (n_points, 3)
 
 
 def read_shown_points(
@@ -231,7 +234,7 @@ def read_shown_points(
     order = np.argsort(labels[:, 1], kind="stable")[:most]
     low, high = (xyz.min(axis=0), xyz.max(axis=0)) if len(xyz) else (np.zeros(3), np.zeros(3))
     step = np.maximum((high - low) / _STEPS, 0.001)
-    classes, building, plane, edge, intensity, height = labels[order].T
+    classes, building, plane, edge, intensity, height, *colours = labels[order].T
     return ShownPoints(
         np.rint((xyz[order] - low) / step).astype(np.uint16),
         low,
@@ -242,7 +245,14 @@ def read_shown_points(
         edge > 0,
         intensity.astype(np.uint16),
         (height * frame.vertical_unit).astype(np.float32),
+        _bytes_of(np.stack(colours, axis=1)),
     )
+
+
+def _bytes_of(colours: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+    """Return colours of 16 bits, or of 8 as some writers leave them, as bytes; None if all are black."""
+    most = colours.max(initial=0.0)
+    return np.rint(colours / (257.0 if most > 255 else 1.0)).astype(np.uint8) if most else None
 
 
 def limits_of(cloud: Cloud, frame: MapFrame) -> Rectangle:

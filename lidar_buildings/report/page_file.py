@@ -97,6 +97,8 @@ def _elements(contents: Contents) -> Iterator[str]:
         ("dots", _dots(contents.others)),
     ):
         yield array_element(name, array)
+    if points.colours is not None:
+        yield array_element("colours", points.colours)
     for name, relief in (("terrain", contents.terrain), ("overview", contents.overview)):
         if relief is not None:
             yield array_element(name, relief.steps)

@@ -148,7 +148,7 @@ def figures(result: Result) -> list[Figure]:
     buildings = result.buildings
     n_solids = sum(bool(one.attributes.get("lod")) for one in buildings)
     n_valid = sum(one.attributes.get("validity") == "[]" for one in buildings)
-    valid = f"{n_valid:,} with valid solids" if n_solids else "outlines only"
+    valid = f"{n_valid:,} with valid solids" if n_solids else "outlines alone"
     found = [Figure("Buildings", f"{len(buildings):,}", valid if buildings else "none was found")]
     area, volume = (_values(result, name).sum() * result.unit**power for name, power in _SIZES)
     if area:
@@ -158,9 +158,9 @@ def figures(result: Result) -> list[Figure]:
     counts = Counter(one.quality for one in buildings)
     grades = {grade.value: counts[grade.value] for grade in Grade if counts[grade.value]}
     if grades:
-        best, *others = grades.items()
-        rest = ", ".join(f"{n:,} {name}" for name, n in others)
-        found.append(Figure("Grades", f"{best[1]:,} {best[0]}", rest, grades))
+        good = Grade.GOOD.value
+        rest = ", ".join(f"{n:,} {name}" for name, n in grades.items() if name != good)
+        found.append(Figure("Grades", f"{counts[good]:,} {good}", rest, grades))
     off = _values(result, "rmse")
     if len(off):
         worse = f"points off the models; 90 % below {np.percentile(off, 90):.2f} m"

@@ -16,6 +16,7 @@ from support.pages import Page
 from support.result_folders import written_models
 
 from lidar_buildings.cli import main
+from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.io.results import classified_files
 from lidar_buildings.report import contents as contents_module
 from lidar_buildings.report.page_file import page_of, write_report
@@ -99,6 +100,17 @@ def test_points_are_those_of_the_clouds_with_class_building_and_plane(page, resu
     np.testing.assert_allclose(page.places[roof].mean(axis=0), every[high].mean(axis=0), atol=1e-3)
 
 
+@pytest.mark.parametrize(("scale", "expected"), [(257, 200), (1, 200), (0, None)])
+def test_colours_of_points_are_bytes_where_the_cloud_has_any(tmp_path, scale, expected):
+    cloud = laspy.create(point_format=7, file_version="1.4")
+    cloud.xyz, cloud.classification = np.eye(3), [2, 2, 2]
+    cloud.red = cloud.green = cloud.blue = np.array([0, 1, 200]) * scale
+    cloud.write(tmp_path / "a.las")
+    frame = MapFrame("", (0.0, 0.0, 0.0))
+    shown = contents_module.read_shown_points([tmp_path / "a.las"], frame, {2: 3}, {}, None, 10)
+    assert (shown.colours is None) if expected is None else (shown.colours.max() == expected)
+
+
 def test_terrain_has_the_elevations_of_the_raster(page, result):
     import rasterio
 
@@ -135,7 +147,7 @@ def test_the_first_screen_has_four_figures_and_shows_no_points(page, result):
     for words in (
         "Buildings 1 1 with valid solids",
         f"Footprints and volume {known['area']:,.0f} m² {known['volume']:,.0f} m³",
-        f"Grades 1 {grade}",
+        "Grades 1 good" if grade == "good" else f"Grades 0 good 1 {grade}",
         f"Accuracy {known['rmse']:.2f} m",
     ):
         assert words in first

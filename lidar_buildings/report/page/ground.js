@@ -146,7 +146,8 @@ function terrainVertices(scene, fields) {
   if (!relief) return new Vertices(0);
   const step = Math.max(1, Math.round(Math.max(...relief.shape) / fields)), [height, width] = relief.shape;
   const [rows, columns] = relief.shape.map((size) => Math.ceil((size - 1) / step) + 1);
-  const cells = [], colour = 0xffffffff, side = rgb("#c9c2b4"), base = scene.near(scene.bounds[0])[2] - 3, borders = new Map();
+  const deep = clamped(0.01 * Math.hypot(...minus(scene.bounds[1], scene.bounds[0])), 0.5, 5), base = scene.near(scene.bounds[0])[2] - deep;
+  const cells = [], colour = 0xffffffff, side = rgb("#c9c2b4"), borders = new Map();
   const stepsAt = (at) => relief.array[Math.min(Math.floor(at / columns) * step, height - 1) * width + Math.min((at % columns) * step, width - 1)];
   const place = (at) => {
     const [row, column] = [Math.min(Math.floor(at / columns) * step, height - 1), Math.min((at % columns) * step, width - 1)];

@@ -156,9 +156,10 @@ class Scene {
   }
 
   pointColour(i, mode, residuals) {
-    const { classes, building, plane } = this.data;
+    const { classes, building, plane, colours } = this.data;
     if (mode === "class") return this.classColours[classes.array[i]];
     if (mode === "height") return HEIGHTS((this.point(i)[2] - this.bounds[0][2]) / (this.bounds[1][2] - this.bounds[0][2] || 1));
+    if (mode === "colour") return (0xff000000 | (colours.array[3 * i + 2] << 16) | (colours.array[3 * i + 1] << 8) | colours.array[3 * i]) >>> 0;
     if (!building.array[i]) return NONE;
     if (mode === "building") return rgb(PALETTE[(building.array[i] * 7) % PALETTE.length]);
     if (mode === "plane") return plane.array[i] ? rgb(PALETTE[plane.array[i] % PALETTE.length]) : EDGE;
