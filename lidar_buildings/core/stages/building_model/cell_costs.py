@@ -17,11 +17,10 @@ MAX_MISFIT, TAIL = 1.0, 0.1
 STEEP = 1.73
 #: What a roof may lie above the highest return around [m], beside what the spacing explains.
 ABOVE = 0.3
-#: So many spacings around a corner of a cell tell how high the roof may be there, and for so much of the
-#: cell, in square, it speaks. Compared with 3 to 6 on roofs that people drew and AHN3's: doc/algorithms.
-_AROUND = 5
-#: Squares on each side in which the next points beside a place are sought: up to three spacings.
-_BESIDE = 2
+#: Points so many spacings around a corner of a cell tell how high and how low the roof may be there,
+AROUND = 3.0
+#: and for a square of so many spacings of the cell, at most, it speaks.
+_SPOKEN = 5.0
 #: Most squares of the raster in which points share what they stand for.
 _MAX_SQUARES = 40_000
 
@@ -32,12 +31,12 @@ def plane_costs(
     """
     Return what it costs to roof each cell with each plane [m³], shape (n_cells, n_planes).
 
-    That is the misfit to its points, and how far the plane lies above the returns around a corner of the
-    cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical, but
-    from planes steeper than `STEEP`, where a pulse's place is less sure than its height, less by as much;
+    That is the misfit to its points, and how far the plane lies above or below the returns around a corner
+    of the cell, where that is most. A roof runs on for one spacing beyond its points. Distances are vertical,
+    but from planes steeper than `STEEP`, where a pulse's place is less sure than its height, less by as much;
     those to points hardly count beyond `MAX_MISFIT`, so that chimneys and antennas pull on no plane. Points
-    are (n_points, 3) [m]; `weight` is the area that each stands for [m²], `cell` its cell, int64, -1 for
-    none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
+    are (n_points, 3) and rise by y [m]; `weight` is the area that each stands for [m²], `cell` its cell,
+    int64, -1 for none; planes are a, b, c of z = a·x + b·y + c, (n_planes, 3).
     """
     slope = np.hypot(planes[:, 0], planes[:, 1])
     counted = np.minimum(np.hypot(1.0, STEEP) / np.hypot(1.0, slope), 1.0)
@@ -91,57 +90,6 @@ def point_weights(points, exterior, spacing):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _heights(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return squares over places, the lowest and highest return in each, and the highest of all [m]."""
-    squares = _squares_over(places, spacing)
-    n_columns, n_rows = squares[3], squares[4]
-    lowest, highest = np.full((n_columns, n_rows), np.inf), np.full((n_columns, n_rows), -np.inf)
-    top = -np.inf
-    for i in range(len(points)):
-        square, z = _square_of(points[i, 0], points[i, 1], squares), points[i, 2]
-        top = max(top, z)
-        if square >= 0:
-            column, row = square // n_rows, square % n_rows
-            lowest[column, row] = min(lowest[column, row], z)
-            highest[column, row] = max(highest[column, row], z)
-    return squares, lowest, highest, top
-
-
-@kernel
-def _highest_around(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return the elevation of the highest return around each place, of all where there is none [m]."""
-    squares, _, highest, top = _heights(places, points, spacing)
-    seen = np.empty(len(places))
-    for i in range(len(places)):
-        square = _square_of(places[i, 0], places[i, 1], squares)
-        column, row = square // squares[4], square % squares[4]
-        west, south = max(column - _AROUND, 0), max(row - _AROUND, 0)
-        seen[i] = highest[west : column + _AROUND + 1, south : row + _AROUND + 1].max()
-        if seen[i] == -np.inf:
-            seen[i] = top
-    return seen
-
-
-@kernel
-def range_around(places, points, spacing):  # type: ignore[no-untyped-def]
-    """Return the lowest and highest return beside each place [m]; without any −∞ and the highest of all."""
-    squares, lowest, highest, top = _heights(places, points, spacing)
-    low, high = np.full(len(places), np.inf), np.full(len(places), -np.inf)
-    for i in range(len(places)):
-        square = _square_of(places[i, 0], places[i, 1], squares)
-        column, row = square // squares[4], square % squares[4]
-        for reach in range(1, _BESIDE + 1):
-            west, south = max(column - reach, 0), max(row - reach, 0)
-            low[i] = lowest[west : column + reach + 1, south : row + reach + 1].min()
-            high[i] = highest[west : column + reach + 1, south : row + reach + 1].max()
-            if high[i] > -np.inf:
-                break
-        if high[i] == -np.inf:
-            low[i], high[i] = -np.inf, top
-    return low, high
-
-
-@kernel
 def heights_near(places, points, reach):  # type: ignore[no-untyped-def]
     """
     Return the lowest and the highest point within `reach` of each place in plan [m]; without any ∞ and −∞.
@@ -161,23 +109,27 @@ def heights_near(places, points, reach):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _costs(points, weight, cell, planes, counted, vertices, borders, sides, areas, high, spacing):  # type: ignore[no-untyped-def]
+def _costs(points, weight, cell, planes, counted, vertices, borders, sides, areas, slack, spacing):  # type: ignore[no-untyped-def]
     """See `plane_costs`; planes in columns."""
-    n_planes, spoken = planes.shape[1], (_AROUND * spacing) ** 2
-    seen = _highest_around(vertices, points, spacing)
+    n_planes, spoken = planes.shape[1], (_SPOKEN * spacing) ** 2
+    low, high = heights_near(vertices, points, AROUND * spacing)
+    highest = points[:, 2].max()
     costs, beyond = np.empty((len(areas), n_planes)), np.zeros((len(areas), n_planes))
     # Rows of their own, so that the loops over planes become wide (SIMD).
     a, b, d = planes[0], planes[1], planes[2]
     for e in range(len(borders)):
         for end in range(2):
-            x, y = vertices[borders[e, end], 0], vertices[borders[e, end], 1]
+            v = borders[e, end]
+            x, y = vertices[v, 0], vertices[v, 1]
+            bottom, top = (low[v], high[v]) if low[v] <= high[v] else (-np.inf, highest)
             for side in range(2):
                 c = sides[e, side]
                 if c < 0 or sides[e, 0] == sides[e, 1]:
                     continue
                 own = beyond[c]
                 for k in range(n_planes):
-                    excess = a[k] * x + b[k] * y + d[k] - seen[borders[e, end]] - high[k]
+                    z = a[k] * x + b[k] * y + d[k]
+                    excess = max(z - top, bottom - z) - slack[k]
                     own[k] = excess if excess > own[k] else own[k]
     for c in range(len(costs)):
         for k in range(n_planes):

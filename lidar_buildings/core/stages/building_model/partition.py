@@ -18,10 +18,10 @@ from lidar_buildings.core.solids.output_grid import GRID, made_valid, polygons_o
 from lidar_buildings.core.solids.plan_graph import cut_at, rings_of
 from lidar_buildings.core.stages.building_model.cell_costs import (
     ABOVE,
+    AROUND,
     heights_near,
     plane_costs,
     point_weights,
-    range_around,
 )
 from lidar_buildings.core.stages.building_model.cells import (
     Cells,
@@ -90,8 +90,6 @@ _OFF = 0.5
 _AGREES, _LEAST_POINTS = 0.3, 3
 #: A plane whose points reach no further along its slope, as a standard deviation, has none [spacings].
 _LEAST_REACH = 0.5
-#: Points around a vertex lie within this [spacings].
-_AROUND = 3.0
 #: A plane holds so far beyond the points that agree with it [spacings]; smaller pieces beside them stay [m²].
 _PAST, _LEAST_AREA = 1.5, 0.2
 #: A plane of a lower slope is level.
@@ -111,7 +109,8 @@ def with_level_ends(faces: list[RoofFacePatch], points: FloatArray, spacing: flo
     xy, own = np.concatenate(exteriors), np.repeat(planes, sizes, axis=0)
     z = np.einsum("ij,ij->i", own[:, :2], xy) + own[:, 2]
     slack = spacing * np.array([_steepness(face, points, spacing) for face in faces])
-    low, high = range_around(xy, points, spacing)
+    low, high = _ends_around(xy, points, spacing)
+    high = np.minimum(high, points[:, 2].max())  # where nothing is near
     margin = _OFF + np.repeat(slack, sizes)
     first = np.cumsum(sizes) - sizes
     off = np.column_stack(
@@ -190,7 +189,7 @@ def _parted(
 
 def _ends_around(places: FloatArray, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest point within some spacings of each place, infinite without any."""
-    low, high = heights_near(places, points, _AROUND * spacing)
+    low, high = heights_near(places, points, AROUND * spacing)
     return np.where(low > high, -np.inf, low), np.where(low > high, np.inf, high)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.grade import Cause, Doubt
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid, area_vector
-from lidar_buildings.core.stages.building_model.cell_costs import heights_near
+from lidar_buildings.core.stages.building_model.cell_costs import AROUND, heights_near
 
-#: A corner may lie so far above or below the points within so many spacings, besides slope × spacing [m].
-MARGIN, AROUND = 0.5, 3.0
+#: A corner may lie so far above or below the points around, besides slope × spacing [m].
+MARGIN = 0.5
 #: Plan of a face that is upright [m²].
 _LEAST_PLAN = 1e-9
 
