@@ -154,6 +154,7 @@ def command_parser() -> argparse.ArgumentParser:
         ("score", add_score_arguments, "evaluation.command.score", "compare a result with a reference"),
         ("compare", _add_compare, "evaluation.changes", "report what changed between two results"),
         ("report", _add_folder, "commands.view", "rebuild the report of a result"),
+        ("serve", _add_serve, "commands.view", "show a result of any size in a browser of this machine"),
         (
             "view",
             add_view_arguments,
@@ -309,6 +310,13 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _add_folder(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR", help="output folder of a run")
+
+
+def _add_serve(parser: argparse.ArgumentParser) -> None:
+    _add_folder(parser)
+    parser.add_argument(
+        "--port", type=int, default=8000, metavar="N", help="port (default: 8000; 0: any free)"
+    )
 
 
 def _add_explain(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""The commands that show a result: ``report``, ``view`` and ``explain``."""
+"""The commands that show a result: ``report``, ``serve``, ``view`` and ``explain``."""
 
 from __future__ import annotations
 
@@ -60,6 +60,26 @@ def report_command(options: argparse.Namespace) -> int:
     from lidar_buildings.report.page_file import write_report
 
     print(f"  {write_report(options.folder)}")
+    return 0
+
+
+def serve_command(options: argparse.Namespace) -> int:
+    """Serve a result to browsers of this machine until interrupted."""
+    from lidar_buildings.core.model.errors import ParameterError
+    from lidar_buildings.report.server import result_server
+
+    try:
+        server = result_server(options.folder, options.port)
+    except (OSError, OverflowError) as error:
+        raise ParameterError(
+            f"--port {options.port}: cannot be used ({error}): give another, or 0"
+        ) from error
+    with server:
+        print(f"  http://127.0.0.1:{server.server_port}/   (Ctrl-C ends it)", flush=True)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print()
     return 0
 
 

@@ -326,13 +326,23 @@ class Contents:
     overview: Relief | None
     worst: list[Worst]  #: to be looked at first
     focus: int | None = None  #: row of the building that the page opens with
+    is_served: bool = False  #: whether other parts can be asked for
 
 
-def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Contents:
-    """Choose and read what a page shows; with a focus that building, with what is next to it."""
+def contents_of(
+    result: Result,
+    focus: ReportedBuilding | None = None,
+    middle: tuple[float, float] | None = None,
+    is_served: bool = False,
+) -> Contents:
+    """
+    Choose and read what a page shows; with a focus that building, with what is next to it.
+
+    Of more buildings than a page holds it shows those nearest to `middle`, map frame [m], or to their own.
+    """
     every = result.buildings
     worst = [] if focus else worst_buildings(every, result.unit)
-    near, box = _beside(every, focus) if focus else _in_the_middle(every)
+    near, box = _beside(every, focus) if focus else _in_the_middle(every, middle)
     chosen = list({one.name: one for one in [*near, *(one.building for one in worst)]}.values())
     names = [one.name for one in chosen]
     path = result.folder / DTM if result.has(DTM) else None
@@ -358,19 +368,20 @@ def contents_of(result: Result, focus: ReportedBuilding | None = None) -> Conten
         overview=read_relief(path, result.frame, None, MOST_CELLS) if path and box and not focus else None,
         worst=worst,
         focus=names.index(focus.name) if focus else None,
+        is_served=is_served,
     )
 
 
 def _in_the_middle(
-    buildings: Sequence[ReportedBuilding],
+    buildings: Sequence[ReportedBuilding], middle: tuple[float, float] | None
 ) -> tuple[Sequence[ReportedBuilding], Rectangle | None]:
-    """Return the buildings, or the budget of them nearest to their middle and where these are."""
+    """Return the buildings, or the budget of them nearest to a place or their middle, and where these are."""
     if len(buildings) <= MOST_BUILDINGS:
         return buildings, None
     places = shapely.get_coordinates(shapely.centroid(_shapes(buildings)))
     if len(places) < len(buildings):  # some have no outline, so that nothing tells what is near
         return buildings[:MOST_BUILDINGS], None
-    far = np.abs(places - np.median(places, axis=0)).max(axis=1)
+    far = np.abs(places - (np.median(places, axis=0) if middle is None else middle)).max(axis=1)
     near = [buildings[row] for row in np.sort(np.argsort(far, kind="stable")[:MOST_BUILDINGS])]
     return near, _box_of(near)
 

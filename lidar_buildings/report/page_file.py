@@ -112,6 +112,7 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "attributes": [one.attributes for one in contents.buildings],
         "worst": [{"row": names.index(one.building.name), "why": one.why} for one in contents.worst],
         "focus": contents.focus,
+        "is_served": contents.is_served,
         "histograms": words.histograms(contents.result),
         "points": {"corner": points.corner.tolist(), "step": points.step.tolist()},
         "n_points": contents.result.run.get("n_points", 0),
@@ -148,21 +149,27 @@ def _ring_arrays(buildings: Sequence[ReportedBuilding]) -> tuple[Any, Any]:
 
 
 def _dots(buildings: Sequence[ReportedBuilding]) -> Any:
-    """Return x and y of buildings [dm], and whether they are well."""
+    """Return x and y of buildings [dm], and 2 where they are well, 1 where they are to be checked."""
     shapes = np.array([one.shape for one in buildings], dtype=object)
     places = shapely.get_coordinates(shapely.centroid(shapes))
     if len(places) < len(buildings):
         return np.empty((0, 3), dtype=np.int32)
-    is_well = np.array([(one.quality or one.status) in _WELL for one in buildings], dtype=np.float64)
-    return np.rint(np.column_stack([places * 10, is_well])).astype(np.int32)
+    standings = [one.quality or one.status for one in buildings]
+    marks = np.array([2 * (one in _WELL) + (one == Grade.CHECK.value) for one in standings], dtype=np.float64)
+    return np.rint(np.column_stack([places * 10, marks])).astype(np.int32)
 
 
 def _limits(contents: Contents) -> Iterator[str]:
     """Say what is left out of the page to keep it small."""
     if contents.focus is None and contents.others:
         yield (
-            f"The 3D view shows the {len(contents.buildings):,} buildings in the middle, and the worst; "
-            f"{len(contents.others):,} others are dots on the map. The files hold all of them."
+            f"The 3D view shows {len(contents.buildings):,} buildings near each other, and the worst; "
+            f"{len(contents.others):,} others are dots on the map. "
+            + (
+                "A click on one shows those near it."
+                if contents.is_served
+                else "lidar-buildings serve shows those, too."
+            )
         )
     if contents.models.n_left_out:
         yield f"{contents.models.n_left_out:,} buildings are shown as outlines only, to keep the page small."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from lidar_buildings.io.results.output_config import OutputConfig
 from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tiling_config import TilingConfig
 from lidar_buildings.pipeline.config import STAGE_CONFIGS
-from lidar_buildings.report.result_folder import GPKG, Result
+from lidar_buildings.report.result_folder import GPKG, ReportedBuilding, Result
 
 #: Attribute → what its histogram is called, and its unit.
 HISTOGRAMS = {
@@ -147,8 +147,7 @@ def figures(result: Result) -> list[Figure]:
     """Return buildings, area and volume, grades, accuracy: those that are known."""
     buildings = result.buildings
     n_solids = sum(bool(one.attributes.get("lod")) for one in buildings)
-    n_valid = sum(one.attributes.get("validity") == "[]" for one in buildings)
-    valid = f"{n_valid:,} with valid solids" if n_solids else "outlines alone"
+    valid = f"{_n_valid(buildings):,} with valid solids" if n_solids else "outlines alone"
     found = [Figure("Buildings", f"{len(buildings):,}", valid if buildings else "none was found")]
     area, volume = (_values(result, name).sum() * result.unit**power for name, power in _SIZES)
     if area:
@@ -232,10 +231,13 @@ def _how_sure(result: Result) -> str:
     causes = Counter(cause for one in result.buildings for cause in causes_in(one.quality_reasons))
     if causes:
         words.append("doubts: " + ", ".join(f"{n:,} {cause}" for cause, n in causes.most_common()))
-    n_valid = sum(one.attributes.get("validity") in ("[]", []) for one in result.buildings)
     if any(one.attributes.get("lod") for one in result.buildings):
-        words.append(f"{n_valid:,} of {len(result.buildings):,} with valid solids")
+        words.append(f"{_n_valid(result.buildings):,} of {len(result.buildings):,} with valid solids")
     return "; ".join(words) or "nothing to measure"
+
+
+def _n_valid(buildings: Iterable[ReportedBuilding]) -> int:
+    return sum(one.attributes.get("validity") in ("[]", []) for one in buildings)
 
 
 def _how_long(run: Mapping[str, Any]) -> str:

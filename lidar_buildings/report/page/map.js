@@ -47,7 +47,7 @@ class PlanMap {
     this.hand = new Hand(canvas, {
       drag: (from, to) => this.move(to[0] - from[0], to[1] - from[1]),
       zoom: (factor, at) => this.zoom(1 / factor, at),
-      tap: (at) => select(this.rowAt(at)),
+      tap: (at) => this.goTo(at) || select(this.rowAt(at)),
       wantsWheel: (event) => event.ctrlKey || document.activeElement === canvas,
     });
     canvas.addEventListener("keydown", (event) => this.pressed(event));
@@ -136,7 +136,7 @@ class PlanMap {
       context.restore();
     }
     for (let at = 0, dots = scene.data.dots.array; at < dots.length; at += 3) {
-      context.fillStyle = dots[at + 2] ? STATUSES.good : STATUSES.poor;
+      context.fillStyle = STATUSES[["poor", "check", "good"][dots[at + 2]]];
       context.fillRect(dots[at] / 10 - 1 / this.scale, dots[at + 1] / 10 - 1 / this.scale, 2 / this.scale, 2 / this.scale);
     }
     for (const [row, path] of this.outlines) if (row !== this.selected) this.drawBuilding(context, path, standingColour(scene.facts.attributes[row]), scene.dimmed.has(row) ? 0.15 : 0.55, 1.2);
@@ -171,6 +171,16 @@ class PlanMap {
     context.fill(new Path2D(`M${width - 26} 11 l5 9 h-10 z`));
     context.textAlign = "center";
     context.fillText("N", width - 26, 35);
+  }
+
+  /** Of a served page: ask for the buildings round a dot. */
+  goTo([x, y]) {
+    const dots = this.scene.data.dots.array, { canvas, middle, scale } = this;
+    if (!this.scene.facts.is_served || this.rowAt([x, y]) != null) return false;
+    const [east, north] = [middle[0] + (x - canvas.clientWidth / 2) / scale, middle[1] - (y - canvas.clientHeight / 2) / scale];
+    for (let at = 0; at < dots.length; at += 3)
+      if (Math.hypot(dots[at] / 10 - east, dots[at + 1] / 10 - north) * scale < 12) return location.assign(`?at=${east.toFixed(1)},${north.toFixed(1)}`), true;
+    return false;
   }
 
   rowAt([x, y]) {

@@ -185,6 +185,8 @@ class Viewer {
   follow() {
     const name = new URLSearchParams(location.hash.slice(1)).get("building"), row = this.facts.names.indexOf(name ?? "");
     if (row >= 0 && row !== this.selected - 1) this.select(row, true);
+    const asked = new URLSearchParams(location.search).get("building");
+    if (row < 0 && name && this.facts.is_served && asked !== name) location.search = `?building=${encodeURIComponent(name)}`;
     return row >= 0;
   }
 
