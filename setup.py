@@ -34,6 +34,7 @@ ROS_WHEELS = [
 CLUSTER = ["distributed>=2024.8"]
 # what reads https; s3fs, gcsfs, adlfs … are for those who have such stores
 CLOUD = ["fsspec>=2024.6", "universal-pathlib>=0.3", "aiohttp"]
+COMPLETION = ["shtab>=1.13"]
 # PLY and PCD
 FORMATS = ["trimesh>=4", "pypcd4>=1.1"]
 # the build for graphics cards is four times as large; from this release on pictures need no display
@@ -44,6 +45,7 @@ TEST = [
     *CLOUD,
     *DOC,
     *FORMATS,
+    *COMPLETION,
     "pytest>=8",
     "pytest-xdist",
     "hypothesis",
@@ -102,6 +104,7 @@ setup(
         "cluster": [*CLUSTER, "bokeh"],  # bokeh shows dask's dashboard
         "cloud": CLOUD,
         "formats": FORMATS,
+        "completion": COMPLETION,
         "view": VIEW,
         "terrain": ["startinpy>=0.12"],
         "doc": DOC,

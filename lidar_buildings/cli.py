@@ -27,6 +27,7 @@ from lidar_buildings.commands.run_options import (
     add_run_arguments,
     add_settings,
 )
+from lidar_buildings.commands.terminal import coloured
 from lidar_buildings.commands.view import add_view_arguments
 from lidar_buildings.core.model.errors import ExitStatus
 from lidar_buildings.evaluation.command.score import add_score_arguments
@@ -35,11 +36,37 @@ from lidar_buildings.evaluation.command.score import add_score_arguments
 _ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
-_STATUSES = (
-    "exit status: 0 for success; 1 for a defect; 2 for wrong use or unreadable input; 3 if a tile failed and "
-    "the rest was done; 4 if all was done, but there is something to look at first (run --strict); 130 if "
-    "interrupted"
-)
+_EPILOG = """examples:
+  lidar-buildings simulate --output tiles            # a virtual survey to try with
+  lidar-buildings run tiles --output result          # then open result/report.html
+  lidar-buildings explain result X,Y                 # why a building looks as it does, or is missing
+
+exit status: 0 success; 1 defect; 2 wrong use or unreadable input; 3 a tile failed and the rest was done;
+4 all was done, but there is something to look at first (run --strict); 130 interrupted"""
+#: Shells, and what their users do with the script.
+SHELLS = {
+    "bash": "lidar-buildings completion bash > ~/.local/share/bash-completion/completions/lidar-buildings",
+    "zsh": "lidar-buildings completion zsh > ~/.zfunc/_lidar-buildings      # a folder of $fpath",
+    "fish": "lidar-buildings completion fish > ~/.config/fish/completions/lidar-buildings.fish",
+}
+#: Command → how it is used.
+_EXAMPLES = {
+    "run": """  lidar-buildings run tiles/ --output result
+  lidar-buildings run drive.mcap tiles/ --output result --align
+  lidar-buildings run tiles/ --output result --footprints houses.gpkg --no-ros
+  lidar-buildings run tiles/ --output result --set roof_selection.min_height=2.5 --until regularisation""",
+    "plan": "  lidar-buildings plan tiles/ --workers 8",
+    "adjust": "  lidar-buildings adjust strips/ --output adjusted",
+    "live": """  lidar-buildings live --output result --scan /velodyne_points
+  lidar-buildings live --output result --replay drive --rate 0""",
+    "simulate": """  lidar-buildings simulate --output tiles --scene roof_types --density 8
+  lidar-buildings simulate --bag flight --scene village""",
+    "score": "  lidar-buildings score buildings,models result tiles --merge-touching",
+    "compare": "  lidar-buildings compare result_2020 result_2024",
+    "view": "  lidar-buildings view result --picture result.png",
+    "explain": "  lidar-buildings explain result 85012.5,447310",
+    "completion": "\n".join(f"  {use}" for use in SHELLS.values()),
+}
 
 
 #: What argparse says of a word that is none of those it knows.
@@ -107,7 +134,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.debug:
             traceback.print_exc()
         for line in str(error).splitlines():
-            print(f"lidar-buildings: {line}", file=sys.stderr)
+            print(f"{coloured('lidar-buildings:', 'red', sys.stderr)} {line}", file=sys.stderr)
         return ExitStatus.WRONG_USE
     except ImportError as error:  # for instance numba's, of a numpy that it does not know
         if options.debug:
@@ -139,8 +166,12 @@ def main(arguments: list[str] | None = None) -> int:
 
 def command_parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
+    raw = argparse.RawDescriptionHelpFormatter  # examples stand line by line
     parser = OneLineParser(
-        prog="lidar-buildings", description="Raw lidar in, valid 3D city models out.", epilog=_STATUSES
+        prog="lidar-buildings",
+        description="Raw lidar in, valid 3D city models out.",
+        epilog=_EPILOG,
+        formatter_class=raw,
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -165,12 +196,31 @@ def command_parser() -> argparse.ArgumentParser:
         ("top", _add_top, "commands.top", "monitor running graphs"),
         ("node", _add_node, "commands.node", "run one node of the graph in this process"),
         ("warm-up", _add_warm_up, "commands.warm_up", "compile now what the first run would compile"),
+        ("completion", _add_completion, _completion, "print a script that completes commands in a shell"),
     ):
-        one = commands.add_parser(name, help=words)
+        epilog = f"examples:\n{_EXAMPLES[name]}" if name in _EXAMPLES else None
+        one = commands.add_parser(
+            name, help=words, description=f"{_capital(words)}.", epilog=epilog, formatter_class=raw
+        )
         add_arguments(one)
         one.add_argument("--debug", action="store_true", help="show tracebacks")
         one.set_defaults(command=partial(_call, name, command) if isinstance(command, str) else command)
     return parser
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def _add_completion(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("shell", choices=tuple(SHELLS), metavar="SHELL", help="bash, zsh or fish")
+
+
+def _completion(options: argparse.Namespace) -> int:
+    from lidar_buildings.commands.completion import completion_script
+
+    print(completion_script(command_parser(), options.shell))
+    return ExitStatus.DONE
 
 
 def _call(name: str, module: str, options: argparse.Namespace) -> int:

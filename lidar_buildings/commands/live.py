@@ -22,6 +22,7 @@ from lidar_buildings.io.bags.bag_inputs import NO_SCAN, BagConfig
 from lidar_buildings.io.bags.bag_summary import choose_topics, chosen_messages, told_frame
 from lidar_buildings.io.bags.placed_cloud import hand_over
 from lidar_buildings.io.results.run_folder import discard_unfinished, sole_use
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.live_feed import LiveFeed
 from lidar_buildings.simulation.live.messages import Pace, PlayReport, ahead
 
@@ -196,9 +197,9 @@ def _watch(
         if time.monotonic() < next_time:
             continue
         next_time = time.monotonic() + _TELL
-        line = f"{_come(source)}; {source.n_done} tiles done"
+        line = f"{_come(source)}; {counted(source.n_done, 'tile')} done"
         if writer.n_clouds_left:
-            line += f"; {writer.n_clouds_left} classified clouds to write"
+            line += f"; {counted(writer.n_clouds_left, 'classified cloud')} to write"
         if line != told:
             _tell(line)
             told = line
@@ -207,9 +208,16 @@ def _watch(
 def _come(source: ScanAssembler) -> str:
     from lidar_buildings.nodes.scan_assembler import missing_scans  # needs ROS
 
-    counts = source.tiles.counts()
-    told = ", ".join(f"{number:,} {name}" for name, number in counts.items() if number)
+    told = ", ".join(_in_words(name, number) for name, number in source.tiles.counts().items() if number)
     return told or missing_scans(source)
+
+
+def _in_words(name: str, number: int) -> str:
+    """Say how many of what a count is of, such as `tiles_waiting`."""
+    what, *state = name.split("_")
+    if state or what in ("scans", "points"):
+        return " ".join([counted(number, what.removesuffix("s")), *state])
+    return f"{number:,} {name}"
 
 
 @contextmanager

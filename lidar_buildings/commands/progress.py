@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from tqdm import tqdm
 
+from lidar_buildings.commands.terminal import GRADES, coloured
 from lidar_buildings.core.model.errors import printable
 from lidar_buildings.io.results.output_config import REPORT_FILE
 from lidar_buildings.io.results.run_summary import RunSummary, counted
@@ -113,7 +115,7 @@ def tell_problems(outcome: RunOutcome, again: str) -> None:
         lost = ", ".join(f"{n:,} of {name}" for name, n in sorted(bag.lost.items())) or "none"
         lines.append(f"{bag.failure}; messages not recorded: {lost}")
     for line in lines:
-        print(f"lidar-buildings: {printable(line)}", file=sys.stderr)
+        print(f"{coloured('lidar-buildings:', 'red', sys.stderr)} {printable(line)}", file=sys.stderr)
 
 
 def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
@@ -121,7 +123,7 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     summary, bag = outcome.summary, outcome.recording
     print(f"{counted(summary.n_points, 'point')} in {counted(summary.n_tiles, 'tile')}, {wall:.1f} s")
     for line in filter(None, [summary.view_words, *summary.building_words]):
-        print(line)
+        print(_with_coloured_grades(line))
     if aside := ", ".join(f"{n:,} {name}" for name, n in summary.set_aside.items()):
         print(f"set aside by class: {aside}")
     if record := summary.footprints:
@@ -138,7 +140,16 @@ def tell_outcome(output: Path, outcome: RunOutcome, wall: float) -> None:
     if bag is not None and not bag.failure:
         print(f"  {bag.path}: {counted(bag.n_messages, 'message')}")
     if REPORT_FILE in summary.files:
-        print(f"open first: {printable(str(output / REPORT_FILE))}")
+        print(coloured(f"open first: {printable(str(output / REPORT_FILE))}", "bold", sys.stdout))
+
+
+def _with_coloured_grades(line: str) -> str:
+    if not line.startswith("buildings: "):
+        return line
+    words = "|".join(GRADES)
+    return re.sub(
+        rf"[\d,]+ ({words})\b", lambda found: coloured(found[0], GRADES[found[1]], sys.stdout), line
+    )
 
 
 def outcome_as_json(output: Path, outcome: RunOutcome, wall: float) -> dict[str, Any]:

@@ -36,44 +36,34 @@ class Once(argparse.Action):
 
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Add all of `run`."""
-    add = parser.add_argument
-    add(
+    parser.add_argument(
         "input",
         nargs="+",
         metavar="INPUT",
         help="LAS, LAZ or COPC files, folders or globs, also as URLs (https://, s3://); ROS 2 or ROS 1 bags",
     )
-    folder = parser.add_mutually_exclusive_group(required=True)
-    folder.add_argument("--output", type=Path, metavar="DIR", help="folder for the results")
-    folder.add_argument(
-        "--update",
-        type=Path,
-        metavar="DIR",
-        help="… to keep up to date, without ROS: only tiles whose points changed are processed",
-    )
-    add("--topic", metavar="NAME", action=Once, help="bags: topic of the scans (default: the only one)")
-    add(
-        "--odometry",
-        metavar="NAME",
-        action=Once,
-        help="bags: topic of the poses (default: the only one; else /tf)",
-    )
-    add_part_of_bag(parser)
+    _add_results(parser.add_argument_group("results"))
+    _add_parameters_of_run(parser.add_argument_group("parameters"))
+    bags = parser.add_argument_group("bags")
+    add = bags.add_argument
+    add("--topic", metavar="NAME", action=Once, help="topic of the scans (default: the only one)")
+    add("--odometry", metavar="NAME", action=Once, help="topic of poses (default: the only one; else /tf)")
+    add_part_of_bag(bags)
     add(
         "--georeferenced",
         action="store_true",
-        help="bags: the scans are already in map coordinates; no poses are needed",
+        help="the scans are already in map coordinates; no poses are needed",
     )
     add(
         "--offset",
         metavar="X,Y,Z,YAW",
-        help="bags beside files: where their frame lies in the files' coordinate reference system [m, deg]",
+        help="beside files: where the bag's frame lies in their coordinate reference system [m, deg]",
     )
     add(
         "--align",
         action="store_const",
         const=True,
-        help="bags beside files: lay them on the files' ground, roofs and walls",
+        help="beside files: lay the bag on their ground, roofs and walls",
     )
     add(
         "--rate",
@@ -81,10 +71,45 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="R",
         help="play at R times the recorded speed (default: as fast as possible)",
     )
-    add_record(parser)
-    add_settings(parser)
+    _add_places(parser.add_argument_group("where it runs"))
+
+
+def _add_results(group: Any) -> None:
+    add = group.add_argument
+    folder = group.add_mutually_exclusive_group(required=True)
+    folder.add_argument("--output", type=Path, metavar="DIR", help="folder for the results")
+    folder.add_argument(
+        "--update",
+        type=Path,
+        metavar="DIR",
+        help="… to keep up to date, without ROS: only tiles whose points changed are processed",
+    )
+    before = group.add_mutually_exclusive_group()
+    before.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
+    before.add_argument(
+        "--retry-failed", action="store_true", help="reprocess the failed tiles in DIR, without ROS"
+    )
+    add("--attributes", metavar="NAMES", help="3dbag: also write attributes under the names of 3DBAG (b3_…)")
+    add(
+        "--geoid",
+        metavar="FILE|M",
+        help="3D Tiles: grid of the geoid's heights (GeoTIFF, GTX), or its height [m], if PROJ has no grid",
+    )
+    add(
+        "--strict",
+        action="store_true",
+        help="end with exit status 4 if the quality of a building is not good",
+    )
+    words = group.add_mutually_exclusive_group()
+    words.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
+
+
+def _add_parameters_of_run(group: Any) -> None:
+    add = group.add_argument
+    add_settings(group)
     add("--tile-size", type=float, metavar="M", help="side of a tile [m]")
-    add_bounds(parser)
+    add_bounds(group)
     add(
         "--crs",
         metavar="EPSG:N",
@@ -100,14 +125,12 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--footprint-id", metavar="COLUMN", help="column with the footprint ids (default: chosen by its name)"
     )
-    add("--attributes", metavar="NAMES", help="3dbag: also write attributes under the names of 3DBAG (b3_…)")
-    add(
-        "--geoid",
-        metavar="FILE|M",
-        help="3D Tiles: grid of the geoid's heights (GeoTIFF, GTX), or its height [m], if PROJ has no grid",
-    )
+
+
+def _add_places(group: Any) -> None:
+    add = group.add_argument
     add("--no-ros", action="store_true", help="call the stages directly, without ROS")
-    where = parser.add_mutually_exclusive_group()
+    where = group.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
         type=at_least_one,
@@ -121,32 +144,20 @@ def add_run_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS",
         help="… on the workers of a dask scheduler (tcp://…:8786)",
     )
-    before = parser.add_mutually_exclusive_group()
-    before.add_argument("--overwrite", action="store_true", help="replace the contents of DIR")
-    before.add_argument(
-        "--retry-failed", action="store_true", help="reprocess the failed tiles in DIR, without ROS"
-    )
     add("--namespace", metavar="NAME", help="ROS namespace of the nodes (default: a unique one)")
-    add(
-        "--strict",
-        action="store_true",
-        help="end with exit status 4 if the quality of a building is not good",
-    )
-    words = parser.add_mutually_exclusive_group()
-    words.add_argument("--quiet", action="store_true", help="print only warnings and errors")
-    words.add_argument("--json", action="store_true", help="print the outcome as JSON, for scripts")
+    add_record(group)
 
 
-def add_record(parser: argparse.ArgumentParser) -> None:
+def add_record(parser: Any) -> None:
     """Add what of the graph is recorded."""
     parser.add_argument("--record", metavar="BAG", help="record topics of the graph to a new bag (MCAP)")
 
 
-def add_part_of_bag(parser: argparse.ArgumentParser) -> None:
+def add_part_of_bag(parser: Any) -> None:
     """Add which time of a bag is wanted."""
     add = parser.add_argument
-    add("--start", type=float, metavar="S", help="bags: skip the first S seconds")
-    add("--duration", type=float, metavar="S", help="bags: read S seconds (default: all)")
+    add("--start", type=float, metavar="S", help="of a bag: skip the first S seconds")
+    add("--duration", type=float, metavar="S", help="of a bag: read S seconds (default: all)")
 
 
 def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
@@ -162,7 +173,7 @@ def add_plan_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(**UNTOLD)
 
 
-def add_bounds(parser: argparse.ArgumentParser) -> None:
+def add_bounds(parser: Any) -> None:
     """Add which part of the inputs is wanted."""
     parser.add_argument(
         "--bounds",
@@ -173,7 +184,7 @@ def add_bounds(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
+def add_settings(parser: Any) -> None:
     """Add how parameters are set, and the last stage."""
     add = parser.add_argument
     add("--params", type=Path, metavar="FILE", help="parameters as in config/pipeline.param.yaml")

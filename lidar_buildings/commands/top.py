@@ -13,6 +13,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from lidar_buildings.core.model.errors import ExitStatus, LidarBuildingsError
+from lidar_buildings.io.results.run_summary import counted
 
 #: A node that has not been heard for so long is silent [s]; wide margin: each speaks once a second.
 _SILENT = 5.0
@@ -83,18 +84,21 @@ def _row(name: str, one: _Node, now: float) -> tuple[str, ...]:
 
 
 def _more(name: str, values: Mapping[str, float]) -> list[str]:
+    def n(key: str, what: str) -> str:
+        return counted(round(values[key]), what)
+
     lines = []
     if "tiles_in_flight" in values:
         lines.append(
-            f"{name}: {values['tiles_done']:,.0f} tiles done, {values['tiles_in_flight']:.0f} in flight, "
+            f"{name}: {n('tiles_done', 'tile')} done, {values['tiles_in_flight']:.0f} in flight, "
             f"{values['tiles_given_up']:,.0f} given up; the last took {values['latency']:.1f} s"
         )
     if "points_waiting" in values:
-        left_out = sum(n for key, n in values.items() if key.startswith("left out"))
+        left_out = sum(number for key, number in values.items() if key.startswith("left out"))
         lines.append(
-            f"{name}: {values['scans']:,.0f} scans, {values['points']:,.0f} points kept, "
+            f"{name}: {n('scans', 'scan')}, {n('points', 'point')} kept, "
             f"{values['points_waiting']:,.0f} to be placed, {left_out:,.0f} left out; "
-            f"{values['tiles_waiting']:,.0f} tiles queued"
+            f"{n('tiles_waiting', 'tile')} queued"
         )
     buildings = [
         f"{n:,.0f} {key.removeprefix('buildings').strip('_')}".rstrip()

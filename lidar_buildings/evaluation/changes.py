@@ -28,6 +28,7 @@ from lidar_buildings.evaluation.readers.labelled_points import read_class_chunks
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
 from lidar_buildings.evaluation.readers.true_lengths import scale_of, scaled
 from lidar_buildings.evaluation.scores.cells import CellSet, cell_centres, cells_of_polygons, keys_of
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.vectors.layers import VectorLayer, geopackage_file
 
 #: Classes that say that nothing stood there.
@@ -477,7 +478,7 @@ def compare_command(options: argparse.Namespace) -> int:
         print(json.dumps({**told, "changes": rows}, indent=2))
         return 0
     print(
-        f"{len(found.old.polygons)} buildings before, {len(found.new.polygons)} now; NEW lies "
+        f"{counted(len(found.old.polygons), 'building')} before, {len(found.new.polygons)} now; NEW lies "
         f"{found.offset:+.3f} m higher,"
     )
     print(f"unchanged single cells of {found.cell:g} m scatter by {found.scatter:.3f} m")

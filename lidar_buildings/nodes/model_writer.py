@@ -24,7 +24,7 @@ from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.find_inputs import InputFile
 from lidar_buildings.io.models.cityjson import checked_feature
 from lidar_buildings.io.results.run_record import RunRecord
-from lidar_buildings.io.results.run_summary import RunSummary
+from lidar_buildings.io.results.run_summary import RunSummary, counted
 from lidar_buildings.io.results.survey_folder import SurveyFolder
 from lidar_buildings.io.results.tile_products import TileProducts
 from lidar_buildings.nodes.configs import NODE_CONFIGS, ModelWriterConfig
@@ -227,7 +227,7 @@ class ModelWriter(StageNode):
         self._begin()
         if self._map is not None and self._map.frame is not None:
             self.on_frame(self._map.frame)
-        response.success, response.message = True, f"{n_tiles} tiles are forgotten"
+        response.success, response.message = True, f"forgotten: {counted(n_tiles, 'tile')}"
         return response
 
     def interrupted(self, spin_once: Callable[[float], None]) -> None:
@@ -304,9 +304,11 @@ class ModelWriter(StageNode):
         n_buildings = sum(summary.buildings.values())
         why = f"; {summary.why_no_building}" if summary.why_no_building else ""
         if failed:
-            why = f"; {len(failed)} tiles failed, see failed_tiles in run.json: {[*failed.values()][-1]}"
+            last = [*failed.values()][-1]
+            why = f"; {counted(len(failed), 'tile')} failed, see failed_tiles in run.json: {last}"
         path = self.parameters[ModelWriterConfig].output
-        self.last_words = f"{summary.n_tiles} tiles, {n_buildings} buildings are written to {path}{why}"
+        written = f"{counted(summary.n_tiles, 'tile')}, {counted(n_buildings, 'building')}"
+        self.last_words = f"written to {path}: {written}{why}"
         return summary
 
     def _each_cloud(self, write: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[Any]:

@@ -21,6 +21,7 @@ from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.io.clouds.point_columns import SCAN_ANGLE_STEP
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json, writing
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.simulation.building import Building, shell_of
 from lidar_buildings.simulation.flight import SURVEY_DATE, SimulationConfig
 from lidar_buildings.simulation.named_scenes import make_scene
@@ -31,6 +32,8 @@ from lidar_buildings.simulation.truth_layers import SeenParts, building_attribut
 #: Resolution of the coordinates [m].
 SCALE = 0.001
 #: What the writer raises when a file cannot be written.
+#: The file with the true buildings.
+_TRUTH = "truth.gpkg"
 _FAILURES = (OSError, laspy.errors.LaspyException, RuntimeError)
 #: Extra dimension → its type, member of `StripPoints` and description (at most 32 bytes).
 TRUTH_DIMENSIONS = {
@@ -171,7 +174,7 @@ def simulate_survey(
 
 def write_truth(output: Path, scene: VirtualScene, seen: SeenParts | None = None) -> tuple[Path, Path]:
     """Write what is true of a scene, and seen, into a folder; return the GeoPackage and the CityJSONSeq."""
-    layers, model = output / "truth.gpkg", output / "truth.city.jsonl"
+    layers, model = output / _TRUTH, output / "truth.city.jsonl"
     write_truth_layers(layers, scene, seen)
     with atomic_file(model) as part:
         write_truth_city_model(part, scene)
@@ -236,7 +239,7 @@ def simulate_command(options: argparse.Namespace) -> int:
     )
     rate = survey.n_points / max(survey.seconds, 1e-9)
     print(
-        f"{options.scene}: {survey.n_buildings} buildings, {survey.n_points:,} points"
+        f"{options.scene}: {counted(survey.n_buildings, 'building')}, {survey.n_points:,} points"
         f" in {survey.seconds:.1f} s ({rate / 1e6:.2f} M points/s)"
     )
     for path in (*survey.files, *survey.truth_files):
@@ -265,7 +268,8 @@ def check_folder(folder: Path, overwrite: bool) -> None:
     except OSError as error:
         raise OutputError(f"{folder}: {error.strerror}: choose another folder") from error
     if is_full and not overwrite:
-        raise OutputError(f"{folder}: is not empty: choose another folder or add --overwrite")
+        what = "contains a simulated survey already" if (folder / _TRUTH).exists() else "is not empty"
+        raise OutputError(f"{folder}: {what}: choose another folder, or add --overwrite to make it anew")
 
 
 def write_truth_city_model(path: Path, scene: VirtualScene) -> None:

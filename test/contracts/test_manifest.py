@@ -54,6 +54,7 @@ OPTIONAL = {
     "pandas",
     "pypcd4",
     "sensor_msgs_py",
+    "shtab",
     "tf2_msgs",
     "tf2_ros",
     "trimesh",

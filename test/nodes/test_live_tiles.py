@@ -117,7 +117,7 @@ def test_a_reset_forgets_the_tiles_but_not_the_files(bench, make_live_writer, li
     node_bench.call(other, "save")
     answer = node_bench.call(other, "reset")
     other.told.clear()  # as the source does
-    assert (answer.success, answer.message) == (True, "1 tiles are forgotten")
+    assert (answer.success, answer.message) == (True, "forgotten: 1 tile")
     assert node_bench.fragments(tmp_path) == []
     assert building_ids(tmp_path / "out") == [node_bench.HOUSE]
     other.heard["tile_done"].clear()

@@ -33,7 +33,7 @@ def test_files_are_made_as_often_as_asked_while_tiles_stay(live, tmp_path):
     node_bench.wait_until(lambda: node_bench.done(other))
     answer = node_bench.call(other, "save")
     assert answer.success
-    assert answer.message == f"1 tiles, 1 buildings are written to {tmp_path / 'out'}"
+    assert answer.message == f"written to {tmp_path / 'out'}: 1 tile, 1 building"
     assert building_ids(tmp_path / "out") == [node_bench.HOUSE]
     node_bench.send_tile(other, node_bench.SHED, stamp=node_bench.STAMP + 1)
     node_bench.wait_until(lambda: len(node_bench.done(other)) == 2)
@@ -48,7 +48,7 @@ def test_what_is_said_of_the_files_counts_tiles_that_failed(live, tmp_path):
     node_bench.send_tile(other, node_bench.HOUSE)
     node_bench.wait_until(lambda: node_bench.done(other))
     other.send("tile_failed", header_of(node_bench.STAMP + 1_000_000_000))
-    node_bench.wait_until(lambda: "; 1 tiles failed, see" in node_bench.call(other, "save").message)
+    node_bench.wait_until(lambda: "; 1 tile failed, see" in node_bench.call(other, "save").message)
     assert len(node_bench.told(tmp_path)["failed_tiles"]) == 1
 
 

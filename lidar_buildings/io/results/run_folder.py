@@ -105,7 +105,7 @@ def check_folder(path: Path, *, overwrite: bool, is_live: bool = False) -> None:
             return
         if (path / RUN).exists() and not (_holds_run(path) and (is_live or not _is_finished(path))):
             raise OutputError(
-                f"{path}: contains a finished run: give --overwrite to replace it, or another folder"
+                f"{path}: contains a finished run: give --overwrite to do it again, or another folder"
             )
         if not _holds_run(path) and any(file.name != PARTIAL for file in path.iterdir()):
             raise OutputError(f"{path}: is not empty: give --overwrite to write into it, or another folder")
