@@ -14,6 +14,7 @@ project_copyright = f"{author}, Apache-2.0"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
 html_title = project
+html_static_path, html_css_files = ["_static"], ["site.css"]
 html_show_sphinx = html_copy_source = False
 # headings have the anchors that GitHub gives them
 myst_heading_anchors = 3

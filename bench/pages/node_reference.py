@@ -1,13 +1,14 @@
 """
 Writes what is generated from the configs and the table of nodes: the parameter file and the node pages.
 
-``python -m bench.pages.node_reference`` writes ``config/pipeline.param.yaml`` and ``doc/nodes.md``;
-with ``--check`` it only says whether they are as they should be.
+``python -m bench.pages.node_reference`` writes ``config/pipeline.param.yaml``, ``doc/nodes.md`` and a
+page for each node in ``doc/nodes``; with ``--check`` it only says whether they are as they should be.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import textwrap
 from dataclasses import Field
@@ -31,7 +32,7 @@ def parameter_yaml() -> str:
     """Return ``config/pipeline.param.yaml``: the parameters that users turn, with default, unit and range."""
     lines = [
         f"# The parameters that users turn, with their defaults. Written by `{_COMMAND}`.",
-        "# All others are in doc/nodes.md, under `advanced`. `/**/` stands for any namespace.",
+        "# All others are in doc/nodes, under `advanced`. `/**/` stands for any namespace.",
         "# Copy the lines that you change into a file of your own.",
     ]
     owners: dict[str, str] = {}
@@ -68,10 +69,27 @@ def nodes_page() -> str:
         "that limit by a profile of their own (`ros/fastdds_profile.xml`, [hosts.md](hosts.md)), unless "
         "`FASTRTPS_DEFAULT_PROFILES_FILE` names yours: set `max_samples`, `max_instances` and "
         "`max_samples_per_instance` to 0 in it.",
+        "\n".join(
+            [
+                "| node | |",
+                "|---|---|",
+                *(f"| [{one.name}](nodes/{one.name}.md) | {_first_sentence(one)} |" for one in NODE_TABLE),
+            ]
+        ),
+        "## Quality of service",
         _profiles(),
-        *(_node_section(card) for card in NODE_TABLE),
+        "\n".join(["```{toctree}", ":hidden:", *(f"nodes/{card.name}" for card in NODE_TABLE), "```"]),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _first_sentence(card: NodeCard) -> str:
+    return f"{' '.join(SUMMARIES[card.name].split()).split('. ')[0].rstrip('.')}."
+
+
+def node_page(card: NodeCard) -> str:
+    """Return ``doc/nodes/NAME.md``."""
+    return re.sub(r"\]\((?=[\w/]+\.md)", "](../", _node_section(card)) + "\n"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -100,6 +118,7 @@ def _files() -> dict[Path, str]:
     return {
         _root() / "config" / _PARAMETER_FILE: parameter_yaml(),
         _root() / "doc" / "nodes.md": nodes_page(),
+        **{_root() / "doc" / "nodes" / f"{card.name}.md": node_page(card) for card in NODE_TABLE},
     }
 
 
@@ -155,14 +174,15 @@ def _profiles() -> str:
 
 def _node_section(card: NodeCard) -> str:
     parts = [
-        f"## {card.name}",
+        f"# {card.name}",
+        f"<!-- Written by `{_COMMAND}`. -->",
         SUMMARIES[card.name],
         _topic_table("Subscribed", [(one, subscribed_qos(card, one)) for one in card.subscribes]),
         _topic_table("Published", [(one, one.qos) for one in (*card.publishes, *OF_EVERY_NODE)]),
     ]
     if services := services_of(card.name):
         rows = [f"| **{one}** | std_srvs/Trigger | {meaning} |" for one, meaning in services.items()]
-        parts.append("\n".join(["### Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
+        parts.append("\n".join(["## Services", "", "| name | type | meaning |", "|---|---|---|", *rows]))
     parts += _parameter_tables(NODE_CONFIGS[card.name])
     return "\n\n".join(parts)
 
@@ -179,7 +199,7 @@ def subscribed_qos(card: NodeCard, topic: Topic) -> str:
 
 def _topic_table(title: str, topics: list[tuple[Topic, str]]) -> str:
     rows = [f"| **{topic.name}** | {topic.type} | {qos} | {_meaning(topic)} |" for topic, qos in topics]
-    head = [f"### {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
+    head = [f"## {title}", "", "| topic | type | QoS | meaning |", "|---|---|---|---|"]
     return "\n".join([*head, *rows])
 
 
@@ -200,7 +220,7 @@ def _parameter_tables(configs: dict[str, type[StageConfig]]) -> list[str]:
             f"| **{name}** | {kind} | `{_yaml_value(one.default)}` | {meaning} |"
         )
     head = ["", "| name | type | default | meaning |", "|---|---|---|---|"]
-    titles = {False: "### Parameters", True: "### Advanced parameters"}
+    titles = {False: "## Parameters", True: "## Advanced parameters"}
     return ["\n".join([titles[advanced], *head, *found]) for advanced, found in rows.items() if found]
 
 

@@ -134,7 +134,7 @@ def _outcome(
     is_cluster = options.workers or options.scheduler
     if is_cluster and importlib.util.find_spec("distributed") is None:
         raise LidarBuildingsError(
-            "--workers and --scheduler need dask.distributed: pip install 'lidar_buildings[cluster]'"
+            "--workers and --scheduler need dask.distributed: pip install '.[cluster]' in the sources"
         )
     from lidar_buildings.commands.run_local import run_local
 

@@ -92,8 +92,8 @@ def _add_results(group: Any) -> None:
     add("--attributes", metavar="NAMES", help="3dbag: also write attributes under the names of 3DBAG (b3_…)")
     add(
         "--geoid",
-        metavar="FILE|M",
-        help="3D Tiles: grid of the geoid's heights (GeoTIFF, GTX), or its height [m], if PROJ has no grid",
+        metavar="GRID",
+        help="3D Tiles: grid of the heights of the geoid (GeoTIFF, GTX), or one height [m], if PROJ has none",
     )
     add(
         "--strict",

@@ -38,6 +38,6 @@ def test_what_says_where_tiles_are_done_is_checked(command, house, tmp_path, mon
     record = command.refused("run", house, *output, "--workers", "2", "--record", tmp_path / "bag")
     assert "remove --no-ros" in record
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert "pip install 'lidar_buildings[cluster]'" in command.refused(
+    assert "pip install '.[cluster]' in the sources" in command.refused(
         "run", house, *output, "--workers", "2"
     )

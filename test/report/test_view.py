@@ -133,7 +133,7 @@ def test_without_open3d_one_line_says_what_to_install(result, monkeypatch, capsy
     assert main(["view", result, "--picture", result + "/view.png"]) == 2
     assert (
         capsys.readouterr().err
-        == "lidar-buildings: view: needs Open3D: pip install 'lidar_buildings[view]'\n"
+        == "lidar-buildings: view: needs Open3D: pip install '.[view]' in the sources\n"
     )
 
 

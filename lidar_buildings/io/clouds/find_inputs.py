@@ -168,7 +168,7 @@ def what_else(path: Path) -> str:
         return ""
     own = f"`pdal translate {path.name} {path.stem}.laz`"
     if ending in (".ply", ".pcd"):
-        own = f"pip install 'lidar_buildings[formats]' reads it, or {own}"
+        own = f"pip install '.[formats]' in the sources reads it, or {own}"
     return f"is {_OTHERS[ending]}, which is not read: {_BY_OTHERS.get(ending, own)} makes LAZ of it"
 
 

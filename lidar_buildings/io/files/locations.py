@@ -38,7 +38,9 @@ def located(path: str | os.PathLike[str]) -> Path:
         return cast(Path, there)
     except ImportError as error:
         why = "" if error.name == "upath" else f", and what reads such ones ({error})"
-        raise InputError(f"{path}: URLs need lidar_buildings[cloud]{why}: pip install it") from error
+        raise InputError(
+            f"{path}: URLs need the extra [cloud]{why}: pip install '.[cloud]' in the sources"
+        ) from error
     except ValueError as error:
         raise InputError(f"{path}: {error}: give a URL that fsspec knows, or download it") from error
 

@@ -87,7 +87,7 @@ def _open3d() -> Any:
     try:
         import open3d
     except ModuleNotFoundError as error:
-        raise LidarBuildingsError("view: needs Open3D: pip install 'lidar_buildings[view]'") from error
+        raise LidarBuildingsError("view: needs Open3D: pip install '.[view]' in the sources") from error
     except (ImportError, OSError) as error:  # a library of the system is missing
         raise LidarBuildingsError(f"view: Open3D cannot be loaded ({error}): {_LIBRARIES}") from error
     open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)

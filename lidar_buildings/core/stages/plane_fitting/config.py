@@ -77,7 +77,7 @@ class PlaneFittingConfig(StageConfig):
         if self.method == "open3d" and importlib.util.find_spec("open3d") is None:
             raise ParameterError(
                 "plane_fitting.method = 'open3d': Open3D is not installed: "
-                "pip install 'lidar_buildings[view]', or choose another method"
+                "pip install '.[view]' in the sources, or choose another method"
             )
 
 

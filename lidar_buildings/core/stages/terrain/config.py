@@ -50,5 +50,5 @@ class RasterConfig(StageConfig):
         if self.dtm_interpolation == "natural_neighbour" and not importlib.util.find_spec("startinpy"):
             raise ParameterError(
                 f"{self.stage}.dtm_interpolation = 'natural_neighbour': needs startinpy: "
-                "pip install 'lidar_buildings[terrain]'"
+                "pip install '.[terrain]' in the sources"
             )
