@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Build the package: for colcon (ament_python) and for pip alike."""
 
+import os
 import re
 import sys
 from glob import glob
@@ -17,6 +18,13 @@ IS_FOR_ROS = not {"install", "develop"}.isdisjoint(sys.argv)
 #: In a workspace every node is an executable of its name in lib/lidar_buildings. An environment of pip has
 #: one `bin` for all packages, without such generic names: there it is `lidar-buildings node recorder`.
 NODES = re.findall(r'NodeCard\(\s*"(\w+)"', (ROOT / PACKAGE / "nodes" / "table.py").read_text())
+
+#: Where the sources are, as the release workflow says it: links of the page on PyPI lead there.
+URL = os.environ.get("REPOSITORY_URL", "")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+if URL:
+    README = re.sub(r"\]\((?!https?:|#)([^)]+\.png)\)", rf"]({URL}/raw/v{VERSION}/\1)", README)
+    README = re.sub(r"\]\((?!https?:|#)([^)]+)\)", rf"]({URL}/blob/v{VERSION}/\1)", README)
 
 ROS_WHEELS = [
     "ros-rclpy[fastrtps]==7.1.6",
@@ -119,14 +127,28 @@ setup(
     maintainer="The lidar_buildings developers",
     maintainer_email="maintainers@users.noreply.github.com",
     description="Raw lidar in, valid 3D city models out: a ROS 2 node graph for buildings from point clouds.",
-    long_description=(ROOT / "README.md").read_text(encoding="utf-8"),
+    long_description=README,
     long_description_content_type="text/markdown",
     keywords=["ROS", "lidar", "point cloud", "buildings", "CityJSON"],
+    project_urls={
+        "Source": URL,
+        "Documentation": f"{URL}/tree/v{VERSION}/doc/index.md",
+        "Changelog": f"{URL}/blob/v{VERSION}/CHANGELOG.rst",
+        "Issues": f"{URL}/issues",
+    }
+    if URL
+    else {},
     license="Apache-2.0",
+    license_files=["LICENSE"],
     classifiers=[
-        "Programming Language :: Python :: 3",
+        "Development Status :: 4 - Beta",
+        "Environment :: Console",
+        "Intended Audience :: Developers",
+        "Intended Audience :: Science/Research",
         "Operating System :: POSIX :: Linux",
+        *(f"Programming Language :: Python :: 3.{minor}" for minor in (10, 11, 12, 13)),
         "Topic :: Scientific/Engineering :: GIS",
+        "Typing :: Typed",
     ],
     entry_points={
         "console_scripts": [

@@ -29,7 +29,7 @@ def test_a_source_distribution_holds_all_and_what_is_built_from_it_all_that_is_r
     with tarfile.open(archive) as file:
         file.extractall(tmp_path, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
     source = tmp_path / archive.name.removesuffix(".tar.gz")
-    for folder in ("config", "launch", "resource", "examples", "lidar_buildings", "bench", "test"):
+    for folder in ("config", "conda", "launch", "resource", "examples", "lidar_buildings", "bench", "test"):
         assert files_below(ROOT / folder) - files_below(source / folder) == set(), folder
     for name in ("Makefile", "LICENSE", "README.md", "CHANGELOG.rst", "CITATION.cff", "CONTRIBUTING.md"):
         assert (source / name).is_file()
@@ -42,6 +42,16 @@ def test_a_source_distribution_holds_all_and_what_is_built_from_it_all_that_is_r
         assert files_below(shared / "share" / "lidar_buildings" / folder) == files_below(ROOT / folder)
     index = shared / "share/ament_index/resource_index/packages/lidar_buildings"
     assert index.is_file()
+
+
+def test_the_recipe_of_conda_is_of_this_version_and_requires_what_pip_does():
+    recipe = (ROOT / "conda" / "meta.yaml").read_text(encoding="utf-8")
+    assert re.search(r'set version = "(.+)"', recipe)[1] == lidar_buildings.__version__
+    named = re.findall(r"^    - ([\w-]+)", recipe.split("  run:")[1].split("\n\n")[0], re.MULTILINE)
+    wanted = re.search(r"install_requires=\[(.*?)\]", (ROOT / "setup.py").read_text(), re.DOTALL)[1]
+    assert {one.removesuffix("-python") for one in named} - {"python"} == set(
+        re.findall(r'"([\w-]+)', wanted)
+    )
 
 
 def test_the_citation_and_the_changelog_are_of_this_version():
