@@ -20,13 +20,12 @@ void main() {
 const SURFACE_VERTEX = `#version 300 es
 precision highp float; precision highp int;
 in vec3 place; in vec4 colour; in uint owner; in vec4 normal;
-uniform mat4 matrix, sun_matrix; uniform vec4 field; uniform vec3 sun; uniform float cell, pale; uniform uint selected; uniform sampler2D ground;
+uniform mat4 matrix, sun_matrix; uniform vec4 field; uniform vec3 sun; uniform float cell, pale; uniform uint selected;
 flat out vec3 from_sky, from_sun; out vec3 seen, at;
 void main() {
   gl_Position = matrix * vec4(place, 1.0);
   seen = (sun_matrix * vec4(place + normal.xyz * 0.3, 1.0)).xyz * 0.5 + vec3(0.5, 0.5, 0.499);
-  at.xy = (place.xy + normal.xy * 2.0 * cell - field.xy) * field.zw;
-  at.z = normal.z < 0.5 ? clamp((place.z - textureLod(ground, at.xy, 0.0).r) / 14.0, 0.0, 1.0) : 0.0;
+  at = vec3((place.xy + normal.xy * 2.0 * cell - field.xy) * field.zw, normal.w);
   vec3 own = mix(colour.rgb, vec3(0.9), pale);
   if (selected > 0u && owner == selected) own = mix(own, vec3(0.1, 0.52, 1.0), 0.6);
   from_sky = own * mix(vec3(0.50, 0.47, 0.44), vec3(0.62, 0.66, 0.74), 0.5 + 0.5 * normal.z);
@@ -82,7 +81,7 @@ const STRIDE = 24;
 class Drawing {
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = (this.gl = canvas.getContext("webgl2", { antialias: false }));
+    const gl = (this.gl = canvas.getContext("webgl2", { antialias: false, alpha: false }));
     if (!gl) throw new Error("This browser has no WebGL 2: the 3D view is left out.");
     this.programs = {
       surface: this.linked(SURFACE_VERTEX, SURFACE), terrain: this.linked(SURFACE_VERTEX, TERRAIN), flat: this.linked(VERTEX, FLAT), pick: this.linked(VERTEX, PICK),
@@ -91,7 +90,6 @@ class Drawing {
     this.layers = {};
     this.samples = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
     this.cover = this.texture(gl.LINEAR);
-    this.ground = this.texture(gl.LINEAR);
     this.shadow = this.texture(gl.LINEAR);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.DEPTH_COMPONENT24, SHADOW_SIZE, SHADOW_SIZE);
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
@@ -140,16 +138,14 @@ class Drawing {
       gl.framebufferRenderbuffer(gl.FRAMEBUFFER, where, gl.RENDERBUFFER, buffer);
       return buffer;
     });
-    return { framebuffer, buffers, width, height };
+    return { framebuffer, buffers };
   }
 
-  /** Take the terrain's colours, openness and elevations. */
-  setField({ columns, rows, cover, ground, west, north, cell }) {
+  /** Take the terrain's colours and openness. */
+  setField({ columns, rows, cover, west, north, cell }) {
     const gl = this.gl;
     gl.bindTexture(gl.TEXTURE_2D, this.cover);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, columns, rows, 0, gl.RGBA, gl.UNSIGNED_BYTE, cover);
-    gl.bindTexture(gl.TEXTURE_2D, this.ground);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.R16F, columns, rows, 0, gl.RED, gl.FLOAT, ground);
     this.field = [west, north, 1 / (columns * cell), -1 / (rows * cell)];
     this.cell = cell;
   }
@@ -196,7 +192,7 @@ class Drawing {
     const matrix = camera.matrix(width / height), others = every > 1 ? "still" : "hasty";
     const shown = Object.keys(this.layers).filter((name) => this.layers[name].is_shown && this.layers[name].when !== others);
     const of = (...kinds) => shown.filter((name) => kinds.includes(this.layers[name].kind));
-    [this.shadow, this.cover, this.ground].forEach((texture, unit) => {
+    [this.shadow, this.cover].forEach((texture, unit) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     });
@@ -210,13 +206,13 @@ class Drawing {
       gl.uniform1f(uniform.pale, kind === "surface" ? pale : 0);
       gl.uniform1ui(uniform.selected, selected);
       if (kind === "surface") gl.enable(gl.CULL_FACE); // solids are closed
-      ["shadow", "cover", "ground"].forEach((name, unit) => gl.uniform1i(uniform[name], unit));
+      ["shadow", "cover"].forEach((name, unit) => gl.uniform1i(uniform[name], unit));
       this.drawLayers(this.programs[kind], matrix, of(kind), height, 1);
       gl.disable(gl.CULL_FACE);
     }
     this.drawSky(camera, width / height);
     gl.enable(gl.BLEND);
-    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     this.drawLayers(this.programs.flat, matrix, of("lines", "points"), height, every);
     gl.disable(gl.BLEND);
     if (isSmooth && this.samples > 1) this.showSmooth(width, height);
@@ -225,18 +221,23 @@ class Drawing {
   useSmooth(width, height) {
     const gl = this.gl;
     if (this.smooth?.width !== width || this.smooth?.height !== height) {
-      if (this.smooth) gl.deleteFramebuffer(this.smooth.framebuffer);
-      this.smooth?.buffers.forEach((buffer) => gl.deleteRenderbuffer(buffer));
-      this.smooth = this.target(width, height, gl.RGBA8, this.samples);
+      for (const old of this.smooth?.targets ?? []) {
+        gl.deleteFramebuffer(old.framebuffer);
+        old.buffers.forEach((buffer) => gl.deleteRenderbuffer(buffer));
+      }
+      this.smooth = { width, height, targets: [this.samples, 0].map((samples) => this.target(width, height, gl.RGBA8, samples)) };
     }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.smooth.framebuffer);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.smooth.targets[0].framebuffer);
   }
 
+  /** Average the samples, and only then change to the canvas' format. */
   showSmooth(width, height) {
-    const gl = this.gl;
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.smooth.framebuffer);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    const gl = this.gl, [many, one] = this.smooth.targets.map((target) => target.framebuffer);
+    for (const [from, to] of [[many, one], [one, null]]) {
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, from);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, to);
+      gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
@@ -307,9 +308,9 @@ class Vertices {
     this.words = new Uint32Array(this.buffer);
   }
 
-  /** A normal in one word, for `set`. */
-  static packed([x, y, z]) {
-    return (Math.round(127 * x) & 255) | ((Math.round(127 * y) & 255) << 8) | ((Math.round(127 * z) & 255) << 16);
+  /** A normal in one word, for `set`, and how far up its wall a vertex is, from 0 to 1. */
+  static packed(normal, risen) {
+    return [...normal, risen].reduce((word, value, k) => word | ((Math.round(127 * value) & 255) << (8 * k)), 0);
   }
 
   set(row, x, y, z, colour, owner = 0, normal = 0x7f0000) {

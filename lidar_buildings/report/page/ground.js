@@ -60,6 +60,11 @@ class Field {
     return at < 0 ? null : this.solid[at];
   }
 
+  groundAt(x, y) {
+    const at = this.cellAt(x, y);
+    return this.ground[Math.max(at, 0)];
+  }
+
   /** Lift the solid elevations to the roofs. */
   raise(scene) {
     for (const solid of scene.solids().filter((one) => one.level === scene.levels[0]))

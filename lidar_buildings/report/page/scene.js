@@ -30,6 +30,8 @@ const standingColour = (known) => STATUSES[standing(known)] ?? STATUSES.unknown;
 const CLASSES = { 0: "#b9b9b9", 1: "#b9b9b9", 2: "#a98a64", 3: "#a8cf7a", 4: "#74b35a", 5: "#3f8a43", 6: "#00b4e6", 9: "#3d85c6", 10: "#7a6a8a", 11: "#8d8f94", 17: "#c79a3e" };
 const PALETTE = ["#4e79a7", "#f28e2b", "#59a14f", "#b07aa1", "#76b7b2", "#edc948", "#e15759", "#9c755f", "#ff9da7", "#86bcb6", "#d4a6c8", "#8cd17d"];
 const WALL = rgb("#efeae0"), FOOT = rgb("#a7a79c"), EDGE = rgb("#262b31"), NONE = rgb("#c3c8cd");
+/** So far above the ground walls are in the open [m]. */
+const OPEN_ABOVE = 14;
 /** Distances of points to the model are coloured up to this one [m]. */
 const FAR = 0.3;
 
@@ -96,15 +98,19 @@ class Scene {
     return normalised(cross(b.map((v, i) => v - a[i]), c.map((v, i) => v - a[i])));
   }
 
-  modelVertices(level, mode) {
+  /** Surfaces of a level; walls know how far above the field's ground they are. */
+  modelVertices(level, mode, field) {
     const solids = this.solids().filter((one) => one.level === level), kinds = this.data.kinds.array;
     const vertices = new Vertices(3 * solids.reduce((sum, one) => sum + one.count, 0));
     let row = 0;
     for (const solid of solids)
       for (let t = solid.first; t < solid.first + solid.count; t++) {
         const colour = kinds[t] === KIND.roof ? this.roofColour(solid.row, t, mode) : kinds[t] === KIND.wall ? WALL : FOOT;
-        const normal = Vertices.packed(this.normal(t));
-        for (let k = 0; k < 3; k++) vertices.set(row++, ...this.near(this.corner(t, k)), colour, solid.row + 1, normal);
+        const normal = this.normal(t);
+        for (let k = 0; k < 3; k++) {
+          const [x, y, z] = this.near(this.corner(t, k)), risen = normal[2] < 0.5 ? clamped((z - field.groundAt(x, y)) / OPEN_ABOVE, 0, 1) : 0;
+          vertices.set(row++, x, y, z, colour, solid.row + 1, Vertices.packed(normal, risen));
+        }
       }
     return vertices;
   }

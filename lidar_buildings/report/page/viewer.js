@@ -65,7 +65,7 @@ class Viewer {
   }
 
   uploadModels() {
-    this.drawing.upload("models", "surface", this.scene.modelVertices(this.level, byId("roofs").value));
+    this.drawing.upload("models", "surface", this.scene.modelVertices(this.level, byId("roofs").value, this.field));
     this.drawing.upload("edges", "lines", this.scene.edgeVertices(this.level), { strength: 0.5 });
     this.drawing.castShadows(this.scene.bounds.map((place) => this.scene.near(place)));
   }
