@@ -279,25 +279,24 @@ def _lowest_of_runs(rows, first, points):  # type: ignore[no-untyped-def]
 
 @kernel
 def _find_runs(own, numbers, n_columns, half, south, runs):  # type: ignore[no-untyped-def]
-    """Find the runs of one cell after the other, each row's from that of the cell before."""
-    begin = np.zeros(len(half), dtype=np.int64)
-    end, start = np.zeros(len(half), dtype=np.int64), 0
+    """Find the runs of one row after the other, each cell's from that of the cell before."""
+    if len(own) == 0:
+        return
     for row in range(len(half)):
-        begin[row] = first_from(numbers, own[0] + (row - south) * n_columns - half[row]) if len(own) else 0
-    for k in range(len(own)):
-        # That of the cell before as a rule: a division for each would take longer than all else.
-        while own[k] >= start + n_columns:
-            start = own[k] // n_columns * n_columns
-        place = own[k] - start
-        for row in range(len(half)):
-            middle = own[k] + (row - south) * n_columns
+        begin = first_from(numbers, own[0] + (row - south) * n_columns - half[row])
+        end, start = begin, 0
+        for k in range(len(own)):
+            # That of the cell before as a rule: a division for each would take longer than all else.
+            while own[k] >= start + n_columns:
+                start = own[k] // n_columns * n_columns
+            place, middle = own[k] - start, own[k] + (row - south) * n_columns
             west, east = middle - min(half[row], place), middle + min(half[row], n_columns - 1 - place)
-            while begin[row] < len(numbers) and numbers[begin[row]] < west:
-                begin[row] += 1
-            end[row] = max(begin[row], end[row])
-            while end[row] < len(numbers) and numbers[end[row]] <= east:
-                end[row] += 1
-            runs[k, row, 0], runs[k, row, 1] = begin[row], end[row]
+            while begin < len(numbers) and numbers[begin] < west:
+                begin += 1
+            end = max(begin, end)
+            while end < len(numbers) and numbers[end] <= east:
+                end += 1
+            runs[k, row, 0], runs[k, row, 1] = begin, end
 
 
 @kernel

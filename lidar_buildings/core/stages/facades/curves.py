@@ -130,14 +130,15 @@ def fit_curve(xy: Floats, start: Curve, noise: float, weights: Floats | None = N
     """
     curve, sigma = start, noise
     given = np.ones(len(xy)) if weights is None else weights
+    offset = curve.seen_from(xy)[1]
     for _ in range(ROUNDS):
-        offset = curve.seen_from(xy)[1]
         share = np.clip(1.0 - (offset / (TUKEY * sigma)) ** 2, 0.0, None)
         own = given * share * share
         if np.count_nonzero(own) < 4:
             return curve, sigma
         curve = circle_through(xy, own, curve) if start.bend else line_through(xy, own)
-        near = np.abs(curve.seen_from(xy)[1])
+        offset = curve.seen_from(xy)[1]
+        near = np.abs(offset)
         near = near[near < TUKEY * sigma]
         if len(near):
             # cut off at Tukey's limit, so it can shrink but hardly grow

@@ -125,15 +125,15 @@ def _joined(
     max_distance: float,
     upright: float,
 ) -> NDArray[np.bool_]:
-    joined = is_surface.copy()
+    joined, asking = is_surface.copy(), columns.holding(~is_surface)
     own, other = (columns.points, columns.first), (surface.points, surface.first, normals)
     limits = radius, max_distance, upright
 
     def join(begin: int, end: int) -> None:
-        runs = columns.around(radius, np.arange(begin, end))
-        _join(*own, *other, runs, *limits, joined, begin)
+        runs = columns.around(radius, asking[begin:end])
+        _join(*own, *other, asking[begin:end], runs, *limits, joined)
 
-    for_row_blocks(join, len(columns.numbers), BLOCK)
+    for_row_blocks(join, len(asking), BLOCK)
     return joined
 
 
@@ -150,11 +150,12 @@ def surroundings(
     is_held = np.diff(first, append=first[-1]) > 0
     holds = np.flatnonzero(is_held)
     before: NDArray[np.int64] = np.cumsum(is_held) - is_held
-    place = columns.places[holds]
+    own = columns.places
+    place = own[holds]
     lowest, highest = (columns.points[rows[at], 2] for at in (first[holds], first[holds + 1] - 1))
     n = len(columns.numbers)
     found = Surroundings(np.zeros(n, dtype=np.uint8), np.full(n, np.inf), np.full(n, -np.inf))
-    own, known = columns.places, (before, place, lowest, highest, reach / columns.size)
+    known = before, place, lowest, highest, reach / columns.size
 
     def look_around(begin: int, end: int) -> None:
         runs = columns.around(reach, asking[begin:end])
@@ -166,15 +167,15 @@ def surroundings(
 
 @kernel
 def _join(  # type: ignore[no-untyped-def]
-    points, first, surface, surface_first, normals, runs, radius, max_distance, upright, joined, begin
+    points, first, surface, surface_first, normals, asking, runs, radius, max_distance, upright, joined
 ):
-    for k in range(begin, begin + len(runs)):
-        for i in range(first[k], first[k + 1]):
+    for one in range(len(asking)):
+        for i in range(first[asking[one]], first[asking[one] + 1]):
             if joined[i]:
                 continue
             x, y, z = points[i]
             for row in range(runs.shape[1]):
-                west, east = runs[k - begin, row]
+                west, east = runs[one, row]
                 for j in range(surface_first[west], surface_first[east]):
                     dx, dy, dz = surface[j, 0] - x, surface[j, 1] - y, upright * (surface[j, 2] - z)
                     off = normals[j, 0] * dx + normals[j, 1] * dy + normals[j, 2] * dz

@@ -73,8 +73,9 @@ def find_roofs(
     is_surface = surface.is_surface
     del surface  # memory
     rejection[roof] = Rejection.NONE
-    every = roof
-    roof = _levels(candidates, roof, config, rejection, is_bare=True)[0] >= 0
+    every, plan = roof, columns.select(roof)
+    roof = _levels(candidates, plan, plan.rows, config, rejection, is_bare=True)[0] >= 0
+    del plan
     held = _held(columns, roof, radius)
     stands = _small_parts(candidates, roof, held, config) | (held & candidates.is_last)
     stands &= ~is_other
@@ -130,11 +131,14 @@ def _levels_or_flat(
     candidates: Candidates, roof: NDArray[np.bool_], config: RoofSelectionConfig, rejection: NDArray[np.uint8]
 ) -> tuple[NDArray[np.int64], int]:
     """Return the levels as `_levels`, and what is narrower but flat: an annex is, no piece of a crown."""
-    least = max(FLAT_WIDTH * config.min_roof_width, MIN_CELLS * _plan_cell(candidates))
-    wide, n_wide = _levels(candidates, roof, config, rejection)
+    cell, rows = max(MIN_PLAN_CELL, 0.5 * candidates.cell), np.flatnonzero(roof)
+    least = max(FLAT_WIDTH * config.min_roof_width, MIN_CELLS * cell)
+    plan = sort_by_cell(candidates.points.take(rows, axis=0), cell)
+    rows = rows[plan.rows]
+    wide, n_wide = _levels(candidates, plan, rows, config, rejection)
     if least >= config.min_roof_width:
         return wide, n_wide
-    label, n = _levels(candidates, roof, replace(config, min_roof_width=least), rejection.copy())
+    label, n = _levels(candidates, plan, rows, replace(config, min_roof_width=least), rejection.copy())
     rows = np.flatnonzero((wide < 0) & (label >= 0))
     is_flat = _flat_parts(candidates, rows, config.max_roughness)
     rejection[rows[is_flat]] = Rejection.NONE
@@ -217,23 +221,21 @@ def _flat_parts(candidates: Candidates, rows: NDArray[np.intp], max_rms: float) 
     return np.asarray(is_flat[part])
 
 
-def _plan_cell(candidates: Candidates) -> float:
-    return max(MIN_PLAN_CELL, 0.5 * candidates.cell)
-
-
 def _levels(
     candidates: Candidates,
-    roof: NDArray[np.bool_],
+    plan: CellGrid,
+    rows: NDArray[np.intp],
     config: RoofSelectionConfig,
     rejection: NDArray[np.uint8],
     *,
     is_bare: bool = False,
 ) -> tuple[NDArray[np.int64], int]:
-    """Return each roof point's level, −1 where it is too narrow, or the plan of whole roofs is; note why."""
-    rows, plan = np.flatnonzero(roof), candidates.columns.select(roof)
+    """
+    Return the level of each point, −1 where it is too narrow, or the plan of whole roofs is; note why.
+
+    The roofs' points come cell by cell in their plan, `rows` says which of the candidates they are.
+    """
     if not is_bare:
-        plan = sort_by_cell(plan.points, _plan_cell(candidates))
-        rows = rows[plan.rows]
         is_wide = wide_enough(plan, config.min_roof_width)[plan.cell]
         rejection[rows[~is_wide]] = Rejection.NARROW_PART
         rows, plan = rows[is_wide], plan.select(is_wide)
@@ -242,7 +244,7 @@ def _levels(
     area = plan_areas(part, n, plan.first, plan.size)
     too_narrow = narrow_levels(plan, part, area, config, is_bare=is_bare)
     rejection[rows] = too_narrow
-    label = np.full(len(roof), -1)
+    label = np.full(len(rejection), -1)
     label[rows] = np.where(too_narrow == Rejection.NONE, part, -1)
     return label, n
 

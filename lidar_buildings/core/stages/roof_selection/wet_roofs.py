@@ -12,6 +12,7 @@ from scipy import ndimage
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import mark_cells
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
+from lidar_buildings.core.surfaces.morphology import square_distances
 
 #: A void has so many empty cells of a spacing in a row, either way: by chance that is rare [cells].
 MIN_VOID_CELLS = 5
@@ -127,7 +128,7 @@ def _is_rim(
     config: RoofSelectionConfig,
 ) -> NDArray[np.bool_]:
     """Tell which raised points, given with their cells, are the rim of the roof that the void is."""
-    is_near = ndimage.distance_transform_edt(~void)[tuple(places.T)] <= RIM_REACH
+    is_near = _is_beside(void)[tuple(places.T)]
     if is_near.sum() < 3:
         return np.zeros(len(points), dtype=bool)
     is_level = np.abs(_off_plane(points, is_near)) <= RIM_DISTANCE
@@ -136,7 +137,12 @@ def _is_rim(
         return np.zeros(len(points), dtype=bool)
     roof = void.copy()
     roof[tuple(places[on_rim].T)] = True
-    return is_level & (ndimage.distance_transform_edt(~roof)[tuple(places.T)] <= RIM_REACH)
+    return is_level & _is_beside(roof)[tuple(places.T)]
+
+
+def _is_beside(plan: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which cells lie within `RIM_REACH` of marked ones."""
+    return np.asarray(square_distances(plan.view(np.uint8), 1, math.ceil(RIM_REACH)) <= RIM_REACH**2)
 
 
 def _frames(
@@ -148,7 +154,7 @@ def _frames(
     if not rim.any() or (void | rim).sum() * spacing**2 < config.min_building_area:
         return False
     edge = void & ~ndimage.binary_erosion(void)
-    return bool((ndimage.distance_transform_edt(~rim)[edge] <= RIM_REACH).mean() >= MIN_PERIMETER)
+    return bool(_is_beside(rim)[edge].mean() >= MIN_PERIMETER)
 
 
 def _off_plane(points: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
