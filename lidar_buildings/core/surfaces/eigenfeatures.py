@@ -22,8 +22,9 @@ CELLS_A_BLOCK = 512
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-100, 1e100
 #: Cells are wider than they need be by so much, lest rounding puts a point at the very radius out of reach.
 SLACK = 1.0 + 1e-9
-#: Points looked at around one cell; where there are more, every second, third… stands for all.
-MAX_CANDIDATES = 4608
+#: Points looked at around one cell, where there are more as many evenly spaced ones; and as many as tell a
+#: plane and its roughness: a third of them is within reach.
+MAX_CANDIDATES, PLANE_CANDIDATES = 4608, 768
 #: Shares of a shape below this count as nothing; no logarithm of 0.
 SMALLEST_SHARE = 1e-200
 
@@ -73,7 +74,13 @@ class EigenFeatures:
         return np.divide(part, first, out=np.zeros_like(part), where=first > 0)
 
 
-def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours: int = 4) -> EigenFeatures:
+def eigen_features(
+    points: ArrayLike,
+    radii: Sequence[float],
+    *,
+    min_neighbours: int = 4,
+    max_candidates: int = MAX_CANDIDATES,
+) -> EigenFeatures:
     """
     Describe each point's spherical neighbourhood, its radius chosen by least entropy.
 
@@ -85,22 +92,24 @@ def eigen_features(points: ArrayLike, radii: Sequence[float], *, min_neighbours:
     - `points`, shape (n_points, 3): In any order [m].
     - `radii`, sequence of float: Rising [m], > 0; a single one fixes the radius.
     - `min_neighbours`: Radii with fewer points are passed over, but for the largest one; ≥ 1.
+    - `max_candidates`: Points looked at around a cell as wide as the largest radius; where there are more, so
+      many evenly spaced ones stand for all; ≥ 1.
 
     Returned: rows as in the input. A point alone has λ = 0 and a normal straight up. ValueError if `points`
     has another shape or is not finite, or a parameter is none of what is allowed. Coordinates are taken from
     the point itself, so the distance of the origin does not matter, and summed in an order that depends on
-    them alone. Where the cells around hold more than `MAX_CANDIDATES` points, evenly spaced ones stand for
-    all. Time is proportional to the number of neighbours within the largest radius.
+    them alone. Time is proportional to the number of neighbours within the largest radius.
     """
     squares = _checked_radii(radii) ** 2
-    if min_neighbours < 1:
-        raise ValueError(f"min_neighbours = {min_neighbours!r}: must be at least 1")
+    for name, value in (("min_neighbours", min_neighbours), ("max_candidates", max_candidates)):
+        if value < 1:
+            raise ValueError(f"{name} = {value!r}: must be at least 1")
     cloud = sort_by_cell(checked_points(points), SLACK * math.sqrt(squares[-1]))
     runs, n = cloud.first[cloud.around(cloud.size)], len(cloud.points)
     found = EigenFeatures(np.empty((n, 3)), np.empty((n, 3)), np.empty(n), np.empty(n, dtype=np.int64))
     outputs = (found.eigenvalues, found.normals, found.radius, found.n_neighbours)
     for_row_blocks(
-        lambda a, b: _describe(cloud, runs, squares, min_neighbours, outputs, a, b),
+        lambda a, b: _describe(cloud, runs, squares, min_neighbours, max_candidates, outputs, a, b),
         len(cloud.numbers),
         CELLS_A_BLOCK,
     )
@@ -119,15 +128,15 @@ def _checked_radii(radii: Sequence[float]) -> NDArray[np.float64]:
 
 
 @kernel
-def _describe(cloud, runs, squares, min_neighbours, found, begin, end):  # type: ignore[no-untyped-def]
+def _describe(cloud, runs, squares, min_neighbours, max_candidates, found, begin, end):  # type: ignore[no-untyped-def]
     """Describe the neighbourhoods of the points in cells begin to end."""
     reach, n_radii = math.sqrt(squares[-1]), len(squares)
     points, first, rows_of = cloud.points, cloud.first, cloud.rows
     eigenvalues, normals, radius, n_neighbours = found
-    near = np.empty((3, MAX_CANDIDATES))
+    near = np.empty((3, max_candidates))
     near_x, near_y, near_z = near
-    square = np.empty(MAX_CANDIDATES)
-    rows, own = np.empty((2, MAX_CANDIDATES), dtype=np.int64)
+    square = np.empty(max_candidates)
+    rows, own = np.empty((2, max_candidates), dtype=np.int64)
     shells, covariance = np.empty((n_radii, N_MOMENTS)), np.empty(6)
     for cell in range(begin, end):
         stop = first[cell]
@@ -177,14 +186,16 @@ def _gather(points, runs, cell, low, high, near):  # type: ignore[no-untyped-def
     for row in range(runs.shape[1]):
         for j in range(runs[cell, row, 0], runs[cell, row, 1]):
             candidates += low <= points[j, 2] <= high
-    stride, seen, found = 1 + (candidates - 1) // MAX_CANDIDATES, 0, 0
+    # Each counts for its share of the room; one is taken whenever shares make a whole.
+    room, seen, found = min(candidates, near.shape[1]), 0, 0
     for row in range(runs.shape[1]):
         for j in range(runs[cell, row, 0], runs[cell, row, 1]):
             if low <= points[j, 2] <= high:
-                if seen % stride == 0:
+                seen += room
+                if seen >= candidates:
                     near[0, found], near[1, found], near[2, found] = points[j, 0], points[j, 1], points[j, 2]
                     found += 1
-                seen += 1
+                    seen -= candidates
     return found
 
 

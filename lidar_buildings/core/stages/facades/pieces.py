@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import sort_by_cell
 from lidar_buildings.core.stages.facades.curves import Curve, fit_curve
-from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
+from lidar_buildings.core.surfaces.eigenfeatures import PLANE_CANDIDATES, eigen_features
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches
 
 Floats = NDArray[np.float64]
@@ -98,7 +98,7 @@ def _shapes(points: Floats) -> tuple[Floats, Floats, Floats]:
     normals, roughness, radius = np.zeros((len(points), 3)), np.zeros(len(points)), np.zeros(len(points))
     left = np.arange(len(points))
     for step, limit in zip(RADII, MAX_ROUGHNESS, strict=True):
-        shape = eigen_features(points[left], [step])
+        shape = eigen_features(points[left], [step], max_candidates=PLANE_CANDIDATES)
         is_plain = (shape.n_neighbours >= MIN_NEIGHBOURS) & (shape.roughness <= limit)
         own = left[is_plain]
         normals[own], roughness[own] = shape.normals[is_plain], shape.roughness[is_plain]

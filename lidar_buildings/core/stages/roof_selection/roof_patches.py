@@ -23,7 +23,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import (
 )
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.facades import wall_areas
-from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
+from lidar_buildings.core.surfaces.eigenfeatures import PLANE_CANDIDATES, eigen_features
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches
 
 #: Radii among which the one of least entropy is taken, as multiples of the smallest one.
@@ -65,7 +65,10 @@ def find_roof_surface(candidates: Candidates, config: RoofSelectionConfig) -> Ro
     n = len(columns.points)
     rows = np.flatnonzero(candidates.is_last)
     features = eigen_features(
-        columns.points.take(rows, axis=0), list(radius * RADIUS_STEPS), min_neighbours=MIN_PLANE_POINTS
+        columns.points.take(rows, axis=0),
+        list(radius * RADIUS_STEPS),
+        min_neighbours=MIN_PLANE_POINTS,
+        max_candidates=PLANE_CANDIDATES,
     )
     upward = features.normals[:, 2]
     # As it would be if the surface lay level.

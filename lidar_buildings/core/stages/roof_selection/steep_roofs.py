@@ -13,7 +13,7 @@ from lidar_buildings.core.stages.roof_selection.candidates import (
     near_tangent_plane,
 )
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
-from lidar_buildings.core.surfaces.eigenfeatures import eigen_features
+from lidar_buildings.core.surfaces.eigenfeatures import PLANE_CANDIDATES, eigen_features
 from lidar_buildings.core.surfaces.roof_planes import STEEPEST_DEG
 from lidar_buildings.core.surfaces.surface_patches import smooth_patches
 
@@ -54,7 +54,9 @@ def find_steep_roofs(
     radius, nothing = candidates.radius, np.zeros(len(is_roof), dtype=bool)
     rows = np.flatnonzero(~is_roof)
     flat = candidates.points[rows] * (1.0, 1.0, FLATTENING)
-    features = eigen_features(flat, [radius], min_neighbours=MIN_PLANE_POINTS)
+    features = eigen_features(
+        flat, [radius], min_neighbours=MIN_PLANE_POINTS, max_candidates=PLANE_CANDIDATES
+    )
     # Normals and distances as they are without the flattening.
     scaled = features.normals * (1.0, 1.0, FLATTENING)
     length = np.linalg.norm(scaled, axis=1)
