@@ -326,7 +326,7 @@ def random_text(random: np.random.Generator) -> tuple[int, str]:
     one, two, three, *corners = numbers(random, 12).tolist()
     kind = int(random.integers(len(TEXTS)))
     if kind == 0:
-        quality = {"sigma": one, "max_offset": two, "status": "ok", "reason": ""}
+        quality = {"sigma": one, "max_offset": two, "bias": one, "status": "ok", "reason": ""}
         said: Any = {"stamp": three if random.integers(2) else 1, "outlines": {"7": quality}}
     elif kind == 1:
         said = {"life": "a", "tiles": [{"stamp": one}, {"stamp": 5}]}

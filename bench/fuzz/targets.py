@@ -173,7 +173,7 @@ _TEXTS = (
     *('{"stamp":1,"point_spacing":-1}', '{"stamp":1,"point_spacing":"a"}', '{"stamp":1,"dark_limit":{}}'),
     '{"node":"a","life":"b","state":"taken","stamp":Infinity}',
     '{"node":[],"life":{},"state":1,"stamp":1}',
-    '{"stamp":1,"outlines":{"1":{"sigma":NaN,"max_offset":null,"status":"ok","reason":""}}}',
+    '{"stamp":1,"outlines":{"1":{"sigma":NaN,"max_offset":null,"bias":0.1,"status":"ok","reason":""}}}',
     '{"stamp":1,"outlines":{"a":{}}}',
     *('{"type":"CityJSONFeature"', '{"type":"CityJSONFeature"}'),
     '{"type":"CityJSONFeature","id":"../x","CityObjects":{"../x":{"attributes":{"building_id":1e999}}}}',

@@ -76,8 +76,9 @@ class Reconstruction:
         """
         Return a layer of ``buildings.gpkg`` with its attributes and reference system.
 
-        Layers are `outlines`, `traced`, `roof_faces` and `roof_lines`; `facades` and `street_lines` where
-        walls were seen from the street. It needs geopandas. ParameterError if there is no such layer.
+        Layers are `outlines`, `traced`, `roof_faces`, `roof_lines` and `roof_corners`; `facades` and
+        `street_lines` where walls were seen from the street. It needs geopandas. ParameterError if there is
+        no such layer.
         """
         try:
             import geopandas

@@ -237,6 +237,8 @@ WHOLE = 0.7
 MOST_SHARED = 0.2
 #: Least share of a building's cells that both surveys have to tell of.
 LEAST_SEEN = 0.3
+#: A roof has not changed in height within so many standard deviations.
+_SIGNIFICANT = 3.0
 #: What a change of all, and of a part of a building is called.
 _OF_ALL = {BUILT: "new", REMOVED: "gone", HIGHER: "raised", LOWER: "lowered"}
 _OF_PART = {BUILT: "extended", REMOVED: "reduced", HIGHER: "roof changed", LOWER: "roof changed"}
@@ -254,7 +256,9 @@ class Change(NamedTuple):
     area: float  #: of what has changed [m²]
     #: Median change of elevation; for what was built or removed, the height of the roof above ground [m].
     height: float
-    sigma: float  #: standard deviation of `height` by the scatter of what has not changed [m]
+    #: Standard deviation of `height` [m]: by the scatter of what has not changed and, for roofs that both
+    #: results have, by how sure the corners of both models are.
+    sigma: float
     #: Of the building's cells that have changed, and that both surveys tell of.
     share: float
     seen: float
@@ -262,12 +266,16 @@ class Change(NamedTuple):
 
 
 def judge_buildings(
-    cells: CellChanges, outlines: tuple[NDArray[Any], NDArray[Any]], scatter: float
+    cells: CellChanges,
+    outlines: tuple[NDArray[Any], NDArray[Any]],
+    scatter: float,
+    sigmas: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> tuple[list[Change], tuple[list[str], list[str]]]:
     """
     Tell what has changed of which building.
 
-    `scatter` is that of the elevations of single cells that have not changed [m]. Changes come in the order
+    `scatter` is that of the elevations of single cells that have not changed, `sigmas` how sure the heights
+    of each building of both results are, 0 if that is not known [m]. Changes come in the order
     of the new buildings, then those of the old survey alone; beside them for every building of either what
     has changed most, ``"unchanged"`` or ``"not seen"``.
     """
@@ -276,12 +284,14 @@ def judge_buildings(
     words: tuple[list[str], list[str]] = ([], [])
     for row, outline in enumerate(outlines[1]):
         shared, other = partner[0][row]
-        found = _of_building(cells, outline, other if shared else -1, row, scatter, shared, REMOVED)
+        unsure = math.hypot(sigmas[1][row], sigmas[0][other] if shared else 0.0)
+        found = _of_building(cells, outline, other if shared else -1, row, (scatter, unsure), shared, REMOVED)
         changes += found[0]
         words[1].append(found[1])
     for row, outline in enumerate(outlines[0]):
         shared, other = partner[1][row]
-        found = _of_building(cells, outline, row, -1, scatter, shared, BUILT)
+        unsure = math.hypot(sigmas[0][row], sigmas[1][other] if shared else 0.0)
+        found = _of_building(cells, outline, row, -1, (scatter, unsure), shared, BUILT)
         words[0].append(found[1] if found[1] != UNCHANGED or not shared else words[1][other])
         changes += [one for one in found[0] if one.change in ("gone", "reduced")]
     return changes, words
@@ -299,10 +309,16 @@ def _partners(mine: NDArray[Any], theirs: NDArray[Any]) -> list[tuple[float, int
 
 
 def _of_building(
-    cells: CellChanges, outline: Any, old: int, new: int, scatter: float, shared: float, foreign: int
+    cells: CellChanges,
+    outline: Any,
+    old: int,
+    new: int,
+    sigmas: tuple[float, float],
+    shared: float,
+    foreign: int,
 ) -> tuple[list[Change], str]:
-    """Return what has changed within an outline, and the word for it."""
-    size = cells.plan.size
+    """Return what has changed within an outline, and the word for it; sigmas of a cell and of both models."""
+    size, (scatter, unsure) = cells.plan.size, sigmas
     middles, state, heights = cells.within(outline)
     n_seen, n = int(np.count_nonzero(state != UNSEEN)), max(len(state), 1)
     if n_seen < LEAST_SEEN * n:
@@ -320,7 +336,11 @@ def _of_building(
         height = float(np.median(heights[is_kind]))
         word = (_OF_ALL if is_all else _OF_PART)[kind]
         area = outline.area if is_all else count * size**2
-        sigma = scatter / np.sqrt(count)
+        sigma = scatter / math.sqrt(count)
+        if kind in (HIGHER, LOWER):
+            sigma = math.hypot(sigma, unsure)
+            if abs(height) < _SIGNIFICANT * sigma:
+                continue
         changes.append(Change(word, old, new, area, height, sigma, count / n_seen, n_seen / n, place))
     most = max(changes, key=lambda one: one.share, default=None)
     return changes, UNCHANGED if most is None else most.change
@@ -445,7 +465,10 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
     least = max(config.min_height, _SURE * scatter)
     limits = Limits(least, config.min_area, config.min_storey, shift + _CELL_SHARE * cell)
     cells = judge_cells(plan, before, after, offset, limits)
-    changes, words = judge_buildings(cells, (sides[0].polygons, sides[1].polygons), scatter)
+    outlines = sides[0].polygons, sides[1].polygons
+    known = (side.attributes.get("corner_sigma_z", np.zeros(len(side.polygons))) for side in sides)
+    was, now = (np.nan_to_num(one.astype(np.float64)) * sides[k].unit for k, one in enumerate(known))
+    changes, words = judge_buildings(cells, outlines, scatter, (was, now))
     return Comparison(*sides, changes, words, offset, scatter, cell)
 
 

@@ -196,6 +196,7 @@ def _job(
         ground_elevation=foot,
         is_roof_seen=not is_closed,
         is_traced=one.ground_elevation is None,
+        wall_bias=one.quality.bias if one.quality else 0.0,
         seen=seen,
         ground=ground,
     )

@@ -66,7 +66,7 @@ def regularise_outlines(
         _part(regular, traced, members)
     finished = []
     for one, outline, alone in zip(outlines, regular, own, strict=True):
-        quality = OutlineQuality(alone.sigma, alone.max_offset, alone.status, alone.reason)
+        quality = OutlineQuality(alone.sigma, alone.max_offset, alone.status, alone.reason, alone.bias)
         if alone.status is not BuildingStatus.FAILED:
             quality = outline_quality(one.outline, outline, alone, config)
         finished.append(replace(one, outline=outline, quality=quality))

@@ -24,7 +24,7 @@ from lidar_buildings.core.stages.facades.facade import Facade
 MAX_LENGTH = 20_000_000
 #: Building id → quality of its outline, for all outlines of a tile.
 Qualities = dict[int, OutlineQuality]
-_LENGTHS = ("sigma", "max_offset")
+_LENGTHS = ("sigma", "max_offset", "bias")
 _FEATURE = '{"type":"CityJSONFeature"'
 _BEGIN, _END = f'{_FEATURE},"id":', ',"CityObjects":{},"vertices":[]}'
 _CLOSING = f'{_BEGIN}"tile-'
@@ -60,7 +60,9 @@ def qualities_of(message: String) -> tuple[int, Qualities]:
         found = {}
         for number, one in said["outlines"].items():
             lengths = (np.nan if one[name] is None else checked_length(name, one[name]) for name in _LENGTHS)
-            found[checked_id(number)] = OutlineQuality(*lengths, BuildingStatus(one["status"]), one["reason"])
+            sigma, max_offset, bias = lengths
+            state = BuildingStatus(one["status"]), one["reason"]
+            found[checked_id(number)] = OutlineQuality(sigma, max_offset, *state, bias)
         return checked_stamp(said["stamp"]), found
 
     return read_json("outline_quality", message, read)

@@ -173,7 +173,9 @@ def test_a_run_gives_every_file_of_the_contract(roofs, result):
     names = set(laspy.open(result / ALWAYS[0]).header.point_format.dimension_names)
     assert {"HeightAboveGround", "Facade", "BuildingId", "PlaneId", "EdgeLabel"} <= names
     layers = dict(pyogrio.list_layers(result / "buildings.gpkg"))
-    assert set(layers) == {"outlines", "traced", "roof_faces", "roof_lines", "layer_styles"}
+    assert set(layers) == {
+        "outlines", "traced", "roof_faces", "roof_lines", "roof_corners", "layer_styles",
+    }  # fmt: skip
     assert layers["roof_faces"].endswith("Z")
     assert set(BUILDING_FIELDS) <= set(
         pyogrio.read_info(result / "buildings.gpkg", layer="outlines")["fields"]

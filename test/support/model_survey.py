@@ -58,6 +58,10 @@ def step():
     return _model(Outline(ring), roof_solid(pieces, GROUND))
 
 
+#: How sure corners are along x, y and z [m].
+SIGMAS = [0.1, 0.2, 0.05]
+
+
 def courtyard():
     """A block around a court, with the hole in its roof and in its ground."""
     outline = Outline(rectangle(0, 20, 20, 40), (rectangle(6, 26, 14, 34)[::-1],))
@@ -111,4 +115,13 @@ def _model(outline, solid):
         "no_data_share": 0.125,
         "lod": "2.2",
     }
-    return outline, BuildingModel({"1.2": extrude(outline, GROUND, EAVE), "2.2": solid}, attributes)
+    told = [
+        {"elevation_sigma": 0.02, "corner_sigmas": [[SIGMAS] * len(ring) for ring in face]}
+        if kind == "RoofSurface"
+        else {"position_sigma": 0.1}
+        if kind == "WallSurface"
+        else {}
+        for face, kind in zip(solid.faces, solid.semantics, strict=True)
+    ]
+    solids = {"1.2": extrude(outline, GROUND, EAVE), "2.2": solid}
+    return outline, BuildingModel(solids, attributes, of_faces={"2.2": tuple(told)})

@@ -67,6 +67,7 @@ class OutlineQuality:
     max_offset: float  #: largest distance of a point on a wall from the outline [m]
     status: BuildingStatus  #: OK, TRACED_OUTLINE, or FAILED with NaN for the other two
     reason: str  #: why it is the traced outline, or what else was out of the ordinary; else empty
+    bias: float = 0.0  #: by how much the roof's edge is thought to lie outside of it [m]
 
 
 @dataclass(frozen=True, eq=False)

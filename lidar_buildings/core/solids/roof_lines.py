@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from operator import sub
 from typing import NamedTuple
 
@@ -86,6 +87,33 @@ def roof_lines(solid: Solid) -> list[RoofLine]:
         for (faces, kind), pieces in sorted(found.items())
         for line in _joined(pieces)
     ]
+
+
+#: Kinds of corners: where a step, a valley, a ridge, a hip ends, in this order; else it is one of the eaves.
+CORNER_KINDS = (STEP, VALLEY, RIDGE, HIP, EAVE)
+#: Coordinates are written to this [m].
+_GRID = 1e-3
+
+
+def corner_kinds(solid: Solid, lines: Sequence[RoofLine]) -> dict[int, str]:
+    """
+    Return the kind of each corner of a roof, by the row of its vertex.
+
+    A corner is where a line of the roof ends: ``step`` above a wall that ends on a lower roof; else
+    ``valley`` at a valley, ``ridge`` at the end of a ridge, ``hip`` at a hip's lower end or where hips alone
+    meet, and ``eave`` at the rest, the ends of eaves and verges.
+    """
+    kinds: dict[tuple[int, ...], set[str]] = defaultdict(set)
+    for line in lines:
+        for end in np.rint(line.ends / _GRID).astype(np.int64).tolist():
+            kinds[tuple(end)].add(EAVE if line.kind == VERGE else line.kind)
+    places = np.rint(solid.vertices / _GRID).astype(np.int64).tolist()
+    found = {}
+    for row, place in enumerate(places):
+        own = kinds.get(tuple(place), set())
+        if own:
+            found[row] = next(kind for kind in CORNER_KINDS if kind in own)
+    return found
 
 
 def _edges(solid: Solid) -> _Edges:

@@ -204,7 +204,7 @@ def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
 #: Points of a roof scatter by no less [m]: noise of the range and of the survey's pose.
 _LEAST_NOISE = 0.01
 #: Neighbouring points share noise and what the roof itself is uneven by: of so many one counts.
-POINTS_SHARED = 4.0
+POINTS_SHARED = 2.7
 
 
 def plane_covariances(

@@ -34,9 +34,10 @@ from lidar_buildings.io.models.survey_building import (
     TerrainMesh,
     face_attributes,
     in_source_units,
+    told_in_units,
 )
 
-#: The surfaces that every solid lists first, whether it has them or not; each roof face has one of its own.
+#: The surfaces that come first, if nothing is told of a face of theirs; each roof face has one of its own.
 _SHARED = (GROUND_SURFACE, WALL_SURFACE)
 #: The file with one document, and how many buildings it has at most.
 DOCUMENT, _MOST_IN_DOCUMENT = "city_model.city.json", 5000
@@ -245,14 +246,16 @@ def _geometry(
     steps = np.rint(solid.vertices / GRID).astype(np.int64).tolist()
     rows = [vertices.setdefault((x, y, z), len(vertices)) for x, y, z in steps]
     shell = [[[rows[i] for i in ring] for ring in face] for face in solid.faces]
-    surfaces: list[dict[str, Any]] = [{"type": surface} for surface in _SHARED]
-    shared: dict[tuple[Any, ...], int] = {(kind,): k for k, kind in enumerate(_SHARED)}
-    values = []
     told = of_faces or [{}] * len(solid.faces)
-    for face, kind, known in zip(solid.faces, solid.semantics, told, strict=True):
+    plain = {kind for kind, known in zip(solid.semantics, told, strict=True) if not known}
+    surfaces: list[dict[str, Any]] = [{"type": surface} for surface in _SHARED if surface in plain]
+    shared: dict[tuple[Any, ...], int] = {(one["type"],): k for k, one in enumerate(surfaces)}
+    values = []
+    for face, kind, told_of in zip(solid.faces, solid.semantics, told, strict=True):
+        known = told_in_units(told_of, frame)
         if kind == ROOF_SURFACE:
             values.append(len(surfaces))
-            surfaces.append({"type": kind} | face_attributes(solid.face_rings(face), frame))
+            surfaces.append({"type": kind} | face_attributes(solid.face_rings(face), frame) | known)
             continue
         key = (kind, *known.values())
         if key not in shared:

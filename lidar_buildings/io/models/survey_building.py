@@ -48,7 +48,8 @@ BUILDING_FIELDS: dict[str, type] = {
     "roof_elevation_70p": float, "roof_elevation_max": float, "height": float,
     "area": float, "n_points": int, "point_spacing": float, "outline_sigma": float,
     "outline_max_offset": float, "n_planes": int, "roof_type": str, "rmse": float, "plane_sigma": float,
-    "coverage": float, "no_data_share": float, "volume": float, "lod": str, "validity": str,
+    "corner_sigma_xy": float, "corner_sigma_z": float, "coverage": float, "no_data_share": float,
+    "volume": float, "lod": str, "validity": str,
 }  # fmt: skip
 _PLANE = ("plane_a", "plane_b", "plane_c")
 #: Name → type of what is said of each face of a roof.
@@ -56,9 +57,10 @@ FACE_FIELDS: dict[str, type] = {
     "slope_deg": float,
     "azimuth_deg": float,
     "area": float,
-} | dict.fromkeys(_PLANE, float)
+} | dict.fromkeys((*_PLANE, "elevation_sigma"), float)
 _ELEVATIONS = {name for name in BUILDING_FIELDS if "_elevation" in name}
 _LENGTHS = {"height", "rmse", "plane_sigma", "point_spacing", "outline_sigma", "outline_max_offset"}
+_LENGTHS |= {"corner_sigma_xy", "corner_sigma_z", "elevation_sigma", "position_sigma"}
 #: Decimals that are written: a tenth of a millimetre or finer, and no noise of the last bit.
 _DECIMALS = 4
 #: Of slopes [m/m], which are multiplied by coordinates of 10⁷ m.
@@ -68,6 +70,21 @@ _DECIMALS_OF_SLOPES = 12
 def in_source_units(attributes: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
     """Return attributes in the unit of a `model_frame`, which is `frame`; None for numbers not finite."""
     return {name: _converted(name, value, frame) for name, value in attributes.items()}
+
+
+def told_in_units(told: dict[str, Any], frame: MapFrame) -> dict[str, Any]:
+    """Return what `told_precision` and the street tell of a face, in the source's units."""
+    written, units = in_source_units(told, frame), frame.units.tolist()
+    if "corner_sigmas" in told:
+        written["corner_sigmas"] = [
+            [[_in_unit(one, unit) for one, unit in zip(own, units, strict=True)] for own in ring]
+            for ring in told["corner_sigmas"]
+        ]
+    return written
+
+
+def _in_unit(length: float | None, unit: float) -> float | None:
+    return None if length is None else round(length / unit, _DECIMALS)
 
 
 def face_attributes(rings: Sequence[NDArray[np.float64]], frame: MapFrame) -> dict[str, Any]:
@@ -128,6 +145,20 @@ class SurveyBuilding:
     def lines(self) -> list[RoofLine]:
         """The lines of the solid's roof."""
         return [] if self.solid is None else roof_lines(self.solid)
+
+    @cached_property
+    def corner_sigmas(self) -> dict[int, list[Any]]:
+        """Standard deviations of the roof's corners along x, y (None on a given outline) and z, by vertex."""
+        if self.solid is None:
+            return {}
+        faces = zip(self.solid.faces, self.solid.semantics, strict=True)
+        roofs = [face for face, kind in faces if kind == ROOF_SURFACE]
+        rings = (
+            (ring, own)
+            for face, told in zip(roofs, self.roof_faces, strict=False)
+            for ring, own in zip(face, told.get("corner_sigmas", ()), strict=False)
+        )
+        return {row: sigma for ring, own in rings for row, sigma in zip(ring, own, strict=False)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.model.map_frame import MapFrame
 from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.solids.output_grid import GRID
+from lidar_buildings.core.solids.roof_lines import corner_kinds
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Face
 from lidar_buildings.core.stages.facades.facade import NO_BUILDING, Facade
 from lidar_buildings.io.models.survey_building import (
@@ -44,6 +46,17 @@ LAYERS: dict[str, dict[str, type]] = {
         "other_face": int,
         "length": float,
         **_ELEVATIONS,
+        "sigma_xy": float,
+        "sigma_z": float,
+    },
+    "roof_corners": {
+        **_NAMES,
+        "lod": str,
+        "kind": str,
+        "elevation": float,
+        "sigma_x": float,
+        "sigma_y": float,
+        "sigma_z": float,
     },
 }
 #: Those of what was seen from the street, which are there only where something was.
@@ -70,11 +83,13 @@ STREET_LAYERS: dict[str, dict[str, type]] = {
     },
 }
 _KINDS = {"outlines": "Polygon", "traced": "Polygon", "roof_faces": "Polygon Z", "roof_lines": "LineString Z"}
-_KINDS |= {"facades": "Polygon Z", "street_lines": "LineString"}
+_KINDS |= {"facades": "Polygon Z", "street_lines": "LineString", "roof_corners": "Point Z"}
 #: So many rows are written at a time.
 _PORTION = 20_000
 #: Decimals of a face's elevations, as of a building's.
 _DECIMALS = 4
+#: Lines that are shorter in plan have no direction [m].
+_LEAST = 1e-6
 
 _Rows = list[tuple[dict[str, Any], Any]]
 
@@ -127,6 +142,7 @@ def _added(write: Callable[[VectorLayer], None], heading: ModelHeading, portion:
             rows["traced"].append((names, _in_source(building.traced, frame)))
         rows["roof_faces"] += [(names | known, polygon) for known, polygon in _roof_faces(building, frame)]
         rows["roof_lines"] += [(names | known, line) for known, line in _roof_lines(building, frame)]
+        rows["roof_corners"] += [(names | known, place) for known, place in _roof_corners(building, frame)]
         if len(rows["roof_faces"]) + len(rows["outlines"]) >= portion:
             write_all()
 
@@ -190,6 +206,8 @@ def _roof_lines(
     places = frame.to_source(ends.reshape(-1, 3)).reshape(-1, 2, 3)
     columns = [*np.sort(places[:, :, 2]).T, lengths]
     numbers = np.round(np.column_stack(columns), _DECIMALS).tolist()
+    vertices = np.empty((0, 3)) if building.solid is None else building.solid.vertices
+    sigma_at = {_place(vertices[row]): sigma for row, sigma in building.corner_sigmas.items()}
     for line, (low, high, length), shape in zip(
         building.lines, numbers, shapely.linestrings(places), strict=True
     ):
@@ -201,8 +219,42 @@ def _roof_lines(
             "length": length,
             "elevation_min": low,
             "elevation_max": high,
+            **_sigmas_of_line(line.ends, sigma_at),
         }
         yield known, shape
+
+
+def _sigmas_of_line(
+    ends: NDArray[np.float64], sigma_at: dict[tuple[int, ...], list[Any]]
+) -> dict[str, float | None]:
+    """Return the standard deviations of a line across in plan and along z: the means of its ends'."""
+    own = [sigma_at[place] for place in map(_place, ends) if place in sigma_at]
+    x, y = ends[1, :2] - ends[0, :2]
+    length = max(math.hypot(x, y), _LEAST)
+    plan = [math.hypot(one[0] * y, one[1] * x) / length for one in own if one[0] is not None]
+    return {"sigma_xy": _mean(plan), "sigma_z": _mean([one[2] for one in own])}
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return round(sum(values) / len(values), _DECIMALS) if values else None
+
+
+def _place(vertex: NDArray[np.float64]) -> tuple[int, ...]:
+    return tuple(np.rint(vertex / GRID).astype(np.int64).tolist())
+
+
+def _roof_corners(
+    building: SurveyBuilding, frame: MapFrame
+) -> Iterator[tuple[dict[str, Any], shapely.Point]]:
+    if building.solid is None:
+        return
+    places = frame.to_source(building.solid.vertices)
+    for row, kind in sorted(corner_kinds(building.solid, building.lines).items()):
+        if row in building.corner_sigmas:
+            sigmas = dict(zip(("sigma_x", "sigma_y", "sigma_z"), building.corner_sigmas[row], strict=True))
+            elevation = round(float(places[row, 2]), _DECIMALS)
+            known = {"lod": building.lod, "kind": kind, "elevation": elevation, **sigmas}
+            yield known, shapely.Point(places[row])
 
 
 def _polygons(vertices: NDArray[np.float64], faces: Sequence[Face]) -> NDArray[Any]:

@@ -26,7 +26,7 @@ class OutputFormat(NamedTuple):
 #: The one format whose files have a place on the earth.
 TILES = "3dtiles"
 #: Layers of buildings, in one file or in one each.
-LAYERS = ("outlines", "traced", "roof_faces", "roof_lines")
+LAYERS = ("outlines", "traced", "roof_faces", "roof_lines", "roof_corners")
 #: Those of what was seen from the street, which are there only where something was.
 STREET_LAYERS = ("facades", "street_lines")
 _BY_LAYER = "results.building_layers"

@@ -8,7 +8,7 @@ from support import model_survey
 
 from lidar_buildings.core.solids.plan_graph import RoofPiece
 from lidar_buildings.core.solids.raising import roof_solid
-from lidar_buildings.core.solids.roof_lines import roof_lines
+from lidar_buildings.core.solids.roof_lines import corner_kinds, roof_lines
 
 
 def finest(made):
@@ -27,6 +27,15 @@ def test_a_gable_has_a_ridge_two_eaves_and_four_verges():
     found = Counter(line.kind for line in roof_lines(finest(model_survey.gable)))
     assert found == {"ridge": 1, "eave": 2, "verge": 4}
     assert lengths(finest(model_survey.gable)) == pytest.approx({"ridge": 10, "eave": 20, "verge": 20})
+
+
+def test_corners_are_named_after_the_line_that_ends_there():
+    solid = finest(model_survey.gable)
+    kinds = corner_kinds(solid, roof_lines(solid))
+    assert Counter(kinds.values()) == {"ridge": 2, "eave": 4}
+    assert {solid.vertices[row, 2] for row, kind in kinds.items() if kind == "ridge"} == {model_survey.RIDGE}
+    solid = finest(model_survey.step)
+    assert Counter(corner_kinds(solid, roof_lines(solid)).values()) == {"step": 2, "eave": 8}
 
 
 def test_a_wall_that_ends_on_a_roof_and_beside_it_is_parted():

@@ -27,7 +27,9 @@ def flat(z):
     return lambda x, y: np.full(len(x), z)
 
 
-def survey(folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0), crs="EPSG:28992"):
+def survey(
+    folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0), crs="EPSG:28992", unsure=0.02
+):
     """
     Write what a run writes: a lawn of 50 by 40 m with roofs, (polygon, elevation) each, that `others`, with
     a class, cover; without points where it is hidden.
@@ -42,9 +44,10 @@ def survey(folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0)
     points = np.column_stack([x, y, z + random.normal(0.0, NOISE, len(x))]) + shift
     kept = ~np.any([shapely.intersects_xy(one, x, y) for one in hidden] or [np.zeros(len(x), bool)], axis=0)
     write_cloud(folder / "classified" / "tile.laz", points[kept], classes[kept])
-    fields = {"building_id": int, "point_spacing": float, "outline_sigma": float}
+    fields = {"building_id": int, "point_spacing": float, "outline_sigma": float, "corner_sigma_z": float}
     rows = [
-        {"building_id": 100 + k, "point_spacing": SPACING, "outline_sigma": 0.1} for k in range(len(roofs))
+        {"building_id": 100 + k, "point_spacing": SPACING, "outline_sigma": 0.1, "corner_sigma_z": unsure}
+        for k in range(len(roofs))
     ]
     outlines = shapely.transform([one for one, _ in roofs], lambda xy: xy + ORIGIN[:2] + shift[:2])
     with geopackage_file(folder / "buildings.gpkg", crs) as add:
@@ -87,6 +90,12 @@ def test_a_roof_that_is_higher_or_lower_as_a_whole_is_told_by_how_much(tmp_path,
     assert told == [(word, 0, 0)]
     assert found.changes[0].height == pytest.approx(by, abs=0.1)
     assert found.changes[0].sigma < 0.05
+
+
+def test_a_change_that_the_models_are_not_sure_of_is_none(tmp_path):
+    raised = [(HOUSE, lambda x, y: gable(x, y) + 1.0)]
+    found, told = changes(tmp_path, [(HOUSE, gable)], raised, unsure=0.4)
+    assert (told, found.words) == ([], (["unchanged"], ["unchanged"]))
 
 
 def test_a_dormer_is_a_change_of_a_part_of_the_roof(tmp_path):

@@ -129,8 +129,12 @@ def test_volumes_and_areas_of_faces_follow_the_units():
     assert feet["no_data_share"] == metres["no_data_share"] == 0.125
     feature = json.loads(by_hand(frame=FEET))
     surfaces = feature["CityObjects"][feature["id"]]["geometry"][1]["semantics"]["surfaces"]
-    assert surfaces[-1]["area"] == pytest.approx(50.0 / FOOT**2, abs=1e-3)
-    assert surfaces[-1]["slope_deg"] == pytest.approx(36.8699, abs=1e-4)
+    walls, roofs = ([one for one in surfaces if one["type"] == f"{kind}Surface"] for kind in ("Wall", "Roof"))
+    assert [one["position_sigma"] for one in walls] == [pytest.approx(0.1 / FOOT, abs=1e-4)]
+    sigmas = np.array(roofs[-1]["corner_sigmas"][0])
+    assert sigmas == pytest.approx(np.tile(np.array(model_survey.SIGMAS) / FOOT, (4, 1)), abs=1e-4)
+    assert roofs[-1]["area"] == pytest.approx(50.0 / FOOT**2, abs=1e-3)
+    assert roofs[-1]["slope_deg"] == pytest.approx(36.8699, abs=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,7 @@ def test_all_files_and_layers_are_named_and_buildings_counted_by_status(dutch):
         ["traced", "Polygon"],
         ["roof_faces", "Polygon Z"],
         ["roof_lines", "LineString Z"],
+        ["roof_corners", "Point Z"],
         ["layer_styles", None],
     ]
 
@@ -187,6 +188,27 @@ def test_roof_lines_have_their_kinds_and_faces(dutch):
         (84910.0, 447404.0, model_survey.RIDGE),
         (84900.0, 447404.0, model_survey.RIDGE),
     ]
+
+
+@pytest.mark.parametrize(("survey", "unit"), [("dutch", 1.0), ("feet", FOOT)])
+def test_corners_lines_and_faces_say_how_sure_they_are(survey, unit, request):
+    found = request.getfixturevalue(survey)
+    path = (found[0] if survey == "dutch" else found) / "buildings.gpkg"
+    meta, _, geometry, columns = pyogrio.raw.read(path, layer="roof_corners")
+    columns = dict(zip(meta["fields"], columns, strict=True))
+    ridge = (columns["building_id"] == 5) & (columns["kind"] == "ridge")
+    assert ridge.sum() == 2
+    for name, sigma in zip(("sigma_x", "sigma_y", "sigma_z"), model_survey.SIGMAS, strict=True):
+        assert columns[name][ridge] == pytest.approx(sigma / unit, abs=1e-4)
+    for point, elevation in zip(shapely.from_wkb(geometry), columns["elevation"], strict=True):
+        assert point.z == pytest.approx(elevation, abs=1e-4)
+    meta, _, _, columns = pyogrio.raw.read(path, layer="roof_lines")
+    columns = dict(zip(meta["fields"], columns, strict=True))
+    ridge = columns["kind"] == "ridge"  # along x
+    assert columns["sigma_xy"][ridge] == pytest.approx(0.2 / unit, abs=1e-4)
+    assert columns["sigma_z"][ridge] == pytest.approx(0.05 / unit, abs=1e-4)
+    _, columns, _ = read_polygons(path, "roof_faces")
+    assert columns["elevation_sigma"] == pytest.approx(0.02 / unit, abs=1e-4)
 
 
 def test_feet_come_back_in_feet(feet):

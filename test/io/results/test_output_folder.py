@@ -81,6 +81,7 @@ def test_the_files_hold_every_building_and_what_the_run_was_told(tmp_path, surve
         "traced",
         "roof_faces",
         "roof_lines",
+        "roof_corners",
         "layer_styles",
     ]
     outlines, columns, crs = read_polygons(path, "outlines")

@@ -33,6 +33,11 @@ from lidar_buildings.core.stages.building_model.eaves import (
 )
 from lidar_buildings.core.stages.building_model.grading import doubts_of, evidence_of, level_doubts
 from lidar_buildings.core.stages.building_model.partition import partition_outline, with_level_ends
+from lidar_buildings.core.stages.building_model.precision import (
+    Sampling,
+    precision_attributes,
+    told_precision,
+)
 from lidar_buildings.core.stages.building_model.quality import ModelQuality, measure_model
 from lidar_buildings.core.stages.building_model.result import ATTRIBUTES, BuildingModel, RoofFacePatch
 from lidar_buildings.core.stages.building_model.spikes import spike_doubts
@@ -183,7 +188,12 @@ class _Roof:
     topology: RoofTopology
     has_extent: bool
     is_traced: bool
+    wall_bias: float
     seen: SeenWalls | None
+
+    @property
+    def sampling(self) -> Sampling:
+        return Sampling(self.points, self.spacing, self.wall_bias if self.is_traced else None)
 
 
 def build_model(
@@ -196,6 +206,7 @@ def build_model(
     point_spacing: float | None = None,
     is_roof_seen: bool = True,
     is_traced: bool = False,
+    wall_bias: float = 0.0,
     seen: SeenWalls | None = None,
     ground: KnownGround | None = None,
 ) -> BuildingModel:
@@ -219,6 +230,7 @@ def build_model(
     - `is_roof_seen`: Whether the points show the roof; else they are the tops of walls with at most a part of
       it, and LoD1.2 is all that is built.
     - `is_traced`: Whether the outline was traced from the points, so that it is no better than they are.
+    - `wall_bias`: By how much the roof's edge is thought to lie outside a traced outline [m].
     - `seen`, optional: Walls seen from the street; without any there is no LoD2.3.
     - `ground`, optional: Ground about the building, on which draped models stand.
 
@@ -240,7 +252,7 @@ def build_model(
     attributes = known_attributes(points, outline, plane_id if known_planes else None, spacing)
     if not len(points):
         return _without_solid(attributes, ground_elevation, BuildingStatus.DEGENERATE, "no roof points")
-    known = (spacing, ground_elevation, is_traced, seen, attributes, config)
+    known = (spacing, ground_elevation, is_traced, wall_bias, seen, attributes, config)
     model = _model(points, plane_id if is_roof_seen else None, outline, *known)
     return draped_model(model, ground) if config.foot == DRAPED else model
 
@@ -264,6 +276,7 @@ def _model(
     spacing: float,
     ground_elevation: float | None,
     is_traced: bool,
+    wall_bias: float,
     seen: SeenWalls | None,
     attributes: dict[str, Any],
     config: BuildingModelConfig,
@@ -285,7 +298,8 @@ def _model(
         return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
         topology = find_topology(points, plane_id, outline, point_spacing=spacing)
-        roof = _Roof(points, outline, ground, spacing, topology, _has_extent(points), is_traced, seen)
+        has_extent = _has_extent(points)
+        roof = _Roof(points, outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen)
         levels, faces, why = _finer_levels(roof, lowest, config)
         return _finished(roof, {LOD12: lowest} | levels, faces, attributes, [*remarks, why])
     except Exception as error:
@@ -366,11 +380,16 @@ def _finished(
     attributes |= solid_attributes(finest, solids[finest])
     reason = "; ".join(text for text in (*remarks, levels[LOD12].remark) if text)
     status = BuildingStatus.OK if roof.has_extent else BuildingStatus.DEGENERATE
-    of_faces = {}
+    of_faces: dict[str, tuple[dict[str, Any], ...]] = {}
     if roof.seen is not None:
         of_faces = {
             lod: told_of_faces(solid, roof.seen.walls, levels[lod].eaves) for lod, solid in solids.items()
         }
+    for lod in sorted({LOD22, LOD23} & solids.keys()):
+        sure = told_precision(solids[lod], roof.topology.planes, roof.outline, roof.sampling)
+        of_street = of_faces.get(lod, ({},) * len(sure))
+        of_faces[lod] = tuple(one | other for one, other in zip(sure, of_street, strict=True))
+        attributes |= precision_attributes(sure)
     return _graded(BuildingModel(solids, attributes, status, reason, of_faces=of_faces), doubts)
 
 

@@ -29,6 +29,8 @@ ATTRIBUTES = (
     "coverage",
     "no_data_share",
     "plane_sigma",
+    "corner_sigma_xy",
+    "corner_sigma_z",
     "volume",
     "lod",
     "validity",
@@ -48,8 +50,8 @@ class BuildingModel:
     status: BuildingStatus = BuildingStatus.OK
     reason: str = ""  #: why not OK, or what was assumed or repaired
     doubts: tuple[Doubt, ...] = ()  #: what speaks against it
-    #: By level of detail, for each face of its solid: what walls seen from the street tell of it, as
-    #: `seen_share` of walls and `thickness` of eaves [m]; empty if the street was not asked.
+    #: By level of detail, for each face of its solid: how sure it is (`told_precision`) and what walls seen
+    #: from the street tell of it, as `seen_share` of walls and `thickness` of eaves [m].
     of_faces: dict[str, tuple[dict[str, Any], ...]] = field(default_factory=dict)
 
     @property

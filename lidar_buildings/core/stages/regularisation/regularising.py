@@ -39,6 +39,8 @@ from lidar_buildings.core.surfaces.ring_division import ARC, FREE, Division
 _MIN_RING_POINTS = 5
 #: Shortest wall and chord [finest spacings].
 _SHORTEST_WALL = 4.0
+#: Walls through the points lie so far inside the roof's edge, measured on virtual roofs [spacings].
+_INSIDE = 0.33
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,7 @@ class RegularisedOutline:
     directions: tuple[float, ...]
     status: BuildingStatus  #: OK or TRACED_OUTLINE
     reason: str  #: why it is the traced outline, or what else was out of the ordinary; else empty
+    bias: float = 0.0  #: by how much the roof's edge is thought to lie outside of it [m]
 
 
 def fit_quality(points: NDArray[np.float64], outline: Outline, n_unknowns: int) -> tuple[float, float]:
@@ -124,6 +127,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
     )
     rings = [_fitted(ring, division, fit) for ring, division in zip(samples, divisions, strict=True)]
     result = _result(traced, rings, centre, directions)
+    result = replace(result, bias=_INSIDE * ring_spacing(checked))
     if not config.correct_bias or result.status is not BuildingStatus.OK:
         return result
     empty = estimated_bias(samples, ring_spacing(checked))
@@ -136,7 +140,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         reason = f"walls are where the points are, since moved out to the edge: {moved.reason}"
         return replace(result, reason="; ".join(filter(None, (result.reason, reason))))
     # What was adjusted is the line through the points: its precision is that of the moved one, too.
-    return replace(moved, sigma=result.sigma, max_offset=result.max_offset)
+    return replace(moved, sigma=result.sigma, max_offset=result.max_offset, bias=0.0)
 
 
 def outline_quality(
@@ -149,7 +153,7 @@ def outline_quality(
     and rounding, is still that.
     """
     if outline.same_as(own.outline) or outline.same_as(own.outline.as_carried()):
-        return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason)
+        return OutlineQuality(own.sigma, own.max_offset, own.status, own.reason, own.bias)
     if outline.same_as(traced):
         return OutlineQuality(
             0.0,
@@ -161,7 +165,7 @@ def outline_quality(
     limits = concavity_limits(config, spacing)
     points = np.concatenate([sample_ring(ring, spacing, limits).on_walls for ring in traced.rings])
     quality = fit_quality(points, outline, sum(map(len, outline.rings)) + 1)
-    return OutlineQuality(*quality, own.status, own.reason)
+    return OutlineQuality(*quality, own.status, own.reason, own.bias)
 
 
 def _checked(outline: Outline) -> Outline:
