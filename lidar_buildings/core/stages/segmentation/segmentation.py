@@ -227,7 +227,7 @@ def _traced_pattern(own: ScanPattern, own_spacing: float, spacing: float) -> Sca
 
 
 def _extent(patterns: list[ScanPattern], window: float, spacing: float) -> tuple[float, float]:
-    wide = [ScanPattern.isotropic(spacing), *(one for one in set(patterns) if not one.is_isotropic)]
+    wide = [ScanPattern.isotropic(spacing), *set(patterns)]
     sides = np.array([(one.along, one.across) for one in wide]) * window
     cos, sin = np.abs([(np.cos(one.direction), np.sin(one.direction)) for one in wide]).T
     x, y = sides[:, 0] * cos + sides[:, 1] * sin, sides[:, 0] * sin + sides[:, 1] * cos

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.neighbours.cell_grid import CellGrid, rows_by_cell, without_gaps
+from lidar_buildings.core.neighbours.point_spacing import group_spacings
 from lidar_buildings.core.neighbours.scan_pattern import (
     MAX_RATIO,
     MIN_RATIO,
     Pulses,
     ScanPattern,
     measure_scan_patterns,
+    scan_cells,
 )
 from lidar_buildings.core.neighbours.union_find import flatten, link, root
 from lidar_buildings.core.surfaces.surface_patches import plan_areas
@@ -24,6 +26,9 @@ from lidar_buildings.core.surfaces.surface_patches import plan_areas
 FILLED_SHARE = 0.632
 #: A group's points are chained by at least that much: more than gaps between lines usually are [spacings].
 MIN_GROUP_REACH = 4.5
+#: Points that are sparser than expected by this factor have their own spacing: strips overlap elsewhere. Less
+#: than that may be the rim of a small group. No window reaches farther than with so much more.
+MIN_SPARSER, MAX_SPARSER = 1.35, 4.0
 #: So much more than half the window is still in it: rounding does not tear lattices.
 SLACK = 1.0 + 1e-6
 
@@ -153,20 +158,21 @@ def chain_along_scan(
 
     Points are first gathered in groups by a generous square window. A group's pattern is measured from its
     own points, so that it does not matter what else there is in the tile, and where it has lines its points
-    are chained by a rectangle along them; otherwise by a square. `window` are its sides in spacings along and
-    across the lines, `spacing` is 1/√density [m]; `cells` are the pulses by `scan_pattern.scan_cells`; lines
-    are where spacings differ by the factor `min_ratio`.
+    are chained by a rectangle along them; otherwise by a square, of its own spacing if it is sparser than the
+    rest. `window` are its sides in spacings along and across the lines, `spacing` is 1/√density [m]; `cells`
+    are the pulses by `scan_pattern.scan_cells`; lines are where spacings differ by the factor `min_ratio`.
     """
     half = window / 2.0 * SLACK
     component, n_components = chain_windows(pulses.points, (half * spacing, half * spacing))
     group, patterns = _groups(pulses, half, spacing, cells, min_ratio)
-    has_lines = np.array([not one.is_isotropic for one in patterns], dtype=bool)
-    chain_patterns = [ScanPattern.isotropic(spacing)] * n_components
-    if not has_lines.any():
+    general = ScanPattern.isotropic(spacing)
+    has_own = np.array([one != general for one in patterns], dtype=bool)
+    chain_patterns = [general] * n_components
+    if not has_own.any():
         return Chains(component, n_components, chain_patterns)
     order = np.argsort(group, kind="stable")
     first = np.searchsorted(group[order], np.arange(len(patterns) + 1))
-    for number in np.flatnonzero(has_lines):
+    for number in np.flatnonzero(has_own):
         rows = order[first[number] : first[number + 1]]
         part, n_parts = chain_windows(
             turned(pulses.points.take(rows, axis=0), patterns[number]), (half, half)
@@ -184,7 +190,7 @@ def _groups(
     """Return each point's group and the groups' patterns; no window reaches another of its kind."""
     reach = max(2.0 * half, MIN_GROUP_REACH) * spacing
     group, n_groups = chain_windows(pulses.points, (reach, reach))
-    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, cells=cells, min_ratio=min_ratio)
+    patterns = _patterns(pulses, group, n_groups, spacing, cells, min_ratio)
     is_wide = np.array([half * math.hypot(one.along, one.across) > reach for one in patterns], dtype=bool)
     rows = np.flatnonzero(is_wide[group]) if is_wide.any() else np.zeros(0, dtype=np.intp)
     if not len(rows):
@@ -193,9 +199,29 @@ def _groups(
     wider = half * spacing * math.sqrt(MAX_RATIO)
     some = pulses.select(rows)
     group_of_some, n_more = chain_windows(some.points, (wider, wider))
-    patterns += measure_scan_patterns(some, group_of_some, n_more, spacing, min_ratio=min_ratio)
+    patterns += _patterns(some, group_of_some, n_more, spacing, None, min_ratio)
     group[rows] = n_groups + group_of_some
     return group, patterns
+
+
+def _patterns(
+    pulses: Pulses,
+    group: NDArray[np.int64],
+    n_groups: int,
+    spacing: float,
+    cells: CellGrid | None,
+    min_ratio: float,
+) -> list[ScanPattern]:
+    """Return the groups' patterns; one without lines has its own spacing if its points are sparser."""
+    patterns = measure_scan_patterns(pulses, group, n_groups, spacing, cells=cells, min_ratio=min_ratio)
+    wide_cells = scan_cells(pulses, MAX_SPARSER / 2.0 * spacing)
+    own = group_spacings(pulses.points, wide_cells, group, n_groups)
+    return [
+        ScanPattern.isotropic(min(own_spacing, MAX_SPARSER * spacing))
+        if one.is_isotropic and own_spacing > MIN_SPARSER * spacing
+        else one
+        for one, own_spacing in zip(patterns, own.tolist(), strict=True)
+    ]
 
 
 def occupied_areas(

@@ -6,7 +6,7 @@ import pytest
 from lidar_buildings.core.neighbours.scan_pattern import ScanPattern, as_pulses
 from lidar_buildings.core.stages.segmentation.config import AS_PUBLISHED, SegmentationConfig
 from lidar_buildings.core.stages.segmentation.segmentation import segment_buildings
-from lidar_buildings.core.stages.segmentation.windows import chain_along_scan
+from lidar_buildings.core.stages.segmentation.windows import SLACK, chain_along_scan, chain_windows
 
 KEEP_ALL = SegmentationConfig(min_points=1, min_area=0.0, min_neck=0.0)
 
@@ -75,16 +75,21 @@ def test_a_lattice_with_points_on_the_rim_of_the_window_is_chained_as_published(
     rng = np.random.default_rng(4)
     cells = rng.integers(0, 60, (1400, 2))
     points = np.column_stack((cells * step, np.zeros(len(cells))))
-    found = segment_buildings(
-        points,
-        SegmentationConfig(window=window, min_points=1, min_area=0.0, min_neck=0.0),
-        point_spacing=step,
-    )
+    half = window / 2.0 * SLACK * step
+    found, _ = chain_windows(points, (half, half))
     expected = grown_as_published(points[:, :2], ScanPattern.isotropic(step), window)
-    assert partition(found.building_id) == partition(expected)
+    assert partition(found) == partition(expected)
     # Rounded steps of 0.1 m tear nothing that whole numbers hold together.
     exact = grown_as_published(cells.astype(float), ScanPattern.isotropic(1.0), window)
     assert partition(expected) == partition(exact)
+
+
+def test_a_roof_sparser_than_what_lies_around_is_one():
+    rows = np.random.default_rng(2).uniform((0.0, 0.0), (12.0, 10.0), (300, 2))
+    rows[:, 1] = 0.8 * np.round(rows[:, 1] / 0.8)  # 2.5 points a square metre, in rows
+    found = segment_buildings(np.column_stack((rows, np.full(300, 6.0))), point_spacing=0.3)
+    assert len(found.patterns) == 1
+    assert (found.building_id > 0).all()
 
 
 def test_lines_far_apart_are_one_roof_where_a_square_window_tears_them():
