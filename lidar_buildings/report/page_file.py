@@ -180,7 +180,7 @@ def _limits(contents: Contents) -> Iterator[str]:
 
 def _title(contents: Contents) -> str:
     if contents.focus is not None:
-        return f"Building {contents.buildings[contents.focus].name} of {contents.result.folder.name}"
+        return f"{contents.buildings[contents.focus].name} of {contents.result.folder.name}"
     return f"Buildings of {contents.result.folder.resolve().name}"
 
 

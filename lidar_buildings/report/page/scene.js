@@ -50,10 +50,8 @@ class Scene {
   }
 
   solids() {
-    const array = this.data.solids.array, found = [];
-    for (let at = 0; at < array.length; at += 4)
-      found.push({ row: array[at], level: array[at + 1], first: array[at + 2], count: array[at + 3] });
-    return found;
+    const array = this.data.solids.array;
+    return (this.known ??= Array.from({ length: array.length / 4 }, (_, k) => ({ row: array[4 * k], level: array[4 * k + 1], first: array[4 * k + 2], count: array[4 * k + 3] })));
   }
 
   /** Lowest and highest coordinates of all that is shown, map frame [m]. */

@@ -64,8 +64,12 @@ class Viewer {
     this.show();
   }
 
-  uploadModels() {
+  uploadSurfaces() {
     this.drawing.upload("models", "surface", this.scene.modelVertices(this.level, byId("roofs").value, this.field));
+  }
+
+  uploadModels() {
+    this.uploadSurfaces();
     this.drawing.upload("edges", "lines", this.scene.edgeVertices(this.level), { strength: 0.5 });
     this.drawing.castShadows(this.scene.bounds.map((place) => this.scene.near(place)));
   }
@@ -99,11 +103,15 @@ class Viewer {
 
   /** Show the buildings of these rows in colour, the others without. */
   filter(rows) {
-    const kept = new Set(rows);
+    const kept = new Set(rows), isSame = this.facts.names.length - this.scene.dimmed.size === kept.size && rows.every((row) => !this.scene.dimmed.has(row));
+    if (isSame) return;
     this.scene.dimmed = new Set(this.facts.names.map((_, row) => row).filter((row) => !kept.has(row)));
-    if (this.drawing) this.uploadModels();
-    this.map.draw();
-    this.redraw();
+    clearTimeout(this.filtering);
+    this.filtering = setTimeout(() => {
+      if (this.drawing) this.uploadSurfaces();
+      this.map.draw();
+      this.redraw();
+    }, 150);
   }
 
   fillLegend() {
@@ -138,7 +146,7 @@ class Viewer {
   listen() {
     const changed = (id, act) => byId(id).addEventListener("change", act);
     changed("level", () => { this.measured.clear(); this.uploadModels(); if (byId("points").value === "residual") this.uploadPoints(); this.show(); this.refill(); });
-    changed("roofs", () => { this.uploadModels(); this.show(); });
+    changed("roofs", () => { this.uploadSurfaces(); this.show(); });
     changed("points", () => { byId("show-points").checked = true; this.uploadPoints(); this.show(); });
     for (const name of LAYERS) changed(`show-${name}`, () => this.show());
     const press = (id, act) => byId(id).addEventListener("click", act);
