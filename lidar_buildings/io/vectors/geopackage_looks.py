@@ -90,9 +90,9 @@ def add_looks(path: Path, looks: Looks, columns: Mapping[str, Sequence[str]]) ->
         )
         file.executemany(
             "INSERT INTO gpkg_data_columns (table_name, column_name, name, title, description) "
-            "VALUES (?, ?, ?, ?, ?)",
+            "VALUES (?1, ?2, ?3, ?3, ?4)",
             [
-                (layer, name, name, name.replace("_", " ").capitalize(), looks.meanings[name])
+                (layer, name, name.replace("_", " ").capitalize(), looks.meanings[name])
                 for layer, names in columns.items()
                 for name in names
                 if name in looks.meanings

@@ -4,6 +4,8 @@ The files of a survey's buildings: GeoPackage layers read by GDAL, order, repeti
 
 import json
 import re
+import sqlite3
+from contextlib import closing
 from xml.etree import ElementTree
 
 import ezdxf
@@ -110,6 +112,9 @@ def test_layers_have_styles_of_their_columns_and_every_column_a_meaning(dutch):
         assert renderer.get("attr") in pyogrio.read_info(path, layer=layer)["fields"]
         used = {one.get("symbol") for one in renderer[0]}
         assert used == {one.get("name") for one in renderer.find("symbols")}
+    with closing(sqlite3.connect(path)) as file:
+        told = file.execute("SELECT column_name, title FROM gpkg_data_columns WHERE table_name = 'outlines'")
+        assert ("n_planes", "N planes") in told.fetchall()
     assert {name for columns in (LAYERS | STREET_LAYERS).values() for name in columns} == set(MEANINGS)
 
 
