@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from lidar_buildings.core.model.classes import CLASS_NAMES, PointClass
+from lidar_buildings.core.model.classes import CLASS_NAMES
 from lidar_buildings.core.model.grade import Grade
 from lidar_buildings.core.model.status import BuildingStatus
 from lidar_buildings.io.files.atomic_files import atomic_file, compact_json
@@ -115,8 +115,6 @@ def _facts(contents: Contents) -> dict[str, Any]:
         "is_served": contents.is_served,
         "histograms": words.histograms(contents.result),
         "points": {"corner": points.corner.tolist(), "step": points.step.tolist()},
-        "n_points": contents.result.run.get("n_points", 0),
-        "n_building_points": contents.result.run.get("classes", {}).get(str(int(PointClass.BUILDING)), 0),
         "terrain": _relief_facts(contents.terrain),
         "overview": _relief_facts(contents.overview),
         "origin": list(contents.result.frame.origin),
