@@ -24,7 +24,7 @@ from bench.common.arguments import data_parser
 from bench.common.clouds import data_folder
 from bench.common.tables import percent, table
 from bench.generalise.raw import PLACE, models_on_places
-from bench.models.spikes import SETS, read_ply
+from bench.models.spikes import NEAR, PLANE, SETS, read_ply
 from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, Solid
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface
@@ -41,8 +41,6 @@ _LOWEST = 1.0
 _SMALL = 20.0
 #: A vertex so far above or below all points is beyond them [m].
 _BEYOND = 0.5
-#: A plane from this area on is lost if less than half of its points lie so near to the model [m², m].
-_PLANE, _OF_PLANE = 3.0, 0.2
 _HEADINGS = (
     "set", "places", "within 0.1 m", "of those modelled", "City3D", "better", "worse", "no model", "small",
     "no model", "several", "above", "below", "planes", "lost", "by City3D",
@@ -89,8 +87,8 @@ def place_of(name: str, cloud: NDArray[np.float64], solids: Sequence[Solid], the
     spacing = measure_spacing(roof)
     of_plane = number_planes(roof, point_spacing=spacing)
     sizes = np.bincount(of_plane)
-    large = [k for k in range(1, len(sizes)) if sizes[k] * spacing**2 >= _PLANE] if solids else []
-    lost = [sum(np.mean(away[of_plane == k] <= _OF_PLANE) < 0.5 for k in large) for away in (own, other)]
+    large = [k for k in range(1, len(sizes)) if sizes[k] * spacing**2 >= PLANE] if solids else []
+    lost = [sum(np.mean(away[of_plane == k] <= NEAR) < 0.5 for k in large) for away in (own, other)]
     return Place(
         name,
         len(solids),

@@ -42,3 +42,8 @@ def test_where_nothing_was_seen_around_the_highest_of_all_counts():
     low, steep = costs_of(level_points(5.0, z=3.0), width=10.0, cut_at=9.8)[2.0]
     assert (low, steep) == (0.0, pytest.approx(2.0 * (4.0 - 0.3 - 4.0 * SPACING)))
     assert costs_of(np.vstack([level_points(5.0), [[1.0, 1.0, 60.0]]]), width=10.0)[2.0][1] == 0.0
+
+
+def test_a_plane_below_all_returns_around_a_corner_costs_as_one_above_does():
+    low, _ = costs_of(level_points(10.0, z=8.0), width=10.0, cut_at=9.8)[2.0]
+    assert low == pytest.approx(2.0 * (5.0 - 0.3))
