@@ -1,5 +1,7 @@
 """Formulas of the papers that only presets use, against values computed by hand."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -154,8 +156,9 @@ def test_all_walls_adjust_both_directions_and_the_long_ones_hold_them():
     division = Division(first, last, np.array([0, 1, 0, 1]), 0.0)
     samples = sample_ring(ring, 1.0, None)
     given = np.array([np.pi / 2, 0.0]) + 0.01
-    config = RegularisationConfig(direction_weight=1.0, min_long_wall=10.0)
+    config = RegularisationConfig(direction_sigma_deg=math.degrees(0.3 / 20.0), min_long_wall=10.0)
+    weight = 400.0  # (noise / sigma)²
     turned = adjusted_directions([samples], [division], given, 1.0, config) - given
-    a, b = 20 * 399 / 12, 12 * 143 / 12
-    held = 2 * a + 2 * b
-    assert turned == pytest.approx([-0.01 * a / (held + a), -0.01 * b / (held + b)], rel=1e-3)
+    a, b = (along * weight / (along + weight) for along in (20 * 399 / 12, 12 * 143 / 12))
+    held = 4 * weight
+    assert turned == pytest.approx([-0.02 * a / (held + 2 * a), -0.02 * b / (held + 2 * b)], rel=1e-3)

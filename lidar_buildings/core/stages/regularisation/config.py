@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -79,10 +80,12 @@ class RegularisationConfig(StageConfig):
         "take part, and both directions are estimated once more with all walls.",
         choices=("robust", "joint"),
     )
-    direction_weight: float = advanced(
-        100.0,
-        "Weight of the long walls' directions over a wall's own points; raising it makes angles more exact.",
-        within=(0.0, None),
+    direction_sigma_deg: float = advanced(
+        0.3,
+        "How far walls of a building are off its directions, as a standard deviation; raising it lets long "
+        "walls turn as their points say.",
+        unit="deg",
+        within=(0.001, 45.0),
     )
     min_step: float = advanced(
         1.0,
@@ -104,6 +107,10 @@ class RegularisationConfig(StageConfig):
         False, "Whether all outlines stay as they are: set where footprints are given."
     )
 
+    def stiffness(self, spacing: float) -> float:
+        """Return the weight of a direction beside samples, each of which counts 1 [m²]."""
+        return (self.noise * spacing / math.radians(self.direction_sigma_deg)) ** 2
+
     def line_cost(self, spacing: float) -> float:
         """Return what a wall's own line has to save in squared offsets [m²]: none is shared as published."""
         return self.wall_cost * (self.noise * spacing) ** 2 if self.division == "optimal" else 0.0
@@ -114,6 +121,7 @@ AS_PUBLISHED = RegularisationConfig(
     division="slope_changes",
     min_long_wall=10.0,
     adjustment="joint",
+    direction_sigma_deg=0.05,
     bridge_concavities=False,
     finest_spacing=0.0,
     max_directions=1,

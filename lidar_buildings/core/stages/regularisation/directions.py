@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lidar_buildings.core.stages.regularisation.config import RegularisationConfig
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
+from lidar_buildings.core.stages.regularisation.walls import about_direction
 from lidar_buildings.core.surfaces.ring_division import (
     ARC,
     FREE,
@@ -50,9 +51,8 @@ class WallScatter(NamedTuple):
     def misfit(self, angle: float) -> float:
         """By how much the squared offsets rise if the wall goes along or across a direction [m²]."""
         nearest = angle + _RIGHT_ANGLE * round((self.angle - angle) / _RIGHT_ANGLE)
-        c, s = np.cos(nearest), np.sin(nearest)
-        offsets = c * c * self.xx + 2 * c * s * self.xy + s * s * self.yy
-        return float(offsets - least_scatter(self.xx, self.xy, self.yy))
+        along, _ = about_direction(self.xx, self.xy, self.yy, nearest)
+        return float(self.xx + self.yy - along - least_scatter(self.xx, self.xy, self.yy))
 
 
 def wall_scatters(
@@ -296,12 +296,12 @@ def adjusted_directions(
         if kind >= 0 and last - first > 1
     ]
     min_length = min_long_length([length for _, length, _, _ in walls], spacing, config)
-    weight = config.direction_weight
+    weight = config.stiffness(spacing)
     # What the long walls told of both directions together, when these were held perpendicular.
-    of_long = weight * sum(along for _, length, _, along in walls if length >= min_length)
+    of_long = weight * sum(length >= min_length for _, length, _, _ in walls)
     adjusted = angles.copy()
     for k in range(len(angles)):
-        observed = [(turn, along * weight / (1.0 + weight)) for kind, _, turn, along in walls if kind == k]
+        observed = [(turn, along * weight / (along + weight)) for kind, _, turn, along in walls if kind == k]
         total = of_long + sum(each for _, each in observed)
         if total > 0.0:
             adjusted[k] += sum(turn * each for turn, each in observed) / total
@@ -313,8 +313,6 @@ def _length_and_turn(
 ) -> tuple[float, float, float]:
     """Return a wall's length [m], the turn from a direction to its own [rad], and the turn's weight [m²]."""
     _, _, _, xx, xy, yy = scatter_of(sums, first, last)
-    c, s = np.cos(angle), np.sin(angle)
-    along = s * s * xx - 2.0 * c * s * xy + c * c * yy
-    across = c * s * (yy - xx) + (c * c - s * s) * xy
+    along, across = about_direction(xx, xy, yy, angle)
     ends = points[(last - 1) % len(points)] - points[first % len(points)]
     return float(np.hypot(*ends)), float(-across / along) if along > 0.0 else 0.0, float(along)

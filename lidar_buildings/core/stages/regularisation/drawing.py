@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.stages.regularisation.samples import RingSamples
 from lidar_buildings.core.stages.regularisation.walls import (
-    ANGLE,
     CENTRE_X,
     CENTRE_Y,
-    OFFSET,
+    N_SHAPE,
     RADIUS,
     Fit,
     WalledRing,
+    about_direction,
     find_joint,
+    fit_wall,
     foot_on,
     move_out,
     offset_of,
@@ -36,22 +37,16 @@ STEP = -1
 
 
 class _Line(NamedTuple):
-    """Where walls of one direction lie: in the mean across it [m], with what weight, and which these are."""
+    """Walls of one direction, and the sums of `running_sums` before and after their samples, (2, 6)."""
 
-    position: float
-    weight: float
+    sums: NDArray[np.float64]
     walls: list[int]
 
-    def cost_with(self, other: _Line) -> float:
-        """By how much the squared offsets of all samples rise on one line [m²]."""
-        shared = self.weight * other.weight / (self.weight + other.weight)
-        return shared * (self.position - other.position) ** 2
-
-    def with_walls_of(self, other: _Line) -> _Line:
-        """Return the line in the middle of all samples."""
-        weight = self.weight + other.weight
-        position = (self.position * self.weight + other.position * other.weight) / weight
-        return _Line(position, weight, self.walls + other.walls)
+    def misfit(self, angle: float, fit: Fit) -> float:
+        """Return the squared offsets from the line of least squares, with what its turn costs [m²]."""
+        *_, xx, xy, yy = scatter_of(self.sums, 0, 1)
+        along, across = about_direction(xx, xy, yy, angle)
+        return float(xx + yy - along - across**2 / max(along + fit.stiffness, 1e-12))
 
 
 def on_own_lines(samples: RingSamples, walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
@@ -62,38 +57,41 @@ def on_own_lines(samples: RingSamples, walled: WalledRing, fit: Fit) -> NDArray[
     as the squared offsets rise by less than what a line of its own has to save. Beyond Sampath & Shan (2007),
     whose hierarchy ends with the walls.
     """
-    shape = walled.shape.copy()
-    for angle, lines in _lines_by_direction(samples, walled, fit):
-        for line in _joined(lines, fit.line_cost):
+    shape, one, own = walled.shape.copy(), np.empty(N_SHAPE), (samples.points, samples.bears)
+    for kind, lines in _lines_by_direction(samples, walled, fit):
+        for line in _joined(lines, fit.angles[kind], fit):
             if len(line.walls) > 1:
-                shape[line.walls, ANGLE], shape[line.walls, OFFSET] = angle, line.position
+                fit_wall(*own, line.sums, 0, 1, kind, fit.angles, fit.stiffness, one)
+                shape[line.walls] = one
     return shape
 
 
-def _lines_by_direction(
-    samples: RingSamples, walled: WalledRing, fit: Fit
-) -> list[tuple[float, list[_Line]]]:
-    """Return the lines of walls that share a direction and a side, with its angle [rad], in order."""
-    found: dict[tuple[int, bool], list[_Line]] = defaultdict(list)
+def _lines_by_direction(samples: RingSamples, walled: WalledRing, fit: Fit) -> list[tuple[int, list[_Line]]]:
+    """Return the lines of walls that share a direction, whose number leads, and a side, in order."""
+    found: dict[tuple[int, bool], list[tuple[float, int, _Line]]] = defaultdict(list)
     points, sums = samples.points, running_sums(samples.points, samples.weights)
     for wall, (first, last, kind) in enumerate(zip(*(one.tolist() for one in walled[:3]), strict=True)):
         if kind < 0:
             continue
         c, s = np.cos(fit.angles[kind]), np.sin(fit.angles[kind])
         dx, dy = points[last % len(points)] - points[(first - 1) % len(points)]
-        weight, x, y, *_ = scatter_of(sums, first, last)
+        weight, x, y, xx, xy, yy = scatter_of(sums, first, last)
         x, y = foot_on(walled.shape[wall], x, y)
-        found[kind, bool(dx * s > dy * c)].append(_Line(float(x * c + y * s), weight, [wall]))
-    return [(fit.angles[kind], sorted(lines)) for (kind, _), lines in found.items() if len(lines) > 1]
+        own = np.zeros((2, 6))
+        own[1] = np.array([0, 0, 0, xx, xy, yy]) + weight * np.array([1, x, y, x * x, x * y, y * y])
+        found[kind, bool(dx * s > dy * c)].append((float(x * c + y * s), wall, _Line(own, [wall])))
+    return [(kind, [line for *_, line in sorted(lines)]) for (kind, _), lines in found.items()]
 
 
-def _joined(lines: list[_Line], least: float) -> list[_Line]:
+def _joined(lines: list[_Line], angle: float, fit: Fit) -> list[_Line]:
     while len(lines) > 1:
-        costs = [one.cost_with(other) for one, other in pairwise(lines)]
+        alone = [line.misfit(angle, fit) for line in lines]
+        both = [_Line(one.sums + other.sums, one.walls + other.walls) for one, other in pairwise(lines)]
+        costs = [line.misfit(angle, fit) for line in both] - np.add(alone[1:], alone[:-1])
         k = int(np.argmin(costs))
-        if costs[k] >= least:
+        if costs[k] >= fit.line_cost:
             break
-        lines = [*lines[:k], lines[k].with_walls_of(lines[k + 1]), *lines[k + 2 :]]
+        lines = [*lines[:k], both[k], *lines[k + 2 :]]
     return lines
 
 

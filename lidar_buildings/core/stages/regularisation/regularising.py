@@ -119,7 +119,7 @@ def regularise_outline(traced: Outline, config: RegularisationConfig | None = No
         angles = adjusted_directions(samples, divisions, angles, spacing, config)
     fit = Fit(
         angles,
-        config.direction_weight,
+        config.stiffness(spacing),
         config.min_step * spacing,
         _SHORTEST_WALL * config.finest_spacing,
         config.chord_error * spacing,

@@ -35,13 +35,20 @@ _SMOOTH = 1.0
 
 
 @kernel
-def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, shape):  # type: ignore[no-untyped-def]
+def about_direction(xx, xy, yy, angle):  # type: ignore[no-untyped-def]
+    """Return a scatter's sum of squares along a wall whose normal is given, and of products with across."""
+    c, s = np.cos(angle), np.sin(angle)
+    return s * s * xx - 2.0 * c * s * xy + c * c * yy, c * s * (yy - xx) + (c * c - s * s) * xy
+
+
+@kernel
+def fit_wall(points, bears, sums, first, last, kind, angles, stiffness, shape):  # type: ignore[no-untyped-def]
     """
     Fit the line or arc of one wall.
 
     A wall along a direction is the line of the second step of Sampath & Shan (2007): one equation
-    x cos θ + y sin θ − ρ = 0 per sample and one θ = direction with `direction_weight` times the weight that
-    all samples together have for it. Zero fits the samples alone.
+    x cos θ + y sin θ − ρ = 0 per sample and one θ = direction with a weight of `stiffness` [m²]. Zero fits
+    the samples alone.
 
     `points` are the samples about the building's centre [m], `sums` their running sums, `first` and `last`
     the wall's samples; `bears` tells which are points of the ring, since bridges cut arcs short. Directions
@@ -56,12 +63,10 @@ def fit_wall(points, bears, sums, first, last, kind, angles, direction_weight, s
         angle = normal_angle(xx, xy, yy)
     else:
         angle = angles[kind]
-        c, s = np.cos(angle), np.sin(angle)
-        along = s * s * xx - 2.0 * c * s * xy + c * c * yy
-        across = c * s * (yy - xx) + (c * c - s * s) * xy
+        along, across = about_direction(xx, xy, yy, angle)
         # Turning the line by δ lowers its offset at position t by t δ: linear for the small turns left.
         if along > 0:
-            angle -= across / (along * (1.0 + direction_weight))
+            angle -= across / (along + stiffness)
     shape[ANGLE] = angle
     shape[OFFSET] = x * np.cos(angle) + y * np.sin(angle)
 
@@ -263,7 +268,7 @@ class Fit(NamedTuple):
     """How walls are fitted and which details are kept."""
 
     angles: NDArray[np.float64]  #: directions of the walls' normals [rad], shape (n_directions,)
-    direction_weight: float  #: weight of these directions, in multiples of the wall's own samples
+    stiffness: float  #: weight of these directions beside samples: the variance of these over theirs [m²]
     min_step: float  #: smallest step that is kept [m]
     shortest: float  #: shortest wall, even where smaller steps are kept [m]
     chord_error: float  #: largest distance of an arc from its chords [m]
@@ -301,7 +306,7 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
             division.last,
             division.kind,
             fit.angles,
-            fit.direction_weight,
+            fit.stiffness,
             fit.min_step,
             fit.shortest,
         )
@@ -309,7 +314,7 @@ def assemble(samples: RingSamples, division: Division, fit: Fit) -> WalledRing:
 
 
 @kernel
-def _assembled(points, weights, bears, first, last, kind, angles, direction_weight, min_step, shortest):  # type: ignore[no-untyped-def]
+def _assembled(points, weights, bears, first, last, kind, angles, stiffness, min_step, shortest):  # type: ignore[no-untyped-def]
     """Fit, join, drop and fit again until all walls are long enough."""
     sums = running_sums(points, weights)
     first, last, kind = first.copy(), last.copy(), kind.copy()
@@ -318,12 +323,10 @@ def _assembled(points, weights, bears, first, last, kind, angles, direction_weig
     for i in range(m):
         # Walls begin in the first round, so that merged ones end in the second, as far as the sums reach.
         first[i], last[i] = first[i] % n, first[i] % n + last[i] - first[i]
-        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
+        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, stiffness, shape[i])
     joints = np.zeros((m, 2, 2))
     while True:
-        m = _merge_parallels(
-            points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
-        )
+        m = _merge_parallels(points, bears, sums, first, last, kind, shape, m, angles, stiffness, min_step)
         if m == 1 and shape[0, RADIUS] != 0 and last[0] - first[0] >= len(points):
             break
         if m < 2:
@@ -354,7 +357,7 @@ def close_rows(first, last, kind, shape, m, i):  # type: ignore[no-untyped-def]
 
 @kernel
 def _merge_parallels(  # type: ignore[no-untyped-def]
-    points, bears, sums, first, last, kind, shape, m, angles, direction_weight, min_step
+    points, bears, sums, first, last, kind, shape, m, angles, stiffness, min_step
 ):
     """Make parallel walls one where the step between is too small; return how many are left."""
     n, i = len(points), 0
@@ -369,7 +372,7 @@ def _merge_parallels(  # type: ignore[no-untyped-def]
         while end <= first[i]:
             end += n
         last[i] = end
-        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, direction_weight, shape[i])
+        fit_wall(points, bears, sums, first[i], last[i], kind[i], angles, stiffness, shape[i])
         m = close_rows(first, last, kind, shape, m, k)
         i = max(i - 1, 0) if k else 0
     return m

@@ -173,6 +173,21 @@ def test_walls_beside_an_annex_lie_on_one_line_unless_one_is_set_back(set_back, 
     assert offsets == pytest.approx([set_back / 3] * 2, abs=1e-9 if set_back == 0.0 else 0.05)
 
 
+def test_a_long_wall_turns_as_its_points_say_and_goes_on_so_beyond_an_annex():
+    """A house 1° from square: its front, an annex before the middle, is one line of its own direction."""
+    front = [(0, 0), (10, 0), (10, -3), (16, -3), (16, 0), (26, 0)]
+    slope = np.tan(np.deg2rad(1.0))
+    corners = [(x, y + slope * x) for x, y in front] + [(26, 12), (0, 12)]
+    found = regularise_outline(Outline(noisy_ring(corners, step=0.47, noise=0.05))).outline.exterior
+    assert len(found) == 8
+    ends = [found[np.hypot(*(found - (x, slope * x)).T).argmin()] for x in (0, 10, 16, 26)]
+    turns = np.rad2deg([np.arctan2(b[1] - a[1], b[0] - a[0]) for a, b in (ends[:2], ends[2:], ends[::3])])
+    assert turns == pytest.approx([turns[0]] * 3, abs=1e-6)
+    assert turns[0] == pytest.approx(1.0, abs=0.4)
+    away = shapely.distance(shapely.LineString(ends[::3]), shapely.points(ends[1:3]))
+    assert away == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
 def test_the_outline_turns_and_moves_with_the_ring():
     ring = trace_boundary(GALLERY["t_shape"]().roof_points()).outline.exterior
     expected = regularise_outline(Outline(ring)).outline.exterior

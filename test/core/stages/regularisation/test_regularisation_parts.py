@@ -70,7 +70,7 @@ def jagged_box(seed, width=30.0, height=20.0):
     return np.vstack(sides)
 
 
-def fitted(points, kind, angles=(), weight=100.0):
+def fitted(points, kind, angles=(), weight=1e4):
     weights, bears = np.ones(len(points)), np.ones(len(points), dtype=bool)
     sums = running_sums(points, weights)
     shape = np.empty(N_SHAPE)
@@ -152,7 +152,8 @@ def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
     points = np.column_stack([along, 0.1 * along + 3.0])
     own = fitted(points, FREE)
     assert np.allclose(points @ (np.cos(own[ANGLE]), np.sin(own[ANGLE])), own[OFFSET])
-    for weight, share in ((0.0, 1.0), (1.0, 0.5), (1e9, 0.0)):
+    along = float(((points - points.mean(axis=0)) ** 2).sum())
+    for weight, share in ((0.0, 1.0), (along, 0.5), (1e9, 0.0)):
         shape = fitted(points, 0, [np.pi / 2], weight)
         # Half of the way is exact for small angles only.
         assert shape[ANGLE] - np.pi / 2 == pytest.approx(0.1 * share, abs=1e-3)
@@ -161,7 +162,7 @@ def test_the_adjusted_line_lies_between_the_points_and_the_given_direction():
 def test_walls_found_by_bearing_points_move_to_the_middle_of_all():
     ring = jagged_box(5)
     samples = sample_ring(ring - (15.0, 10.0), 1.0, LIMITS)
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 1.0, 0.1, 0.0)
+    fit = Fit(np.array([0.0, np.pi / 2]), 1e6, 1.0, 1.0, 0.1, 0.0)
     bearing = assemble(samples, divide_ring(samples.points, fit.angles, Costs(0.3, 10, 15, 10)), fit)
     assert len(bearing.first) == 4
     walled = through_all_points(samples, bearing, fit)
@@ -181,7 +182,7 @@ def test_an_arc_all_round_has_the_middle_of_all_points_wherever_it_begins(begin)
     samples = RingSamples(
         between, np.ones(48), np.tile([True, False], 24), np.repeat(np.arange(24), 2), ring, every
     )
-    fit = Fit(np.array([0.0, np.pi / 2]), 100.0, 1.0, 1.0, 0.1, 0.0)
+    fit = Fit(np.array([0.0, np.pi / 2]), 1e6, 1.0, 1.0, 0.1, 0.0)
     division = Division(np.array([begin]), np.array([begin + 48]), np.array([ARC]), 0.0)
     walled = through_all_points(samples, assemble(samples, division, fit), fit)
     assert walled.shape[0, RADIUS] == pytest.approx(5.0 + 1.0 / 24.0, abs=0.01)
