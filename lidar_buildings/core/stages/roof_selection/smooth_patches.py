@@ -180,7 +180,7 @@ def _sheds(
         )
     if is_shed.any():
         ground = candidates.ground()
-        ground = ground[np.argsort(ground[:, 0], kind="stable")]
+        ground = ground[np.argsort(ground[:, 0])]
         for number in np.flatnonzero(is_shed).tolist():
             is_shed[number] = _is_closed(points[part == number], ground, 0.5 * candidates.cell)
     label[~np.append(is_shed, False)[label]] = -1
