@@ -19,6 +19,7 @@ const SHOWN = {
   lod: ["Level of detail", (known) => known.lod ? `LoD${known.lod}` : null, "the finest there is"],
   rmse: ["Accuracy", (known, unit) => known.rmse == null ? null : `${rounded(known.rmse * unit, 2)} m`, "of points to the model, root mean square"],
   outline_sigma: ["Outline", (known, unit) => known.outline_sigma == null ? null : `± ${rounded(known.outline_sigma * unit, 2)} m`, "of traced points to it"],
+  corners: ["Corners", (known, unit) => known.corner_sigma_z == null ? null : (known.corner_sigma_xy == null ? "" : `± ${rounded(known.corner_sigma_xy * unit, 2)} m in plan, `) + `± ${rounded(known.corner_sigma_z * unit, 2)} m in height`, "standard deviations of the roof's corners, medians"],
 };
 
 /** Fill the panel with what is known of a building; `faces` are its measured roof faces. */
