@@ -151,7 +151,7 @@ def _describe(cloud, runs, squares, min_neighbours, max_candidates, found, begin
                 for j in range(n_near):
                     dx, dy, dz = near_x[j] - x, near_y[j] - y, near_z[j] - z
                     square[j] = dx * dx + dy * dy + dz * dz
-                n_within, most = 0, squares[n_radii - 1]
+                n_within, most = np.int64(0), squares[n_radii - 1]
                 for j in range(n_near):
                     # Written always, kept if near: a branch here would be mispredicted half of the time.
                     rows[n_within] = j

@@ -53,5 +53,5 @@ def test_what_cannot_be_read_is_said_in_one_line(monkeypatch):
     with pytest.raises(InputError, match=r"^foo://a\.laz: .*: give a URL that fsspec knows"):
         find_inputs("foo://a.laz")
     monkeypatch.setitem(sys.modules, "upath", None)
-    with pytest.raises(InputError, match=r"^s3://b/a\.laz: URLs need lidar_buildings\[cloud\]: pip install"):
+    with pytest.raises(InputError, match=r"^s3://b/a\.laz: URLs need the extra \[cloud\]: pip install"):
         find_inputs("s3://b/a.laz")
