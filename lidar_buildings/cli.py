@@ -164,8 +164,8 @@ def main(arguments: list[str] | None = None) -> int:
         return ExitStatus.DEFECT
 
 
-def command_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def command_parser(store: type[argparse.Action] | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all commands, with an action in place of the one that stores values."""
     raw = argparse.RawDescriptionHelpFormatter  # examples stand line by line
     parser = OneLineParser(
         prog="lidar-buildings",
@@ -202,6 +202,8 @@ def command_parser() -> argparse.ArgumentParser:
         one = commands.add_parser(
             name, help=words, description=f"{_capital(words)}.", epilog=epilog, formatter_class=raw
         )
+        if store is not None:
+            one.register("action", None, store)
         add_arguments(one)
         one.add_argument("--debug", action="store_true", help="show tracebacks")
         one.set_defaults(command=partial(_call, name, command) if isinstance(command, str) else command)
@@ -219,7 +221,7 @@ def _add_completion(parser: argparse.ArgumentParser) -> None:
 def _completion(options: argparse.Namespace) -> int:
     from lidar_buildings.commands.completion import completion_script
 
-    print(completion_script(command_parser(), options.shell))
+    print(completion_script(command_parser, options.shell))
     return ExitStatus.DONE
 
 

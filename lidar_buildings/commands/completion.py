@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from lidar_buildings.commands.settings import PRESETS
 from lidar_buildings.core.model.errors import LidarBuildingsError
@@ -15,27 +17,28 @@ _VALUES = {"--preset": PRESETS, "--until": STAGES}
 _FOLDERS, _FILES = {"DIR", "OLD", "NEW"}, {"INPUT", "RESULT", "REFERENCE", "BAG"}
 
 
-def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """Return a shell's script; LidarBuildingsError without shtab."""
+class _Completed(argparse.Action):
+    """An argument whose values shtab knows; it is never parsed."""
+
+    def __init__(self, option_strings: list[str], dest: str, **told: Any) -> None:
+        import shtab
+
+        super().__init__(option_strings, dest, **told)
+        if values := _VALUES.get(option_strings[0] if option_strings else ""):
+            self.choices = values
+        elif self.metavar in _FOLDERS:
+            self.complete = shtab.DIRECTORY
+        elif self.metavar in _FILES or self.type is Path:
+            self.complete = shtab.FILE
+
+
+def completion_script(
+    make_parser: Callable[[type[argparse.Action]], argparse.ArgumentParser], shell: str
+) -> str:
+    """Return a shell's script for the parser made with an action to store values; error without shtab."""
     try:
         import shtab
     except ImportError:
         raise LidarBuildingsError("shtab, which makes the script, is missing: pip install shtab") from None
-    for action in _actions(parser):
-        if values := _VALUES.get(action.option_strings[0] if action.option_strings else ""):
-            action.choices = values
-        elif action.metavar in _FOLDERS:
-            action.complete = shtab.DIRECTORY
-        elif action.metavar in _FILES or action.type is Path:
-            action.complete = shtab.FILE
-    script: str = shtab.complete(parser, shell)
+    script: str = shtab.complete(make_parser(_Completed), shell)
     return script
-
-
-def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Return the arguments of a parser and of its commands."""
-    found = list(parser._actions)  # argparse tells of them nowhere else, not even shtab
-    for one in found[:]:
-        if isinstance(one, argparse._SubParsersAction):
-            found += [own for command in one.choices.values() for own in _actions(command)]
-    return found
