@@ -161,8 +161,8 @@ def _limits(contents: Contents) -> Iterator[str]:
     """Say what is left out of the page to keep it small."""
     if contents.focus is None and contents.others:
         yield (
-            f"The 3D view shows {len(contents.buildings):,} buildings near each other, and the worst; "
-            f"{len(contents.others):,} others are dots on the map. "
+            f"The 3D view shows {counted(len(contents.buildings), 'building')}: near ones, and the worst; "
+            f"the map has dots for {counted(len(contents.others), 'other')}. "
             + (
                 "A click on one shows those near it."
                 if contents.is_served
@@ -170,7 +170,8 @@ def _limits(contents: Contents) -> Iterator[str]:
             )
         )
     if contents.models.n_left_out:
-        yield f"{contents.models.n_left_out:,} buildings are shown as outlines only, to keep the page small."
+        left_out = counted(contents.models.n_left_out, "building")
+        yield f"Shown as outlines only, to keep the page small: {left_out}."
     shown, total = len(contents.points.steps), contents.result.run.get("n_points", 0)
     if contents.focus is None and shown < total:
         yield f"{shown:,} of {total:,} points are shown, more of buildings than of the rest; none of noise."

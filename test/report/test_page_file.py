@@ -205,8 +205,8 @@ def test_budgets_hold_and_what_is_left_out_is_said(result, tmp_path, monkeypatch
     page = Page(page_of(contents_module.contents_of(read_result(written_models(tmp_path / "out", DUTCH)))))
     assert len(page.data["facts"]["names"]) == 2
     assert len(page.data["dots"]) == len(model_survey.BUILDINGS) - 2
-    assert "3 others are dots on the map" in page.words
-    assert "1 buildings are shown as outlines only" in page.words
+    assert "dots for 3 others" in page.words
+    assert "Shown as outlines only, to keep the page small: 1 building." in page.words
 
 
 def test_of_large_clouds_stretches_are_read(result, monkeypatch):

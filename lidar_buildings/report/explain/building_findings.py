@@ -212,7 +212,7 @@ def roof_findings(
     numbers = np.unique(roof.plane_id[roof.plane_id > 0])
     place = np.where(roof.plane_id > 0, np.searchsorted(numbers, roof.plane_id) + 1, 0).astype(np.uint16)
     planes = dict(zip(numbers.astype(int).tolist(), fitted_planes(roof.points, place), strict=True))
-    yield Finding(f"{len(planes)} planes of {len(roof.points):,} roof points; the largest:")
+    yield Finding(f"{counted(len(planes), 'plane')} of {len(roof.points):,} roof points; the largest:")
     by_size = sorted(planes.items(), key=lambda item: item[1].n_points, reverse=True)
     for number, one in by_size[:_MOST_PLANES]:
         x, y, z = one.normal.tolist()

@@ -16,6 +16,7 @@ from lidar_buildings.core.neighbours.point_spacing import measure_spacing
 from lidar_buildings.core.stages.roof_selection.config import RoofSelectionConfig
 from lidar_buildings.core.stages.roof_selection.selection import select_roofs
 from lidar_buildings.io.models.cityjson import parse_feature
+from lidar_buildings.io.results.run_summary import counted
 from lidar_buildings.io.tiling.tile_grid import Rectangle
 from lidar_buildings.report.explain.building_findings import (
     Finding,
@@ -122,7 +123,7 @@ def _rejected_surfaces(
     if not len(high.points):
         return
     if len(high.points) < _FEWEST:
-        yield Finding(f"{len(high.points)} points are high enough for a roof, too few for one.")
+        yield Finding(f"High enough for a roof, but too few: {counted(len(high.points), 'point')}.")
         return
     parts = [part for part in shapely.get_parts(shape_of(high.points, spacing)) if part.area >= _LEAST]
     if not parts:

@@ -38,7 +38,7 @@ function fillPanel(panel, facts, row, { faces, n }, level, acts) {
     element("ul", { className: "reasons" }, ...reasons.map((one) => element("li", one))),
     element("dl", {}, ...rows.map(([title, value, meaning]) => element("div", {}, element("dt", title), element("dd", {}, element("b", value), element("small", meaning))))),
     ...(faces.length ? [details(`${faces.length} roof face${faces.length === 1 ? "" : "s"} at LoD${(level / 10).toFixed(1)}`, false, table([["face", "slope", "area", "points", "rmse"], ...few]),
-      element("p", { className: "hint", textContent: `${faces.length > few.length ? `And ${faces.length - few.length} smaller ones. ` : ""}From the ${n.toLocaleString("en")} points of the building that the page holds.` }))] : []),
+      element("p", { className: "hint", textContent: `${faces.length > few.length ? `The largest ${few.length}. ` : ""}From the ${n.toLocaleString("en")} points of the building that the page holds.` }))] : []),
     details("All attributes, as in the files", false, table(raw)),
   );
   panel.hidden = false;
