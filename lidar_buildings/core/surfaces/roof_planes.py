@@ -28,8 +28,8 @@ class RoofPlane:
     centroid: FloatArray
     rms: float  #: root mean square of the points' orthogonal distances [m]
     n_points: int  #: number of points
-    #: Of a, b and c of z = a (x − x₀) + b (y − y₀) + c about the centroid x₀, y₀, see `plane_covariances`;
-    #: shape (3, 3).
+    #: Of a, b and c of z = a (x − x₀) + b (y − y₀) + c about the centroid x₀, y₀, see `plane_covariances`,
+    #: and of what the plane was moved by to meet others; shape (3, 3).
     covariance: FloatArray
 
     @property
@@ -251,6 +251,11 @@ def adjusted_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPla
         free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
     )
     covariances = plane_covariances(free.counts, free.scatter, free.normals[:, 2], free.rms)
+    # What a plane was moved by to meet others, at corners that are not sure themselves, it may be wrong by.
+    moved = coefficients - free.coefficients
+    moved[:, 2] += np.einsum("ki,ki->k", moved[:, :2], free.mean[:, :2])
+    moved[~free.roof | ~coefficients[:, :2].any(axis=1)] = 0.0  # walls, and what was levelled
+    covariances += moved[:, :, None] * moved[:, None, :]
     columns = (normals, places + free.moments.centre, rms.tolist(), map(int, free.moments.sums[:, 0]))
     return tuple(RoofPlane(*each) for each in zip(*columns, covariances, strict=True))
 

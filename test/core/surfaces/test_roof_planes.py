@@ -46,6 +46,20 @@ def test_the_covariance_of_a_plane_of_points_on_a_line_is_finite_and_large():
     assert 1.0 < beside < np.inf
 
 
+def test_planes_are_as_unsure_as_the_corner_is_that_they_were_made_to_meet_at():
+    """Both faces of a gable are drawn 5 cm aside, as by an outline that is off."""
+    scene = model_scene("gable", density=16.0, noise=0.02)
+    (end, _) = scene.ridges[0]
+    aside = end[:2] + 0.05 * scene.normals[0, :2] / np.hypot(*scene.normals[0, :2])
+    found = adjust(scene.points, scene.plane_id)
+    moved = found.with_common_vertices([CommonVertex((1, 2), tuple(aside), True)])
+    assert len(moved.vertices) == 1
+    for before, plane in zip(found.planes, moved.planes, strict=True):
+        off = abs(plane.elevation(end[None, :2])[0] - end[2])
+        assert off > 3.0 * before.elevation_sigma(end[None, :2])[0]
+        assert off < 2.0 * plane.elevation_sigma(end[None, :2])[0]
+
+
 def test_a_slope_that_is_none_becomes_level_and_a_drained_roof_stays_as_it_is():
     flat = model_scene("flat")
     (plane,) = adjusted(flat.points, flat.plane_id)
