@@ -38,6 +38,11 @@ class BuildingModelConfig(StageConfig):
         choices=("1.2", "2.3"),
         advanced=True,
     )
+    main_roof: bool = parameter(
+        False,
+        "Build LoD2.0 as well: the planes of the roof without dormers, chimneys and other small parts on it; "
+        "files of one level keep the finest.",
+    )
     assumed_height: float = parameter(
         3.0,
         "Height of the lowest roof point above the ground where the ground's elevation is unknown; raising "

@@ -101,7 +101,7 @@ def _rounded(value: float) -> float:
 
 
 #: Levels of detail (Biljecki et al. 2016), the finest last.
-LOD12, LOD13, LOD22, LOD23 = "1.2", "1.3", "2.2", "2.3"
+LOD12, LOD13, LOD20, LOD22, LOD23 = "1.2", "1.3", "2.0", "2.2", "2.3"
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +214,8 @@ def build_model(
     Build a building's model at the levels of detail 1.2, 1.3, 2.2 and 2.3 (Biljecki et al. 2016).
 
     LoD1.2 is the outline raised to one height, LoD1.3 has one height for each part of the roof, LoD2.2 has
-    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. LoD2.3 has its eaves
+    the roof's planes: ridges, hips, valleys and steps divide the outline into faces. LoD2.0, with
+    `main_roof`, is the same without dormers and what else stands on the roof. LoD2.3 has its eaves
     overhang the walls as well, if walls were seen from the street. The coordinates are
     rounded as they will be written before a solid is built, so that what is checked is what is written.
     A level that fails its checks is left out, and the reason says so. With `foot` = ``draped`` all stand on
@@ -311,7 +312,7 @@ def _model(
 def _finer_levels(
     roof: _Roof, lowest: Level, config: BuildingModelConfig
 ) -> tuple[dict[str, Level], dict[str, list[RoofFacePatch]], str]:
-    """Return LoD1.3, LoD2.2 and LoD2.3, the faces of each, and why one is missing."""
+    """Return LoD1.3, LoD2.0, LoD2.2 and LoD2.3, the faces of each, and why one is missing."""
     if config.finest_lod == LOD12:
         return {}, {}, "no finer level than LoD1.2 was asked for"
     if not roof.has_extent:
@@ -320,7 +321,8 @@ def _finer_levels(
         steps = np.array([one.segment for one in roof.topology.steps]).reshape(-1, 2, 2)
         ridges = np.array([one.segment[:, :2] for one in roof.topology.intersections]).reshape(-1, 2, 2)
         planes, lines = _distinct_planes(roof), (steps, ridges)
-        faces = partition_outline(roof.outline, roof.points, planes, lines, roof.spacing, config)
+        known = (roof.outline, roof.points, planes, lines, roof.spacing, config)
+        faces = partition_outline(*known)
         faces = with_level_ends(faces, roof.points, roof.spacing)
         share = ELEVATIONS[config.roof_elevation]
         tops = part_elevations(faces, roof.points, lambda z: elevation_at(np.sort(z), share))
@@ -329,11 +331,16 @@ def _finer_levels(
         # A roof in one part is the same at both levels.
         parts = level_13(faces, tops, roof.ground, coverage) if any(face.part for face in faces) else lowest
         levels = {LOD13: parts, LOD22: level_22(faces, roof.ground, coverage)}
+        main = partition_outline(*known, is_main=True) if config.main_roof else []
+        if main:
+            main = with_level_ends(main, roof.points, roof.spacing)
+            covered = matched_coverage(_pieces(main), np.arange(len(main)))
+            levels[LOD20] = level_22(main, roof.ground, covered)
     except Exception as error:
         _log.exception("building at (%.1f, %.1f): its roof was not divided", *roof.outline.exterior[0])
         return {}, {}, f"the roof could not be divided into faces: {error!r}"
     flat = [RoofFacePatch(f.rings, np.array([0.0, 0.0, z]), f.rows) for f, z in zip(faces, tops, strict=True)]
-    by_level = {LOD13: flat, LOD22: faces}
+    by_level = {LOD13: flat, LOD20: main, LOD22: faces}
     if roof.seen is not None and levels[LOD22].solid is not None:
         eaves = overhanging_roof(faces, roof.outline, roof.ground, roof.seen)
         if eaves is not None:

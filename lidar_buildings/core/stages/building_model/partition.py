@@ -223,6 +223,48 @@ _CORNER_COST = 0.15
 _REENTRANT = 0.35
 
 
+#: A step is higher [m]. A block on a roof is part of the building from this area on (LoD2.0 of Biljecki and
+#: others, 2016) [m²].
+_STEP, _LEAST_PART = 0.5, 10.0
+#: What it costs to keep a cell of what is left out as it is [m³].
+_LEFT_OUT = 1e4
+
+
+def _without_superstructures(
+    cells: Cells, labels: IntArray, costs: FloatArray, planes: FloatArray
+) -> FloatArray:
+    """
+    Return costs by which what stands on a roof goes, and the planes around it run on.
+
+    These are faces that do not reach the outline and end in a step somewhere: dormers and lanterns, which a
+    larger face meets without a step elsewhere, and blocks on a larger face that are too small to be parts.
+    """
+    face = join_equal_cells(cells, labels)
+    n = face.max(initial=-1) + 1
+    sides = np.where(cells.sides >= 0, face[cells.sides], -1)
+    own, area = np.empty((n, 3)), np.bincount(face, cells.areas)
+    is_inner, is_joined, is_beside = np.zeros((3, n), np.bool_)
+    own[face] = planes[labels]
+    is_border = (sides >= 0).all(axis=1) & (sides[:, 0] != sides[:, 1])
+    beside, ends = sides[is_border], cells.vertices[cells.borders[is_border]]
+    between = own[beside[:, 0]] - own[beside[:, 1]]
+    rise = np.einsum("ij,ikj->ik", between[:, :2], ends) + between[:, 2:]
+    is_step = (np.abs(rise) > _STEP).any(axis=1)
+    is_inner[beside[is_step]] = True
+    is_inner[sides[(sides < 0).any(axis=1)].max(axis=1)] = False
+    one, other = np.concatenate([beside, beside[:, ::-1]]).T
+    is_larger = area[other] > area[one]
+    is_beside[one[is_larger]] = True
+    is_joined[one[is_larger & ~np.tile(is_step, 2) & ~is_inner[other]]] = True
+    goes = (is_inner & (is_joined | (is_beside & (area < _LEAST_PART))))[face]
+    runs_on = np.zeros(len(planes), np.bool_)
+    runs_on[labels[~goes]] = True
+    costs = costs.copy()
+    costs[goes] = np.where(runs_on, 0.0, _LEFT_OUT)
+    costs[goes, labels[goes]] = _LEFT_OUT
+    return costs
+
+
 def partition_outline(
     outline: Outline,
     points: FloatArray,
@@ -230,13 +272,16 @@ def partition_outline(
     lines: tuple[FloatArray, FloatArray],
     spacing: float,
     config: BuildingModelConfig,
+    *,
+    is_main: bool = False,
 ) -> list[RoofFacePatch]:
     """
     Divide an outline, valid and on the output grid, into roof faces.
 
     Ridges, hips, valleys and steps, run on to the next line, cut the outline into cells; every cell gets the
     plane that fits the points best at the least length of borders and number of corners; cells of one plane
-    are joined. `lines` are first steps and then lines in which planes meet, in plan.
+    are joined. `lines` are first steps and then lines in which planes meet, in plan. `is_main` leaves out
+    what stands on the roof.
     """
     cuts = lines[0][:0]
     if len(planes) > 1:
@@ -248,6 +293,9 @@ def partition_outline(
     costs = plane_costs(points, weights, cell, cells, planes, spacing)
     prices = _BORDER_COST * spacing, _CORNER_COST
     labels = simplified(cells, np.argmin(costs, axis=1), costs, planes, prices, config.min_face_area)
+    if is_main:
+        costs = _without_superstructures(cells, labels, costs, planes)
+        labels = simplified(cells, labels, costs, planes, prices, config.min_face_area)
     face = join_equal_cells(cells, labels)
     rings = face_rings(cells, face, outline)
     own = np.empty((len(rings), 3))
