@@ -144,7 +144,7 @@ class Figure(NamedTuple):
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return buildings, area and volume, grades, accuracy: those that are known."""
+    """Return buildings, area and volume, seen walls, grades, accuracy: those that are known."""
     buildings = result.buildings
     n_solids = sum(bool(one.attributes.get("lod")) for one in buildings)
     valid = f"{_n_valid(buildings):,} with valid solids" if n_solids else "outlines alone"
@@ -154,6 +154,9 @@ def figures(result: Result) -> list[Figure]:
         found.append(
             Figure("Footprints and volume", f"{area:,.0f} m²", f"{volume:,.0f} m³" if volume else "")
         )
+    if n_walls := result.run.get("facade_count"):
+        length = f"{result.run.get('facade_length', 0.0):,.0f} m"
+        found.append(Figure("Seen walls", length, f"{counted(n_walls, 'façade')} from the street"))
     counts = Counter(one.quality for one in buildings)
     grades = {grade.value: counts[grade.value] for grade in Grade if counts[grade.value]}
     if grades:
