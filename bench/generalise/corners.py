@@ -19,6 +19,7 @@ from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.evaluation.scores.models import Wireframe, roof_wireframe, score_wireframes
 from lidar_buildings.evaluation.scores.outlines import match_corners
 from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
@@ -88,8 +89,8 @@ def _read(file: Path) -> DrawnRoof:
     return DrawnRoof(file.stem, points - middle, frame)
 
 
-def solids_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Solid]:
-    """Take roof points without ground through the chain, from segmentation on; return the finest solids."""
+def models_of(points: NDArray[np.float64], config: PipelineConfig) -> list[BuildingModel]:
+    """Take roof points without ground through the chain, from segmentation on."""
     tile = PointTile(
         points,
         classification=np.full(len(points), PointClass.BUILDING, dtype=np.uint8),
@@ -98,8 +99,13 @@ def solids_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Solid
     found = tile_tracing.trace_buildings(tile, config.segmentation, config.boundary_tracing)
     outlines = tile_outlines.regularise_outlines(found.outlines, config.regularisation)
     roofs = tile_stages.fit_planes(found.tile, config.plane_fitting)
-    models = tile_models.build_models(roofs, outlines, config.building_model)
-    return [one.model.solids[max(one.model.solids)] for one in models if one.model.solids]
+    return [one.model for one in tile_models.build_models(roofs, outlines, config.building_model)]
+
+
+def solids_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Solid]:
+    """Return the finest solids of `models_of`."""
+    models = models_of(points, config)
+    return [model.solids[max(model.solids)] for model in models if model.solids]
 
 
 def counts_of(points: NDArray[np.float64], drawn: Wireframe, solids: list[Solid]) -> Counts:

@@ -15,7 +15,7 @@ from shapely.affinity import rotate, translate
 
 from bench.generalise.corners import FOLDER, drawn_roofs
 from bench.models.grade_truth import RoofTruth, drawn_truth, largest_part, truth_of
-from bench.scenes.models import GROUND, SHAPES, model_scene
+from bench.scenes.models import GROUND, SHAPES, ModelScene, model_scene
 from lidar_buildings.core.model.outline import Outline
 
 #: Densities that a roof is seen with [points/m²], and noise of the heights [m].
@@ -227,16 +227,21 @@ OTHER_FOOTPRINTS = {"box": _merged}
 UNKNOWABLE = ("disc", "strip", "half", "stripes", "clumps")
 
 
-def virtual_roof(name: str, seed: int) -> Roof:
+def virtual_scene(name: str, seed: int) -> ModelScene:
     """Return one of `SHAPES`, with a density, a noise, an orientation and a size of its own."""
     chance = np.random.default_rng([seed, zlib.crc32(name.encode())])
-    scene = model_scene(
+    return model_scene(
         name,
         density=float(chance.choice(DENSITIES)),
         noise=float(chance.choice(NOISES)),
         rotation_deg=float(chance.uniform(0.0, 90.0)),
         seed=seed,
     )
+
+
+def virtual_roof(name: str, seed: int) -> Roof:
+    """Return the roof of a `virtual_scene`."""
+    scene = virtual_scene(name, seed)
     return Roof(name, scene.points, truth_of(scene.building), GROUND)
 
 

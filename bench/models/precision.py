@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import logging
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,18 +24,16 @@ from numpy.typing import NDArray
 
 from bench.common.arguments import config_of
 from bench.common.tables import table
+from bench.generalise.corners import models_of
 from bench.generalise.disturbances import disturbances
-from bench.models.grade_cases import DENSITIES, NOISES
-from bench.scenes.models import SHAPES, model_scene
-from lidar_buildings.core.model.classes import PointClass
-from lidar_buildings.core.model.tile import PointTile
+from bench.models.grade_cases import virtual_scene
+from bench.scenes.models import SHAPES
 from lidar_buildings.core.solids.roof_lines import CORNER_KINDS, corner_kinds, roof_lines
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.building_model.model import LOD22
 from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.evaluation.scores.models import roof_wireframe
 from lidar_buildings.evaluation.scores.outlines import match_corners
-from lidar_buildings.pipeline import tile_models, tile_outlines, tile_stages, tile_tracing
 from lidar_buildings.pipeline.config import PipelineConfig
 
 #: Those after which the roof is still the same.
@@ -43,31 +41,24 @@ KINDS = ("strip", "discs", "half", "quarter", "rotated", "shifted", "noisy", "li
 ROUND = ("barrel", "round_tower", "pointed_tower")
 #: Matched corners, and those that may be taken for one another, are nearer [m]; the same one is, in plan [m].
 NEAR, SAME = 1.0, 0.02
-#: Height above ground of the lowest point [m].
-_HEIGHT = 4.0
+
+
+class Matched(NamedTuple):
+    """A corner of a model beside the true one."""
+
+    kind: str
+    error: NDArray[np.float64]  #: along x, y and z [m]
+    sigma: NDArray[np.float64]  #: as the model says [m]
 
 
 class Corner(NamedTuple):
-    """A corner of a model that was matched."""
+    """The same, with the roof that it is of."""
 
     shape: str
     disturbance: str
     kind: str
     error: NDArray[np.float64]  #: along x, y and z [m]
     sigma: NDArray[np.float64]  #: as the model says [m]
-
-
-def models_of(points: NDArray[np.float64], config: PipelineConfig) -> Iterator[BuildingModel]:
-    """Take roof points alone through the chain, from segmentation on."""
-    tile = PointTile(
-        points,
-        classification=np.full(len(points), PointClass.BUILDING, dtype=np.uint8),
-        height_above_ground=points[:, 2] - points[:, 2].min() + _HEIGHT,
-    )
-    found = tile_tracing.trace_buildings(tile, config.segmentation, config.boundary_tracing)
-    outlines = tile_outlines.regularise_outlines(found.outlines, config.regularisation)
-    roofs = tile_stages.fit_planes(found.tile, config.plane_fitting)
-    yield from (one.model for one in tile_models.build_models(roofs, outlines, config.building_model))
 
 
 def told_corners(model: BuildingModel) -> Iterator[tuple[str, NDArray[np.float64], list[float]]]:
@@ -87,31 +78,32 @@ def told_corners(model: BuildingModel) -> Iterator[tuple[str, NDArray[np.float64
             yield kinds[row], solid.vertices[row], sigma
 
 
+def matched_corners(models: Iterable[BuildingModel], true: NDArray[np.float64]) -> list[Matched]:
+    """Match the corners of models with true ones, shape (n, 3) [m], that no other may be taken for."""
+    told = [corner for model in models for corner in told_corners(model)]
+    if not told:
+        return []
+    away = np.linalg.norm(true[:, None, :2] - true[:, :2], axis=2)
+    is_alone = ~((away > SAME) & (away < NEAR)).any(axis=1)
+    rows, columns, _ = match_corners(np.array([place for _, place, _ in told]), true, NEAR)
+    return [
+        Matched(told[i][0], told[i][1] - true[j], np.array(told[i][2]))
+        for i, j in zip(rows[is_alone[columns]], columns[is_alone[columns]], strict=True)
+    ]
+
+
 def corners_of(seed: int, config: PipelineConfig) -> Iterator[Corner]:
     """Yield the matched corners of all shapes, as they are and disturbed."""
     for name in sorted(SHAPES.keys() - set(ROUND)):
-        own_seed = [seed, zlib.crc32(name.encode())]
-        chance = np.random.default_rng(own_seed)
-        scene = model_scene(
-            name,
-            density=float(chance.choice(DENSITIES)),
-            noise=float(chance.choice(NOISES)),
-            rotation_deg=float(chance.uniform(0.0, 90.0)),
-            seed=seed,
-        )
+        scene = virtual_scene(name, seed)
         truth = scene.wireframe.corners
         cases = [("plain", scene.points, truth)]
-        for one in disturbances(scene.points, kinds=KINDS, quick=True, seed=own_seed[1] + seed):
+        chance = seed + zlib.crc32(name.encode())
+        for one in disturbances(scene.points, kinds=KINDS, quick=True, seed=chance):
             cases.append((one.kind, one.points, one.moved(truth)))
         for kind, points, true in cases:
-            told = [corner for model in models_of(points, config) for corner in told_corners(model)]
-            if not told:
-                continue
-            away = np.linalg.norm(true[:, None, :2] - true[:, :2], axis=2)
-            is_alone = ~((away > SAME) & (away < NEAR)).any(axis=1)
-            rows, columns, _ = match_corners(np.array([place for _, place, _ in told]), true, NEAR)
-            for i, j in zip(rows[is_alone[columns]], columns[is_alone[columns]], strict=True):
-                yield Corner(name, kind, told[i][0], told[i][1] - true[j], np.array(told[i][2]))
+            for corner in matched_corners(models_of(points, config), true):
+                yield Corner(name, kind, *corner)
 
 
 def share_table(corners: Sequence[Corner], groups: Sequence[str], name: str) -> str:

@@ -13,20 +13,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bench.common.arguments import config_of
 from bench.common.tables import table
-from bench.models.precision import NEAR, SAME, told_corners
+from bench.models.precision import matched_corners
 from bench.scenes.models import solid_of
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.neighbours.point_spacing import steady_spacing
+from lidar_buildings.core.stages.building_model.result import BuildingModel
 from lidar_buildings.evaluation.scores.models import roof_wireframe
-from lidar_buildings.evaluation.scores.outlines import match_corners
-from lidar_buildings.pipeline.config import PipelineConfig
 from lidar_buildings.pipeline.reconstruct import reconstruct_tile
 from lidar_buildings.simulation import make_scene, simulate_tile
 from lidar_buildings.simulation.scene import VirtualScene
@@ -37,14 +35,6 @@ HEADINGS = (
     "seed", "flights", "points", "models", "corners", "xy error [m]", "xy σ [m]", "z error [m]", "z σ [m]",
     "x, y: 1σ %", "2σ %", "z: 1σ %", "2σ %",
 )  # fmt: skip
-
-
-class Matched(NamedTuple):
-    """Corners of models beside the true ones."""
-
-    n_models: int
-    errors: NDArray[np.float64]  #: along x, y and z, shape (n, 3) [m]
-    sigmas: NDArray[np.float64]  #: as the models say, shape (n, 3) [m]
 
 
 def after_each_flight(scene: VirtualScene, seed: int, density: float) -> Iterator[PointTile]:
@@ -63,30 +53,17 @@ def after_each_flight(scene: VirtualScene, seed: int, density: float) -> Iterato
         yield PointTile(points, stamp=flights[0].stamp, point_spacing=spacing, frame=scene.frame, **columns)
 
 
-def matched(tile: PointTile, scene: VirtualScene, config: PipelineConfig) -> Matched:
-    """Model a tile, and match the corners of its roofs with the true ones."""
-    models = [one.model for one in reconstruct_tile(tile, config).models]
-    told = [corner for model in models for corner in told_corners(model)]
+def cells_of(models: Sequence[BuildingModel], scene: VirtualScene) -> list[str]:
+    """Return the figures of the corners of models in the order of the headings."""
     true = np.concatenate([roof_wireframe([solid_of(one)]).corners for one in scene.buildings])
-    away = np.linalg.norm(true[:, None, :2] - true[:, :2], axis=2)
-    is_alone = ~((away > SAME) & (away < NEAR)).any(axis=1)
-    rows, columns, _ = match_corners(np.array([place for _, place, _ in told]), true, NEAR)
-    pairs = [(i, j) for i, j in zip(rows, columns, strict=True) if is_alone[j]]
-    errors = np.array([told[i][1] - true[j] for i, j in pairs])
-    return Matched(
-        sum(bool(model.solids) for model in models), errors, np.array([told[i][2] for i, _ in pairs])
-    )
-
-
-def cells_of(found: Matched) -> list[str]:
-    """Return the figures of corners in the order of the headings."""
-    error, sigma = np.abs(found.errors), found.sigmas
+    corners = matched_corners(models, true)
+    error, sigma = np.abs([one.error for one in corners]), np.array([one.sigma for one in corners])
     medians = [np.median(one[:, axes]) for axes in (slice(2), 2) for one in (error, sigma)]
     within = [
         np.mean(error[:, axes] <= k * sigma[:, axes]) for axes in (slice(2), slice(2, 3)) for k in (1, 2)
     ]
     return [
-        str(found.n_models),
+        str(sum(bool(model.solids) for model in models)),
         str(len(error)),
         *(f"{one:.3f}" for one in medians),
         *(f"{100 * one:.0f}" for one in within),
@@ -109,7 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for seed in options.seeds:
         scene = make_scene(options.scene, seed)
         for number, tile in enumerate(after_each_flight(scene, seed, options.density), start=1):
-            cells = cells_of(matched(tile, scene, config))
+            models = [one.model for one in reconstruct_tile(tile, config).models]
+            cells = cells_of(models, scene)
             rows.append([str(seed), str(number), f"{len(tile):,}", *cells])
     print(table(HEADINGS, rows))
 

@@ -334,6 +334,7 @@ def _finer_levels(
         main = partition_outline(*known, is_main=True) if config.main_roof else []
         if main:
             main = with_level_ends(main, roof.points, roof.spacing)
+            main = min(main, faces, key=len)  # planes that run on may cut one another into more faces
             covered = matched_coverage(_pieces(main), np.arange(len(main)))
             levels[LOD20] = level_22(main, roof.ground, covered)
     except Exception as error:

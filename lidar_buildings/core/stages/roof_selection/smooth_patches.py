@@ -169,9 +169,8 @@ def _sheds(
     is_shed &= (np.bincount(part, roof[rows], n) == 0) & (candidates.areas(label, n) < LARGE_PATCH_AREA)
     for number in np.flatnonzero(is_shed).tolist():
         own = points[part == number]
-        width, length = (
-            np.sort(_box(own)[2]) + 0.5 * candidates.cell
-        )  # points end half a spacing short of edges
+        # Points end half a spacing short of edges.
+        width, length = np.sort(_box(own)[2]) + 0.5 * candidates.cell
         is_shed[number] = (
             width >= SHED_WIDTH * config.min_building_width
             and length <= SHED_LENGTH * width
