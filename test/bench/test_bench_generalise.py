@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from bench.common.clouds import Cloud
-from bench.generalise import corners, ground, run
+from bench.generalise import ceiling, corners, ground, run
 from bench.generalise.disturbances import KINDS, disturbances
-from lidar_buildings.evaluation.scores.models import roof_wireframe
+from lidar_buildings.evaluation.scores.models import Wireframe, roof_wireframe
 from lidar_buildings.pipeline.config import PipelineConfig
 
 CHANCE = np.random.default_rng(5)
@@ -46,3 +46,15 @@ def test_a_roof_drawn_as_it_stands_has_all_its_corners_and_edges():
     assert counts.edges_paired == counts.edges == counts.edges_drawn == 7
     assert counts.n_on_model == counts.n_points == 1200
     assert corners.corner_table({"plain": [counts]}).splitlines()[-1].split()[2] == "1.000"
+
+
+def test_a_drawn_roof_moves_to_where_its_points_end():
+    x, y = np.random.default_rng(7).uniform(0.0, [[10.0], [8.0]], (2, 1600))
+    points = np.column_stack([x, y, 3.0 - 0.6 * np.abs(y - 4.0)])
+    true = np.array([[0, 0, 0.6], [10, 0, 0.6], [10, 8, 0.6], [0, 8, 0.6], [0, 4, 3], [10, 4, 3.0]])
+    edges = np.array([[0, 1], [1, 5], [4, 5], [0, 4], [2, 5], [2, 3], [3, 4]])
+    drawn = true + np.array([0.5, 0.4, 0.1])
+    roof = corners.DrawnRoof("gable", points, Wireframe(drawn, edges, np.zeros(7, dtype=bool)))
+    assert np.abs(ceiling.adjusted(roof).corners - true).max() < 0.15
+    heights = ceiling.adjusted(roof, ceiling.HEIGHTS).corners
+    assert (np.abs(heights[:, :2] - drawn[:, :2]) < 1e-3).all()
