@@ -14,7 +14,9 @@ from typing import Any
 
 from bench.chain.child import Usage, run_child
 from bench.chain.copies import input_files
+from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.evaluation.command.score import KINDS
+from lidar_buildings.evaluation.readers.city_model import read_city_model
 
 COMMAND = [sys.executable, "-m", "lidar_buildings.cli"]
 #: Cuts the virtual village into 25 tiles [m].
@@ -88,7 +90,15 @@ def peers(job: Job) -> Iterator[Record]:
     output = job.folder / PROGRAM
     command = [PROGRAM, *map(str, job.files), str(footprints), str(output)]
     used = min((run_child(command, cores=1) for _ in range(job.repeats)), key=lambda one: one.cpu)
-    yield {"name": PROGRAM, "models": str(output), "cpu": used.cpu, "wall": used.wall}
+    solids = [solid for one in read_city_model(output).buildings for solid in one.finest("2.2")[1]]
+    faces = sum(solid.semantics.count(ROOF_SURFACE) for solid in solids)
+    yield {
+        "name": PROGRAM,
+        "buildings": len(solids),
+        "faces": faces,
+        "cpu": used.cpu,
+        "wall": used.wall,
+    }
 
 
 def start(job: Job) -> Iterator[Record]:
