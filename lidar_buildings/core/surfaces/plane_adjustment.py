@@ -1,17 +1,18 @@
-"""Joint least squares of the planes of a roof, which may be level and meet in common vertices."""
+"""One least-squares adjustment of a roof's planes, under conditions that their points may refuse."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import FloatArray, IntArray
+from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.surfaces.roof_planes import (
     FreePlanes,
     RoofPlane,
@@ -20,199 +21,90 @@ from lidar_buildings.core.surfaces.roof_planes import (
     plane_moments,
 )
 
-#: Levelling may move a plane by this share of its own roughness at its points,
-_SHARE_OF_RMS = 0.5
-#: but by no less and no more than this [m].
-_LEAST_LEVELLING, _MOST_LEVELLING = 0.02, 0.04
+#: Conditions that hold are refused so often (Baarda 1968): one in a thousand.
+_SIGNIFICANCE = 0.001
+#: Of n equations, what their discrepancies may come to, squared and in units of their variances.
+_CRITICAL = chdtri(np.arange(101), _SIGNIFICANCE)
+#: What a test would have to find four times of five, in units of the standard deviation (Baarda 1968): where
+_POWER = 4.13
+#: slopes that differ by this [m/m] would not be found, it is not said that they do not.
+_SLOPE_TO_FIND = 0.25
+#: Roofs are built level to this [m/m], and level ones at one height to this [m].
+_LEVEL_SIGMA, _HEIGHT_SIGMA = 0.001, 0.01
 
 
 def level_planes(planes: FreePlanes) -> IntArray:
     """
     Return the number of the level surface that each roof plane is a piece of; -1 for planes that are not.
 
-    Planes become level that do not move more at their points than these are rough, and one surface with the
-    largest of those that are as near in height.
+    Planes become level that by their covariance may be so, and one surface with the largest of those that may
+    have its height.
     """
-    return _level(
-        planes.mean,
-        planes.scatter,
-        planes.counts,
-        planes.normals,
-        planes.rms,
-        planes.coefficients,
-        planes.roof,
-    )
+    slopes = planes.covariance[:, :2, :2] + _LEVEL_SIGMA**2 * np.eye(2)
+    a, b = planes.coefficients[:, :2].T
+    xx, xy, yy = slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 1, 1]
+    square = (a * a * yy - 2.0 * a * b * xy + b * b * xx) / (xx * yy - xy * xy)
+    left = planes.roof & (square <= _CRITICAL[2]) & (_POWER**2 * (xx + yy) <= _SLOPE_TO_FIND**2)
+    heights, variances = planes.mean[:, 2], planes.covariance[:, 2, 2]
+    surface = np.full(len(a), -1)
+    while left.any():
+        largest = int(np.argmax(np.where(left, planes.counts, -1.0)))
+        allowed = _CRITICAL[1] * (variances + variances[largest] + _HEIGHT_SIGMA**2)
+        same = left & ((heights - heights[largest]) ** 2 <= allowed)
+        surface[same], left = surface.max() + 1, left & ~same
+    return surface
 
 
-@kernel
-def _level(mean, scatter, counts, normals, rms, coefficients, roof):  # type: ignore[no-untyped-def]
-    """See `level_planes`."""
-    n = len(counts)
-    left, allowed, surface = np.empty(n, np.bool_), np.empty(n), np.full(n, -1)
-    for k in range(n):
-        a, b = coefficients[k, 0], coefficients[k, 1]
-        square = a * a * scatter[k, 0, 0] + 2.0 * a * b * scatter[k, 0, 1] + b * b * scatter[k, 1, 1]
-        moved = math.sqrt(max(square / counts[k], 0.0)) * normals[k, 2]
-        allowed[k] = min(max(_SHARE_OF_RMS * rms[k], _LEAST_LEVELLING), _MOST_LEVELLING)
-        left[k] = roof[k] and moved <= allowed[k]
-    n_surfaces = 0
-    while True:
-        largest = -1
-        for k in range(n):
-            if left[k] and (largest < 0 or counts[k] > counts[largest]):
-                largest = k
-        if largest < 0:
-            return surface
-        for k in range(n):
-            off = abs(mean[k, 2] - mean[largest, 2])
-            if left[k] and off <= min(allowed[k], allowed[largest]):
-                surface[k], left[k] = n_surfaces, False
-        n_surfaces += 1
+#: Kinds of conditions: planes have a common point, are as high at a corner of the outline, as steep, or fall
+#: across a wall.
+POINT, CORNER, SLOPE, STRIKE, LEVEL = "common points", "corners", "equal slopes", "strikes", "level"
+#: Those that make up the roof's topology are met exactly, the others as exactly as roofs are built.
+_EXACT = (POINT, CORNER)
 
 
-#: A plane smoother than this counts for no more [m].
-_LEAST_RMS = 0.02
-#: Pivots below this share of the diagonal belong to equations that follow from others.
-_DEPENDENT = 1e-6
+class Condition(NamedTuple):
+    """Equations between planes z = a x + b y + c about the centre: sums of zero."""
+
+    kind: str
+    planes: tuple[int, ...]  #: numbers of the planes
+    sigma: float  #: standard deviation that each equation has by itself, [m] or [m/m]
+    #: Of a, b, c of each plane in each equation, shape (n_equations, n_planes, 3); of a point those that
+    #: follow from the planes.
+    factors: FloatArray = np.zeros((0, 0, 3))
+    xy: tuple[float, float] = (math.nan, math.nan)  #: where a common point is about the centre [m]
+
+    def near(self, coefficients: FloatArray) -> Condition:
+        """Return the condition linearised at these planes: only a common point follows them."""
+        if self.kind != POINT:
+            return self
+        own = coefficients[np.array(self.planes) - 1]
+        (x, y, _), _ = common_point(own)
+        # An unknown position is cancelled out of its planes' equations.
+        position = np.ones((len(own), 3))
+        position[:, :2] = own[:, :2]
+        shares = np.linalg.qr(position, mode="complete")[0][:, 3:].T
+        return self._replace(factors=shares[:, :, None] * np.array([x, y, 1.0]), xy=(float(x), float(y)))
 
 
-class CommonVertex(NamedTuple):
-    """Planes that are to have one elevation at a position."""
-
-    planes: tuple[int, ...]  #: numbers of the planes, two or more
-    xy: tuple[float, float]  #: position in plan [m]
-    #: Whether the position is given, such as an outline's corner; otherwise it follows the planes.
-    fixed: bool
-
-
-def solve(
-    planes: FreePlanes, surface: IntArray, vertices: Sequence[CommonVertex], slopes: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """
-    Find the planes nearest to the free ones that are level and meet where they should, about the centre.
-
-    Least squares under R x = 0: without R, x is what each plane, or level surface, is by itself, with a
-    covariance N⁻¹ of its own; the multipliers f follow from R N⁻¹ Rᵀ f = R x, and move x by - N⁻¹ Rᵀ f.
-    `slopes` are approximate gradients, for vertices whose position is not given. Returned is also by how much
-    each vertex alone moves each plane at its points, roughly [m], shape (n_vertices, n_planes).
-    """
-    weight = 1.0 / np.maximum(planes.rms, _LEAST_RMS) ** 2
-    level, n_surfaces = surface >= 0, int(surface.max(initial=-1)) + 1
-    found, rows = planes.coefficients.copy(), weight[level, None] * planes.cost[level, 2]
-    stiff = np.bincount(surface[level], rows[:, 2])
-    lift = np.bincount(surface[level], (rows * found[level]).sum(axis=1))
-    found[level] = 0.0
-    found[level, 2] = (lift / stiff)[surface[level]]
-    pull = np.zeros((len(vertices), len(weight)))
-    if not len(vertices):
-        return found, pull
-    plane, owner, equation, factor = _terms(vertices, slopes, planes.moments.centre)
-    # Unknown are c of each level surface, and a, b, c of each plane that is not level.
-    own = np.where(level, surface, n_surfaces + np.cumsum(~level) - 1)
-    give = np.linalg.inv(planes.cost)
-    gives, x = np.zeros((own.max() + 1, 3, 3)), np.zeros((own.max() + 1, 3))
-    gives[own[~level]] = give[~level] / weight[~level, None, None]
-    gives[:n_surfaces, 2, 2] = 1.0 / stiff
-    x[own] = found
-    equations = np.zeros((equation[-1] + 1, *x.shape))
-    np.add.at(equations, (equation, own[plane]), factor)
-    equations[:, :n_surfaces, :2] = 0.0
-    response = np.einsum("egi,gij->egj", equations, gives)
-    size = (len(equations), x.size)
-    force = multipliers(equations.reshape(size), response.reshape(size), x.reshape(-1))
-    x -= np.einsum("e,egj->gj", force, response)
-    # By how much the multipliers of each vertex' equations would move each plane if it were free.
-    moved = np.einsum("ti,tij,tj->t", factor, give[plane], factor)
-    moved = np.sqrt(np.maximum(moved, 0.0) / planes.counts[plane]) * np.abs(force[equation])
-    np.add.at(pull, (owner, plane), moved / weight[plane])
-    return x[own], pull
-
-
-@kernel
-def multipliers(rows, response, nearest):  # type: ignore[no-untyped-def]
-    """
-    Return f of R N⁻¹ Rᵀ f = R x, given R, R N⁻¹ and x; equations that follow from earlier ones have 0.
-
-    By Cholesky, written out rather than left to LAPACK: its threads show in the last digits.
-    """
-    n = len(rows)
-    lower, kept, x = np.zeros((n, n)), np.ones(n, dtype=np.bool_), np.zeros(n)
-    for i in range(n):
-        total = 0.0
-        for k in range(rows.shape[1]):
-            if rows[i, k] != 0.0:
-                total += rows[i, k] * nearest[k]
-                for j in range(i + 1):
-                    lower[i, j] += rows[i, k] * response[j, k]
-        diagonal = lower[i, i]
-        for j in range(i):
-            if kept[j]:
-                for k in range(j):
-                    lower[i, j] -= lower[i, k] * lower[j, k]
-                lower[i, j] /= lower[j, j]
-            else:
-                lower[i, j] = 0.0
-            lower[i, i] -= lower[i, j] ** 2
-            total -= lower[i, j] * x[j]
-        kept[i] = lower[i, i] > _DEPENDENT * diagonal
-        if kept[i]:
-            lower[i, i] = math.sqrt(lower[i, i])
-            x[i] = total / lower[i, i]
-        else:
-            lower[i] = 0.0
-    for i in range(n - 1, -1, -1):
-        if kept[i]:
-            for k in range(i + 1, n):
-                x[i] -= lower[k, i] * x[k]
-            x[i] /= lower[i, i]
-    return x
-
-
-def _terms(
-    vertices: Sequence[CommonVertex], slopes: FloatArray, centre: FloatArray
-) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Return the terms of vertices' equations, sums of zero: plane, vertex, equation, factors of a, b, c."""
-    # At a given position all planes have the elevation of the first; an unknown position is cancelled out.
-    terms: list[tuple[int, int, int]] = []
-    factor: list[tuple[float, float, float]] = []
-    n_equations, (west, south) = 0, centre[:2].tolist()
-    for number, vertex in enumerate(vertices):
-        x, y = vertex.xy[0] - west, vertex.xy[1] - south
-        if vertex.fixed:
-            combinations = [[(vertex.planes[0], 1.0), (k, -1.0)] for k in vertex.planes[1:]]
-        else:
-            position = np.ones((len(vertex.planes), 3))
-            position[:, :2] = slopes[np.array(vertex.planes) - 1]
-            across = np.linalg.qr(position, mode="complete")[0][:, 3:].T.tolist()
-            combinations = [list(zip(vertex.planes, shares, strict=True)) for shares in across]
-        for combination in combinations:
-            terms += [(k - 1, number, n_equations) for k, _ in combination]
-            factor += [(share * x, share * y, share) for _, share in combination]
-            n_equations += 1
-    plane, owner, equation = np.array(terms, dtype=np.int64).reshape(-1, 3).T.copy()
-    return plane, owner, equation, np.array(factor).reshape(-1, 3)
-
-
-#: A vertex may move a plane by this at its points, or by its own roughness if that is more [m].
-_LEAST_MOVE, _MOST_MOVE = 0.03, 0.06
-#: More planes are not adjusted together: the normal matrix would not fit into memory.
+#: More planes are not adjusted together: the matrix of conditions would not fit into memory.
 _MOST_PLANES = 1500
-#: Rounds in which the positions of common vertices follow the planes.
+#: Rounds in which common points follow the planes.
 _FOLLOW_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """Planes, some of them level, to which common vertices can be added."""
+    """Planes, some of them level, to which conditions can be added."""
 
     free: FreePlanes  #: each plane by itself
     #: Number of the level surface that a plane is a piece of; -1 for planes that are not level, shape
     #: (n_planes,).
     surface: IntArray
-    is_joint: bool  #: whether planes are adjusted together: very many are not
-    #: a, b, c of z = a x + b y + c about the building's centre, after the adjustment, shape (n_planes, 3).
+    #: a, b, c of z = a x + b y + c about the building's centre, shape (n_planes, 3).
     coefficients: FloatArray
-    vertices: tuple[CommonVertex, ...] = ()  #: those imposed
+    covariances: FloatArray  #: of these, shape (n_planes, 3, 3)
+    held: tuple[Condition, ...] = ()
+    refused: tuple[Condition, ...] = ()
 
     @property
     def centre(self) -> FloatArray:
@@ -222,58 +114,228 @@ class Adjustment:
     @property
     def planes(self) -> tuple[RoofPlane, ...]:
         """The planes; number k is item k - 1."""
-        return adjusted_planes(self.free, self.coefficients)
+        return adjusted_planes(self.free, self.coefficients, moved(self.covariances, self.free.mean))
 
-    def with_common_vertices(self, vertices: Sequence[CommonVertex]) -> Adjustment:
+    def under(self, conditions: Iterable[Condition]) -> Adjustment:
         """
-        Return the adjustment with those common vertices imposed that the points allow.
+        Return the adjustment under those conditions that the points do not refuse.
 
-        Those that pull most at planes that move too far are given up.
+        Least squares under R x = d, where d has the variance σ² of each condition: with the planes' own
+        covariance Σ, x moves by - K R x, K = Σ Rᵀ (R Σ Rᵀ + σ²)⁻¹. The condition whose discrepancy is the
+        greatest beside its variance, all others given, is refused if that is beyond chance (Baarda 1968), and
+        so on.
+        Those of topology are then met exactly, as if σ were 0, but their σ² goes into the covariance:
+        (I - K R) Σ (I - K R)ᵀ + K σ² Kᵀ.
         """
-        if not self.is_joint:
+        usable = [one for one in conditions if all(self.free.roof[k - 1] for k in one.planes)]
+        usable = [one.near(self.coefficients) for one in usable if self._would_show(one)]
+        if not usable or len(self.surface) > _MOST_PLANES:
             return self
-        vertices = [vertex for vertex in vertices if all(self.free.roof[k - 1] for k in vertex.planes)]
-        allowed = np.clip(self.free.rms, _LEAST_MOVE, _MOST_MOVE)
-        while vertices:
-            coefficients, vertices, pull = self._solved(vertices)
-            excess = self.free.offsets(coefficients) / allowed
-            too_far = np.flatnonzero(self.free.roof & (excess > 1.0))
-            culprits = {int(np.argmax(pull[:, k])) for k in too_far if pull[:, k].any()}
-            if not culprits:
-                return replace(self, coefficients=coefficients, vertices=tuple(vertices))
-            vertices = [vertex for k, vertex in enumerate(vertices) if k not in culprits]
-        return self
+        system = _System.of(usable, self)
+        is_held = system.tested()
+        held = [one for one, kept in zip(usable, is_held, strict=True) if kept]
+        refused = tuple(one for one, kept in zip(usable, is_held, strict=True) if not kept)
+        found = self
+        for _ in range(_FOLLOW_ROUNDS if any(one.kind == POINT for one in held) else min(len(held), 1)):
+            held = [one.near(found.coefficients) for one in held]
+            coefficients, covariances = _System.of(held, self).solved()
+            found = replace(self, coefficients=coefficients, covariances=covariances)
+        return replace(found, held=self.held + tuple(held), refused=self.refused + refused)
 
-    def _solved(self, vertices: list[CommonVertex]) -> tuple[FloatArray, list[CommonVertex], FloatArray]:
-        """Solve, let vertices whose position is not given follow the planes, solve again, and so on."""
-        coefficients = self.coefficients
-        rounds = 1 if all(vertex.fixed for vertex in vertices) else _FOLLOW_ROUNDS
-        for _ in range(rounds):
-            vertices = [self._following(vertex, coefficients) for vertex in vertices]
-            coefficients, pull = solve(self.free, self.surface, vertices, coefficients[:, :2])
-        return coefficients, vertices, pull
+    def _would_show(self, condition: Condition) -> bool:
+        """Whether the points would refuse a condition on slopes that does not hold."""
+        if condition.kind in _EXACT:
+            return True
+        own = self.covariances[np.array(condition.planes) - 1]
+        variance = np.einsum("eki,kij,ekj->e", condition.factors, own, condition.factors)
+        return bool(variance.max() + condition.sigma**2 <= (_SLOPE_TO_FIND / _POWER) ** 2)
 
-    def _following(self, vertex: CommonVertex, coefficients: FloatArray) -> CommonVertex:
-        """Move a vertex whose position is not given to where planes are nearest to meeting."""
-        if vertex.fixed:
-            return vertex
-        xy, _ = common_point(coefficients[np.array(vertex.planes) - 1])
-        return vertex._replace(xy=(float(xy[0] + self.centre[0]), float(xy[1] + self.centre[1])))
+
+class _System(NamedTuple):
+    """Conditions as equations between unknown: c of each level surface, a, b, c of each other plane."""
+
+    own: IntArray  #: row of each plane's unknown, shape (n_planes,)
+    x: FloatArray  #: shape (n_rows, 3)
+    sigma: FloatArray  #: covariances of x, shape (n_rows, 3, 3)
+    group: IntArray  #: condition of each equation, shape (n_equations,)
+    variance: FloatArray  #: of each equation by itself, shape (n_equations,)
+    is_exact: BoolArray  #: shape (n_equations,)
+    #: Of each term: equation, row of the unknown, its factors (n_terms, 3), and Σ times these.
+    equation: IntArray
+    row: IntArray
+    factor: FloatArray
+    response: FloatArray
+
+    @classmethod
+    def of(cls, conditions: Sequence[Condition], adjustment: Adjustment) -> _System:
+        surface = adjustment.surface
+        level, n_surfaces = surface >= 0, int(surface.max(initial=-1)) + 1
+        own = np.where(level, surface, n_surfaces + np.cumsum(~level) - 1)
+        _, first = np.unique(own, return_index=True)
+        x, sigma = adjustment.coefficients[first], adjustment.covariances[first]
+        sizes = [one.factors.shape[:2] for one in conditions]
+        group = np.repeat(np.arange(len(sizes)), [n for n, _ in sizes])
+        row = np.concatenate([np.tile(own[np.array(one.planes) - 1], len(one.factors)) for one in conditions])
+        equation = np.repeat(np.arange(len(group)), np.repeat([n for _, n in sizes], [n for n, _ in sizes]))
+        factor = np.concatenate([one.factors.reshape(-1, 3) for one in conditions])
+        variance = np.array([one.sigma for one in conditions])[group] ** 2
+        is_exact = np.array([one.kind in _EXACT for one in conditions])[group]
+        response = np.einsum("tij,tj->ti", sigma[row], factor)
+        return cls(own, x, sigma, group, variance, is_exact, equation, row, factor, response)
+
+    def tested(self) -> BoolArray:
+        """Return which conditions the points do not refuse."""
+        matrix = self._matrix(self.variance)
+        return _not_refused(inverted(matrix), self._discrepancies(), self.group, _CRITICAL)
+
+    def solved(self) -> tuple[FloatArray, FloatArray]:
+        """Return the planes under all conditions, and their covariances."""
+        inverse = inverted(self._matrix(np.where(self.is_exact, 0.0, self.variance)))
+        force = (inverse * self._discrepancies()).sum(axis=1)
+        x, sigma = self.x.copy(), self.sigma.copy()
+        np.subtract.at(x, self.row, self.response * force[self.equation, None])
+        order = np.argsort(self.row, kind="stable")
+        terms = self.row[order], self.equation[order], self.response[order]
+        _reduce(sigma, *terms, inverse, np.where(self.is_exact, self.variance, 0.0))
+        return x[self.own], sigma[self.own]
+
+    def _discrepancies(self) -> FloatArray:
+        return np.asarray(np.bincount(self.equation, (self.factor * self.x[self.row]).sum(axis=1)), float)
+
+    def _matrix(self, variance: FloatArray) -> FloatArray:
+        matrix = np.diag(variance)
+        _add_terms(matrix, self.equation, self.row, self.factor, self.response)
+        return matrix
+
+
+@kernel
+def _add_terms(matrix, equation, row, factor, response):  # type: ignore[no-untyped-def]
+    """Add R Σ Rᵀ."""
+    for t in range(len(row)):
+        for s in range(len(row)):
+            if row[t] == row[s]:
+                for i in range(3):
+                    matrix[equation[t], equation[s]] += factor[t, i] * response[s, i]
+
+
+#: Pivots below this share of the diagonal belong to equations that follow from others.
+_DEPENDENT = 1e-6
+
+
+@kernel
+def inverted(matrix):  # type: ignore[no-untyped-def]
+    """
+    Return the inverse of a symmetric positive matrix; rows that follow from earlier ones have 0.
+
+    By Gauss and Jordan, written out rather than left to LAPACK: its threads show in the last digits.
+    """
+    a, n = matrix.copy(), len(matrix)
+    for k in range(n):
+        pivot = a[k, k]
+        if pivot <= _DEPENDENT * matrix[k, k]:
+            a[k, :], a[:, k] = 0.0, 0.0
+            continue
+        a[k, k] = 1.0
+        for j in range(n):
+            a[k, j] /= pivot
+        for i in range(n):
+            share = a[i, k]
+            if i != k and share != 0.0:
+                a[i, k] = 0.0
+                for j in range(n):
+                    a[i, j] -= share * a[k, j]
+    return a
+
+
+@kernel
+def _not_refused(inverse, discrepancy, group, critical):  # type: ignore[no-untyped-def]
+    """Return which conditions are kept; worst first, what is refused is taken out of the inverse."""
+    n = group[-1] + 1
+    start, held, force = np.searchsorted(group, np.arange(n + 1)), np.ones(n, np.bool_), np.zeros(len(group))
+    for i in range(len(group)):
+        for j in range(len(group)):
+            force[i] += inverse[i, j] * discrepancy[j]
+    while True:
+        worst, most = -1, 1.0
+        for g in range(n):
+            a, b = start[g], start[g + 1]
+            if held[g]:
+                own, own_force = inverse[a:b, a:b].copy(), force[a:b].copy()
+                excess = _taken_out(own, own_force, np.int64(0), b - a) / critical[min(b - a, len(critical) - 1)]
+                if excess > most:
+                    worst, most = g, excess
+        if worst < 0:
+            return held
+        held[worst] = False
+        _taken_out(inverse, force, start[worst], start[worst + 1])
+
+
+@kernel
+def _taken_out(inverse, force, first, end):  # type: ignore[no-untyped-def]
+    """Take equations out of an inverse and its product with discrepancies; return by how much that fits."""
+    square = 0.0
+    for i in range(first, end):
+        pivot = inverse[i, i]
+        if pivot > 0.0:
+            square += force[i] ** 2 / pivot
+            for k in range(len(force)):
+                share = inverse[k, i] / pivot
+                if k != i and share != 0.0:
+                    force[k] -= share * force[i]
+                    for j in range(len(force)):
+                        inverse[k, j] -= share * inverse[i, j]
+        inverse[i, :], inverse[:, i], force[i] = 0.0, 0.0, 0.0
+    return square
+
+
+@kernel
+def _reduce(sigma, row, equation, response, inverse, variance):  # type: ignore[no-untyped-def]
+    """Take from each covariance what conditions tell; terms are sorted by row."""
+    first = 0
+    for last in range(1, len(row) + 1):
+        if last < len(row) and row[last] == row[first]:
+            continue
+        gain = np.zeros((3, len(inverse)))
+        for t in range(first, last):
+            for e in range(len(inverse)):
+                for i in range(3):
+                    gain[i, e] += response[t, i] * inverse[equation[t], e]
+        for i in range(3):
+            for j in range(3):
+                for t in range(first, last):
+                    sigma[row[first], i, j] -= gain[i, equation[t]] * response[t, j]
+                for e in range(len(inverse)):
+                    sigma[row[first], i, j] += gain[i, e] * variance[e] * gain[j, e]
+        first = last
+
+
+def moved(covariances: FloatArray, by: FloatArray) -> FloatArray:
+    """Return covariances of a, b, c of planes about origins that lie elsewhere, (n, 2) [m]."""
+    move = np.zeros((len(by), 3, 3)) + np.eye(3)
+    move[:, 2, :2] = by[:, :2]
+    return np.asarray(np.einsum("kij,kjl,kml->kim", move, covariances, move))
 
 
 def adjust(points: FloatArray, plane_id: NDArray[np.uint16]) -> Adjustment:
     """
-    Fit all planes of a roof by orthogonal least squares; those that are nearly level become exactly so.
+    Fit all planes of a roof by orthogonal least squares; those that may be level become exactly so.
 
     Pieces of one level plane get one height. Planes are numbered without gaps, 0 = none; of very many each
-    stays by itself.
+    stays by itself. Points that lie off every plane are in none (`plane_fitting`): they need no weights here.
     """
-    n_planes = int(plane_id.max(initial=0))
-    free = free_planes(plane_moments(points, plane_id, n_planes))
-    if n_planes > _MOST_PLANES:
-        return Adjustment(free, np.full(n_planes, -1), False, free.coefficients)
+    free = free_planes(plane_moments(points, plane_id, int(plane_id.max(initial=0))))
+    coefficients, covariances = free.coefficients.copy(), moved(free.covariance, -free.mean)
+    if len(coefficients) > _MOST_PLANES:
+        return Adjustment(free, np.full(len(coefficients), -1), coefficients, covariances)
     surface = level_planes(free)
-    return Adjustment(free, surface, True, solve(free, surface, (), free.coefficients[:, :2])[0])
+    level = surface >= 0
+    own, weight = surface[level], 1.0 / free.covariance[level, 2, 2]
+    stiff = np.bincount(own, weight)
+    coefficients[level], covariances[level] = 0.0, 0.0
+    coefficients[level, 2] = (np.bincount(own, weight * free.mean[level, 2]) / stiff)[own]
+    covariances[level, 2, 2] = (1.0 / stiff)[own]
+    held = tuple(Condition(LEVEL, (k + 1,), _LEVEL_SIGMA) for k in np.flatnonzero(level).tolist())
+    return Adjustment(free, surface, coefficients, covariances, held)
 
 
 @kernel

@@ -28,8 +28,7 @@ class RoofPlane:
     centroid: FloatArray
     rms: float  #: root mean square of the points' orthogonal distances [m]
     n_points: int  #: number of points
-    #: Of a, b and c of z = a (x − x₀) + b (y − y₀) + c about the centroid x₀, y₀, see `plane_covariances`,
-    #: and of what the plane was moved by to meet others; shape (3, 3).
+    #: Of a, b and c of z = a (x − x₀) + b (y − y₀) + c about the centroid x₀, y₀, shape (3, 3).
     covariance: FloatArray
 
     @property
@@ -133,7 +132,7 @@ def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
 STEEPEST_DEG = 87.0
 #: Points whose second axis is shorter than this share of the first lie on a line: their plane is level.
 _LINE = 1e-3
-#: Weight of a plane's own slope beside its points' [m²]: keeps lines and single points solvable.
+#: Weight of a plane's own slope beside its points' [m²]: keeps covariances of lines and points finite.
 _PRIOR = 1e-4
 _LEAST_UPRIGHT = math.cos(math.radians(STEEPEST_DEG))
 
@@ -147,9 +146,8 @@ class FreePlanes(NamedTuple):
     normals: FloatArray  #: unit normals, pointing upwards, shape (n_planes, 3)
     rms: FloatArray  #: root mean square of the orthogonal distances [m], shape (n_planes,)
     coefficients: FloatArray  #: a, b, c, shape (n_planes, 3)
-    #: Matrix Q: a plane changed by d has a sum of squared orthogonal distances greater by dᵀ Q d, shape
-    #: (n_planes, 3, 3).
-    cost: FloatArray
+    #: Of a, b, c about each plane's centroid, see `plane_covariances`, shape (n_planes, 3, 3).
+    covariance: FloatArray
     roof: BoolArray  #: which are roofs: not a wall, and not without points, shape (n_planes,)
 
     @property
@@ -157,27 +155,22 @@ class FreePlanes(NamedTuple):
         """Number of points of each plane, at least 1."""
         return np.maximum(self.moments.sums[:, 0], 1.0)
 
-    def offsets(self, coefficients: FloatArray) -> FloatArray:
-        """Root mean square of the distances between each plane and another at its own points [m]."""
-        change = coefficients - self.coefficients
-        return np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", change, self.cost, change), 0.0) / self.counts)
-
 
 def free_planes(moments: PlaneMoments) -> FreePlanes:
     """Fit every plane to its points by orthogonal least squares."""
     mean, scatter = centroids_and_scatters(moments.sums)
     values, axes = np.linalg.eigh(scatter)
-    return FreePlanes(moments, mean, scatter, *_planes(moments.sums, mean, scatter, values, axes))
+    normals, rms, coefficients, roof = _planes(moments.sums, mean, scatter, values, axes)
+    covariance = plane_covariances(moments.sums[:, 0], scatter, normals[:, 2], rms)
+    return FreePlanes(moments, mean, scatter, normals, rms, coefficients, covariance, roof)
 
 
 @kernel
 def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
-    """Return normals, roughness, coefficients, costs and which are roofs; see `FreePlanes`."""
+    """Return normals, roughness, coefficients and which are roofs; see `FreePlanes`."""
     n_planes = len(sums)
     normals, rms, roof = np.zeros((n_planes, 3)), np.empty(n_planes), np.empty(n_planes, np.bool_)
-    coefficients, cost = np.empty((n_planes, 3)), np.empty((n_planes, 3, 3))
-    # Of the sums, those of products of x, y and 1.
-    products = np.array([[4, 5, 1], [5, 7, 2], [1, 2, 0]])
+    coefficients = np.empty((n_planes, 3))
     for k in range(n_planes):
         normal, count = normals[k], max(sums[k, 0], 1.0)
         if values[k, 1] <= _LINE**2 * values[k, 2] or sums[k, 0] < 3:
@@ -194,11 +187,8 @@ def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
         a, b = -normal[0] / upright, -normal[1] / upright
         coefficients[k, 0], coefficients[k, 1] = a, b
         coefficients[k, 2] = mean[k, 2] - (a * mean[k, 0] + b * mean[k, 1])
-        for i in range(3):
-            for j in range(3):
-                cost[k, i, j] = sums[k, products[i, j]] * upright**2 + (_PRIOR if i == j else 0.0)
         roof[k] = sums[k, 0] > 0.0 and normal[2] > _LEAST_UPRIGHT
-    return normals, rms, coefficients, cost, roof
+    return normals, rms, coefficients, roof
 
 
 #: Points of a roof scatter by no less [m]: noise of the range and of the survey's pose.
@@ -242,20 +232,16 @@ def plane_covariances(
 def fitted_planes(points: FloatArray, plane_id: NDArray[np.uint16]) -> tuple[RoofPlane, ...]:
     """Fit every plane to its points by orthogonal least squares, each by itself, numbered as in `adjust`."""
     free = free_planes(plane_moments(points, plane_id, int(plane_id.max(initial=0))))
-    return adjusted_planes(free, free.coefficients)
+    return adjusted_planes(free, free.coefficients, free.covariance)
 
 
-def adjusted_planes(free: FreePlanes, coefficients: FloatArray) -> tuple[RoofPlane, ...]:
+def adjusted_planes(
+    free: FreePlanes, coefficients: FloatArray, covariances: FloatArray
+) -> tuple[RoofPlane, ...]:
     """Return the planes after the adjustment; walls stay as they were fitted."""
     normals, places, rms = _placed(
         free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
     )
-    covariances = plane_covariances(free.counts, free.scatter, free.normals[:, 2], free.rms)
-    # What a plane was moved by to meet others, at corners that are not sure themselves, it may be wrong by.
-    moved = coefficients - free.coefficients
-    moved[:, 2] += np.einsum("ki,ki->k", moved[:, :2], free.mean[:, :2])
-    moved[~free.roof | ~coefficients[:, :2].any(axis=1)] = 0.0  # walls, and what was levelled
-    covariances += moved[:, :, None] * moved[:, None, :]
     columns = (normals, places + free.moments.centre, rms.tolist(), map(int, free.moments.sums[:, 0]))
     return tuple(RoofPlane(*each) for each in zip(*columns, covariances, strict=True))
 

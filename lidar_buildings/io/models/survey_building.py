@@ -47,9 +47,9 @@ BUILDING_FIELDS: dict[str, type] = {
     "ground_elevation_max": float, "roof_elevation_min": float, "roof_elevation_50p": float,
     "roof_elevation_70p": float, "roof_elevation_max": float, "height": float,
     "area": float, "n_points": int, "point_spacing": float, "outline_sigma": float,
-    "outline_max_offset": float, "n_planes": int, "roof_type": str, "rmse": float, "plane_sigma": float,
-    "corner_sigma_xy": float, "corner_sigma_z": float, "coverage": float, "no_data_share": float,
-    "volume": float, "lod": str, "validity": str,
+    "outline_max_offset": float, "n_planes": int, "roof_type": str, "conditions": str, "rmse": float,
+    "plane_sigma": float, "corner_sigma_xy": float, "corner_sigma_z": float, "coverage": float,
+    "no_data_share": float, "volume": float, "lod": str, "validity": str,
 }  # fmt: skip
 _PLANE = ("plane_a", "plane_b", "plane_c")
 #: Name → type of what is said of each face of a roof.

@@ -38,6 +38,7 @@ MEANINGS = {
     "outline_max_offset": "Largest distance of a traced point from the outline",
     "n_planes": "Number of roof planes that were found",
     "roof_type": "flat, shed, gable, hip, half-hip, pyramid, L, T, complex or unknown",
+    "conditions": "What the roof's planes have in common, and what their points refuse",
     "rmse": "Root mean square distance of roof points from the model",
     "plane_sigma": "Standard deviation of roof points from their planes",
     "corner_sigma_xy": "Median standard deviation of the roof's corners along x or y",

@@ -16,6 +16,7 @@ const SHOWN = {
   area: ["Footprint", (known, unit) => known.area == null ? null : `${rounded(known.area * unit ** 2, 0)} m²`, "area within the outline"],
   volume: ["Volume", (known, unit) => known.volume == null ? null : `${rounded(known.volume * unit ** 3, 0)} m³`, "of the finest solid"],
   roof_type: ["Roof", (known) => known.roof_type ? known.roof_type + (known.n_planes ? `, ${known.n_planes} plane${known.n_planes === 1 ? "" : "s"}` : "") : null, ""],
+  conditions: ["Planes", (known) => known.conditions || null, "what they have in common, and what the points refuse"],
   lod: ["Level of detail", (known) => known.lod ? `LoD${known.lod}` : null, "the finest there is"],
   rmse: ["Accuracy", (known, unit) => known.rmse == null ? null : `${rounded(known.rmse * unit, 2)} m`, "of points to the model, root mean square"],
   outline_sigma: ["Outline", (known, unit) => known.outline_sigma == null ? null : `± ${rounded(known.outline_sigma * unit, 2)} m`, "of traced points to it"],

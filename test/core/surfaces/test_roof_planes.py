@@ -4,12 +4,33 @@ import numpy as np
 import pytest
 
 from bench.scenes.models import model_scene
-from lidar_buildings.core.surfaces.plane_adjustment import CommonVertex, adjust, common_point, multipliers
+from lidar_buildings.core.surfaces.plane_adjustment import (
+    CORNER,
+    POINT,
+    SLOPE,
+    STRIKE,
+    Condition,
+    adjust,
+    common_point,
+    inverted,
+)
 from lidar_buildings.core.surfaces.roof_planes import POINTS_SHARED, fitted_planes, plane_moments
 
 
 def adjusted(points, plane_id):
     return adjust(points, np.asarray(plane_id, np.uint16)).planes
+
+
+def corner(found, planes, xy, sigma=0.02):
+    """Two planes are as high at a place in the map frame."""
+    place = np.append(np.array(xy) - found.centre[:2], 1.0)
+    return Condition(CORNER, planes, sigma, np.array([[place, -place]]))
+
+
+def touching(scene, corner):
+    """Return the numbers of the planes of faces that have a corner."""
+    away = [np.hypot(*(face.rings[0] - corner).T).min() for face in scene.building.faces]
+    return tuple((np.flatnonzero(np.array(away) < 1e-6) + 1).tolist())
 
 
 @pytest.mark.parametrize("name", ["gable", "hip", "l_shape", "mansard", "pitched_courtyard"])
@@ -52,8 +73,8 @@ def test_planes_are_as_unsure_as_the_corner_is_that_they_were_made_to_meet_at():
     (end, _) = scene.ridges[0]
     aside = end[:2] + 0.05 * scene.normals[0, :2] / np.hypot(*scene.normals[0, :2])
     found = adjust(scene.points, scene.plane_id)
-    moved = found.with_common_vertices([CommonVertex((1, 2), tuple(aside), True)])
-    assert len(moved.vertices) == 1
+    moved = found.under([corner(found, (1, 2), aside, sigma=0.05)])
+    assert [one.kind for one in moved.held] == [CORNER]
     for before, plane in zip(found.planes, moved.planes, strict=True):
         off = abs(plane.elevation(end[None, :2])[0] - end[2])
         assert off > 3.0 * before.elevation_sigma(end[None, :2])[0]
@@ -89,26 +110,21 @@ def test_pieces_of_one_plane_become_one():
 def test_planes_meet_in_a_point_to_rounding():
     scene = model_scene("pyramid", rotation_deg=10, seed=3)
     adjustment = adjust(scene.points, scene.plane_id)
-    vertex = CommonVertex((1, 2, 3, 4), (40.1, 29.9), False)
     _, before = common_point(adjustment.coefficients)
-    _, after = common_point(adjustment.with_common_vertices([vertex]).coefficients)
+    _, after = common_point(adjustment.under([Condition(POINT, (1, 2, 3, 4), 0.02)]).coefficients)
     assert before > 1e-4
     assert after < 1e-8
 
 
 def test_planes_meet_over_a_corner_if_it_is_near_enough_and_not_if_it_is_not():
     scene = model_scene("hip")
-    corner = scene.outline.exterior[np.argmax(scene.outline.exterior.sum(axis=1))]
-    touching = [
-        k + 1
-        for k, face in enumerate(scene.building.faces)
-        if np.hypot(*(face.rings[0] - corner).T).min() < 1e-6
-    ]
+    at = scene.outline.exterior[np.argmax(scene.outline.exterior.sum(axis=1))]
+    pair = touching(scene, at)
     for shift, met in ((0.03, True), (0.8, False)):
-        xy = corner + np.array([shift, 0.0])
-        vertex = CommonVertex(tuple(touching), tuple(xy), True)
-        planes = adjust(scene.points, scene.plane_id).with_common_vertices([vertex]).planes
-        one, other = (planes[k - 1].elevation(xy[None])[0] for k in touching)
+        xy = at + np.array([shift, 0.0])
+        free = adjust(scene.points, scene.plane_id)
+        planes = free.under([corner(free, pair, xy)]).planes
+        one, other = (planes[k - 1].elevation(xy[None])[0] for k in pair)
         assert (abs(one - other) < 1e-9) == met
         assert max(plane.rms for plane in planes) < 0.05
 
@@ -154,13 +170,87 @@ def test_moments_are_those_of_numpy():
     assert moments.sums[1, 6] == pytest.approx((about[:, 0] * about[:, 2]).sum(), rel=1e-3)
 
 
-def test_multipliers_are_those_of_the_bordered_system():
-    random = np.random.default_rng(0)
-    root = random.normal(size=(8, 8)) + 2 * np.eye(8)
-    normal, target, rows = root @ root.T, random.normal(size=8), random.normal(size=(3, 8))
-    system = np.block([[normal, rows.T], [rows, np.zeros((3, 3))]])
-    expected = np.linalg.solve(system, np.append(target, np.zeros(3)))
-    doubled = np.vstack([rows, rows[0] - rows[1]])
-    nearest = np.linalg.solve(normal, target)
-    found = multipliers(doubled, doubled @ np.linalg.inv(normal), nearest)
-    assert found == pytest.approx(np.append(expected[8:], 0.0))
+def test_the_inverse_is_numpy_s_and_leaves_out_rows_that_follow_from_others():
+    root = np.random.default_rng(0).normal(size=(6, 6))
+    matrix = root @ root.T
+    assert inverted(matrix) == pytest.approx(np.linalg.inv(matrix))
+    rows = np.vstack([np.eye(6), np.eye(6)[0] - np.eye(6)[1]])
+    expected = np.zeros((7, 7))
+    expected[:6, :6] = np.linalg.inv(matrix)
+    assert inverted(rows @ matrix @ rows.T) == pytest.approx(expected, abs=1e-9)
+
+
+def hip_with_conditions():
+    """A hip roof whose four planes meet at a corner, are as steep and fall along the axes."""
+    scene = model_scene("hip", density=2.0, seed=1)
+    found = adjust(scene.points, scene.plane_id)
+    gradients = found.coefficients[:, :2]
+    unit = gradients / np.hypot(*gradients.T)[:, None]
+    at = scene.outline.exterior[0]
+    conditions = [corner(found, touching(scene, at), at, sigma=0.03)]
+    for k in (1, 2, 3):
+        factors = np.zeros((1, 2, 3))
+        factors[0, :, :2] = unit[0], -unit[k]
+        conditions.append(Condition(SLOPE, (1, k + 1), 0.01, factors))
+    for k, own in enumerate(unit):
+        along = np.rint([-own[1], own[0]])
+        conditions.append(Condition(STRIKE, (k + 1,), 0.005, np.array([[[*along, 0.0]]])))
+    return found, conditions
+
+
+def dense(found, conditions):
+    """Return R, σ² and the free planes' covariance of all unknown together."""
+    n = len(found.coefficients)
+    rows = np.zeros((len(conditions), n, 3))
+    for row, one in zip(rows, conditions, strict=True):
+        row[np.array(one.planes) - 1] = one.factors[0]
+    covariance = np.zeros((n, 3, n, 3))
+    covariance[np.arange(n), :, np.arange(n)] = found.covariances
+    return (
+        rows.reshape(-1, 3 * n),
+        np.array([one.sigma**2 for one in conditions]),
+        covariance.reshape(3 * n, -1),
+    )
+
+
+def test_the_adjustment_is_the_least_squares_solution_and_its_covariance_the_propagated_one():
+    found, conditions = hip_with_conditions()
+    rows, variance, covariance = dense(found, conditions)
+    adjusted = found.under(conditions)
+    assert len(adjusted.held) == len(conditions)
+    # The corner is met exactly, the others are observations: normal equations, bordered by the corner.
+    soft, normal = rows[1:], np.linalg.inv(covariance)
+    normal = normal + soft.T @ (soft / variance[1:, None])
+    bordered = np.linalg.inv(np.block([[normal, rows[:1].T], [rows[:1], np.zeros((1, 1))]]))
+    # What the planes and the conditions are wrong by goes through this into the result.
+    gain = np.hstack([np.linalg.inv(covariance), soft.T / variance[1:]])
+    of_all = bordered[:-1] @ np.vstack(
+        [np.hstack([gain, np.zeros((len(gain), 1))]), np.eye(1, gain.shape[1] + 1, gain.shape[1])]
+    )
+    expected = of_all[:, : len(normal)] @ found.coefficients.ravel()
+    assert adjusted.coefficients.ravel() == pytest.approx(expected, abs=1e-9)
+    errors = np.zeros((of_all.shape[1],) * 2)
+    errors[: len(normal), : len(normal)] = covariance
+    errors[len(normal) :, len(normal) :] = np.diag(np.append(variance[1:], variance[0]))
+    propagated = of_all @ errors @ of_all.T
+    for k, own in enumerate(adjusted.covariances):
+        block = propagated[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        assert own == pytest.approx(block, rel=1e-6, abs=1e-12)
+
+
+def test_the_condition_that_does_not_hold_is_the_one_that_is_refused():
+    found, conditions = hip_with_conditions()
+    turned = Condition(STRIKE, (2,), 0.005, np.array([[[np.cos(0.2), np.sin(0.2), 0.0]]]))
+    adjusted = found.under([*conditions, turned])
+    assert adjusted.refused == (turned,)
+    assert np.array_equal(adjusted.coefficients, found.under(conditions).coefficients)
+
+
+def test_slopes_too_unsure_to_tell_are_not_said_to_be_equal():
+    scene = model_scene("gable")
+    few = np.flatnonzero(scene.plane_id == 1)[:5]
+    rows = np.concatenate([few, np.flatnonzero(scene.plane_id == 2)])
+    found = adjust(scene.points[rows], scene.plane_id[rows])
+    factors = np.array([[[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]])
+    adjusted = found.under([Condition(SLOPE, (1, 2), 0.01, factors)])
+    assert adjusted.held == adjusted.refused == ()

@@ -88,6 +88,7 @@ def roof_attributes(topology: RoofTopology, quality: ModelQuality) -> dict[str, 
     square = sum(plane.n_points * plane.rms**2 for plane in topology.planes)
     return {
         "roof_type": topology.roof_type,
+        "conditions": topology.told_conditions,
         "rmse": None if quality.rmse is None else _rounded(quality.rmse),
         "coverage": _rounded(quality.coverage),
         "no_data_share": _rounded(quality.no_data_share),
@@ -173,6 +174,8 @@ _log = logging.getLogger(__name__)
 _EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
+#: Standard deviation of the corners of a traced outline along x and y [spacings].
+CORNER_SIGMA = 0.15
 #: What is said of a building whose roof was not seen.
 _NOT_SEEN = "the roof was not seen whole: one height, by the tops of walls and what was seen of the roof"
 
@@ -298,7 +301,8 @@ def _model(
     if plane_id is None:
         return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
-        topology = find_topology(points, plane_id, outline, point_spacing=spacing)
+        sigma = CORNER_SIGMA * spacing if is_traced else 0.0
+        topology = find_topology(points, plane_id, outline, point_spacing=spacing, corner_sigma=sigma)
         has_extent = _has_extent(points)
         roof = _Roof(points, outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen)
         levels, faces, why = _finer_levels(roof, lowest, config)

@@ -32,8 +32,6 @@ _LOOSE = 1.0
 
 #: A face lies in a plane that is so near at all its corners [m]; one in none is off by this [m].
 _SAME_PLANE, _NO_PLANE = 0.02, 0.3
-#: A level plane whose slopes are so sure [m/m] was levelled: it has none that could be off.
-_LEVELLED = 0.01
 #: A wall stands on the outline if its middle is so near [m].
 _ON_OUTLINE = 0.02
 #: Walls fix a corner in plan that turn by more: square of the sine of 15°.
@@ -205,12 +203,8 @@ def _plane_sigmas(corners: FloatArray, face: IntArray, planes: Sequence[RoofPlan
     away = np.maximum.reduceat(away, first)
     n = np.diff(first, append=len(face))
     best = away.argmin(axis=1).repeat(n)
-    is_level = [
-        plane.normal[2] == 1.0 and np.trace(plane.covariance[:2, :2]) < _LEVELLED**2 for plane in planes
-    ]
     place = np.ones((len(corners), 3))
     place[:, :2] = corners[:, :2] - np.array([plane.centroid[:2] for plane in planes])[best]
-    place[np.array(is_level)[best], :2] = 0.0
     covariances = np.array([plane.covariance for plane in planes])[best]
     sigma = np.sqrt(np.einsum("ni,nij,nj->n", place, covariances, place))
     return np.where(away.min(axis=1).repeat(n) < _SAME_PLANE, sigma, _NO_PLANE)

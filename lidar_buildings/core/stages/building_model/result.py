@@ -25,6 +25,7 @@ ATTRIBUTES = (
     "point_spacing",
     "n_planes",
     "roof_type",
+    "conditions",
     "rmse",
     "coverage",
     "no_data_share",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.surfaces.plane_adjustment import Condition
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 #: Kinds of lines in which two planes meet.
@@ -45,3 +47,14 @@ class RoofTopology:
     intersections: tuple[IntersectionSegment, ...]  #: ridges, hips and valleys
     steps: tuple[StepEdge, ...]  #: borders where planes do not meet
     roof_type: str  #: see `lidar_buildings.core.stages.roof_topology.roof_type`
+    held: tuple[Condition, ...] = ()  #: what the planes have in common
+    refused: tuple[Condition, ...] = ()  #: what they might have, but that the points refuse
+
+    @property
+    def told_conditions(self) -> str:
+        """How many conditions of each kind hold, and how many the points refuse; empty if there is none."""
+        held, refused = (
+            ", ".join(f"{kind} {n}" for kind, n in sorted(Counter(one.kind for one in group).items()))
+            for group in (self.held, self.refused)
+        )
+        return "; ".join(part for part in (held, refused and f"refused: {refused}") if part)

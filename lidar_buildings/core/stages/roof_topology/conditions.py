@@ -1,0 +1,162 @@
+"""What the planes of a roof may have in common, as their lines and the outline's walls hint at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lidar_buildings.core.kernels import kernel
+from lidar_buildings.core.model.array_types import FloatArray
+from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.stages.roof_topology.directions import main_directions, wall_directions
+from lidar_buildings.core.stages.roof_topology.intersections import POINT_REACH, Pieces, piece_ends
+from lidar_buildings.core.surfaces.plane_adjustment import (
+    CORNER,
+    POINT,
+    SLOPE,
+    STRIKE,
+    Adjustment,
+    Condition,
+    common_point,
+)
+
+#: How exactly roofs are built: a common point [m], where a hip meets the outline, in plan [m], directions of
+#: eaves [rad], slopes [m/m].
+_POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.02, 0.01, 0.01
+#: Planes that fall farther off from across a wall do not [deg].
+_ACROSS_DEG = 20.0
+
+#: A line passes through a corner if no farther off it and ending no farther from it, in spacings.
+_BESIDE_CORNER, _BEFORE_CORNER = 1.0, 2.0
+#: Ends of lines within so many spacings of one another, directly or by way of others, may be one point.
+_SAME_POINT = 3.0
+#: Planes miss their common point by no more than this, root mean square [m].
+_MOST_MISS = 0.08
+#: Three planes meet in a point anyway.
+_LEAST_PLANES = 4
+
+
+def find_conditions(
+    adjustment: Adjustment, pieces: Pieces, walls: FloatArray, spacing: float, corner_sigma: float
+) -> list[Condition]:
+    """
+    Collect the conditions that lines and walls hint at; the adjustment finds out which the points allow.
+
+    Walls, the outline's edges, are about the centre; their corners have the standard deviation `corner_sigma`
+    along x and y [m].
+    """
+    planes = adjustment.coefficients
+    found: list[Condition] = []
+    if len(pieces.pair):
+        ends = piece_ends(pieces, planes)
+        found += _common_points(pieces, ends, planes, spacing)
+        if len(walls):
+            sigma = math.hypot(corner_sigma, _HIP_SIGMA)
+            found += _corners(pieces, ends, walls[:, 0], planes, spacing, sigma)
+        found += _equal_slopes(pieces, adjustment)
+    return found + list(_strikes(adjustment, walls))
+
+
+def _equal_slopes(pieces: Pieces, adjustment: Adjustment) -> Iterator[Condition]:
+    """Planes that meet may be as steep."""
+    unit = _units(adjustment.coefficients)
+    for i, j in sorted(set(zip(pieces.first.tolist(), pieces.second.tolist(), strict=True))):
+        if adjustment.surface[i - 1] < 0 and adjustment.surface[j - 1] < 0:
+            factors = np.zeros((1, 2, 3))
+            factors[0, :, :2] = unit[i - 1], -unit[j - 1]
+            yield Condition(SLOPE, (i, j), _SLOPE_SIGMA, factors)
+
+
+def _strikes(adjustment: Adjustment, walls: FloatArray) -> Iterator[Condition]:
+    """Planes that fall nearly across a wall may do so."""
+    axes = main_directions(*wall_directions(walls))
+    if not len(axes):
+        return
+    unit = _units(adjustment.coefficients)
+    steepness = np.hypot(*adjustment.coefficients[:, :2].T)
+    azimuth = np.arctan2(unit[:, 1], unit[:, 0])
+    off = (azimuth[:, None] - axes + math.pi / 4.0) % (math.pi / 2.0) - math.pi / 4.0
+    best = np.abs(off).argmin(axis=1)
+    off = off[np.arange(len(off)), best]
+    is_near = (np.abs(off) <= math.radians(_ACROSS_DEG)) & (adjustment.surface < 0)
+    for k in np.flatnonzero(is_near).tolist():
+        along = azimuth[k] - off[k] + math.pi / 2.0
+        factors = np.array([[[math.cos(along), math.sin(along), 0.0]]])
+        yield Condition(STRIKE, (k + 1,), _STRIKE_SIGMA * float(steepness[k]), factors)
+
+
+def _units(coefficients: FloatArray) -> FloatArray:
+    """Return the directions in which planes rise, shape (n, 2)."""
+    return coefficients[:, :2] / np.maximum(np.hypot(*coefficients[:, :2].T), 1e-12)[:, None]
+
+
+def _corners(
+    pieces: Pieces,
+    ends: FloatArray,
+    corners: FloatArray,
+    planes: FloatArray,
+    spacing: float,
+    sigma: float,
+) -> Iterator[Condition]:
+    """Pair the ends of lines with the outline's corners that they nearly pass through."""
+    near = _near_corners(ends, corners, spacing)
+    pairs = zip(pieces.first.tolist(), pieces.second.tolist(), near.tolist(), strict=True)
+    for i, j, at in dict.fromkeys((i, j, at) for i, j, rows in pairs for at in rows if at >= 0):
+        position = np.append(corners[at], 1.0)
+        bend = float(np.hypot(*(planes[i - 1, :2] - planes[j - 1, :2])))
+        yield Condition(CORNER, (i, j), sigma * bend, np.array([[position, -position]]))
+
+
+@kernel
+def _near_corners(ends, corners, spacing):  # type: ignore[no-untyped-def]
+    """Return the row of the corner that each line nearly passes through at either end, -1 for none."""
+    near = np.full((len(ends), 2), -1)
+    for k in range(len(ends)):
+        x, y = ends[k, 1, 0] - ends[k, 0, 0], ends[k, 1, 1] - ends[k, 0, 1]
+        length = max(math.hypot(x, y), 1e-12)
+        for end in range(2):
+            least = _BEFORE_CORNER * spacing
+            for i in range(len(corners)):
+                u, v = corners[i, 0] - ends[k, end, 0], corners[i, 1] - ends[k, end, 1]
+                distance, beside = math.hypot(u, v), abs(u * y - v * x) / length
+                is_nearer = distance < least or (distance == least and near[k, end] < 0)
+                if is_nearer and beside <= _BESIDE_CORNER * spacing:
+                    near[k, end], least = i, distance
+    return near
+
+
+def _common_points(
+    pieces: Pieces, ends: FloatArray, gradients: FloatArray, spacing: float
+) -> Iterator[Condition]:
+    """Find where the ends of lines between four or more planes come together."""
+    if len({*pieces.first.tolist(), *pieces.second.tolist()}) < _LEAST_PLANES:
+        return
+    positions = ends.reshape(-1, 2)
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    near = tree.query_pairs(_SAME_POINT * spacing, output_type="ndarray")
+    cluster = sets_of_pairs(len(positions), *near.T).tolist()
+    pairs = np.repeat(np.column_stack([pieces.first, pieces.second]), 2, axis=0)
+    members: dict[int, list[int]] = {number: [] for number in cluster}
+    for row, number in enumerate(cluster):
+        members[number].append(row)
+    for number in sorted(members):
+        mine = members[number]
+        if 2 * len(mine) < _LEAST_PLANES or len(met := _planes_of(pairs[mine])) < _LEAST_PLANES:
+            continue
+        agreed = sorted(met)
+        point, miss = common_point(gradients[np.array(agreed) - 1])
+        apart = np.hypot(*(positions[mine] - point[:2]).T).min()
+        if miss <= _MOST_MISS and apart <= _SAME_POINT * spacing:
+            near = np.hypot(*(positions - point[:2]).T) <= POINT_REACH * spacing
+            others = np.array(sorted(_planes_of(pairs[near]).difference(agreed)), dtype=np.int64)
+            miss = gradients[others - 1, :2] @ point[:2] + gradients[others - 1, 2] - point[2]
+            agreed += others[np.abs(miss) <= _MOST_MISS].tolist()
+            yield Condition(POINT, tuple(sorted(agreed)), _POINT_SIGMA)
+
+
+def _planes_of(pairs: NDArray[np.int32]) -> set[int]:
+    return set(pairs.ravel().tolist())
