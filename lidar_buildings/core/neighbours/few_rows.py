@@ -1,16 +1,10 @@
-"""Sorting of few rows, or by few numbers."""
+"""Sorting of few rows."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from lidar_buildings.core.kernels import kernel
-from lidar_buildings.core.model.array_types import IntArray
-
-
-def rows_by_number(number: IntArray, n_numbers: int) -> IntArray:
-    """Return rows by their numbers from 0 on, as they were among equal ones; 16 bits sort fast."""
-    return np.argsort(number.astype(np.uint16) if n_numbers <= 65536 else number, kind="stable")
 
 
 @kernel

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from lidar_buildings.core.model.array_types import FloatArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.output_grid import GRID, on_grid, polygons_of
 from lidar_buildings.core.solids.overhangs import overhung_solid
 from lidar_buildings.core.solids.plan_graph import RoofPiece
@@ -113,12 +113,6 @@ def walls_along(edges: FloatArray, walls: FloatArray) -> EdgeWalls:
     return EdgeWalls(inside, share)
 
 
-def outline_edges(outline: Outline) -> FloatArray:
-    """Return start and end of the edges of an outline that is `oriented`, shape (n_edges, 2, 2) [m]."""
-    rings = outline.rings
-    return np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
-
-
 def _covered(low: FloatArray, high: FloatArray) -> float:
     """Return the length that intervals cover."""
     end, covered = -math.inf, 0.0
@@ -156,7 +150,7 @@ def corrected_pieces(
         np.rint(np.concatenate(outline.rings) / GRID).astype(np.int64).tolist(),
         np.concatenate(moved), strict=True,
     )}  # fmt: skip
-    edges = outline_edges(outline)
+    edges = ring_walls(outline.rings)
     lines = shapely.linestrings(edges)
     across = _across(edges)
 
@@ -186,7 +180,7 @@ def _across(edges: FloatArray) -> FloatArray:
 
 def _moved_rings(outline: Outline, shift: FloatArray, keep_count: bool = False) -> list[FloatArray]:
     """Return an outline's rings with both ends of every edge moved inwards [m], cut where edges meet."""
-    edges = outline_edges(outline)
+    edges = ring_walls(outline.rings)
     moved = edges + shift[:, :, None] * _across(edges)[:, None]
     rings, done = [], 0
     for ring in outline.rings:
@@ -256,11 +250,11 @@ def overhanging_roof(
     outline was seen.
     """
     pieces = [RoofPiece(face.rings, tuple(face.plane.tolist())) for face in faces]
-    found = walls_along(outline_edges(outline), seen.walls)
+    found = walls_along(ring_walls(outline.rings), seen.walls)
     if not found.seen_share.any():
         return None
     pieces, outline = corrected_pieces(pieces, outline, found)
-    plan = walls_plan(outline, walls_along(outline_edges(outline), seen.walls))
+    plan = walls_plan(outline, walls_along(ring_walls(outline.rings), seen.walls))
     if plan is None:
         return None
     thickness = eaves_thickness(seen.points, pieces, outline, plan)

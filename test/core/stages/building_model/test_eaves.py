@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lidar_buildings.core.model.outline import Outline
-from lidar_buildings.core.stages.building_model.eaves import SeenWalls, outline_edges, walls_along
+from lidar_buildings.core.model.outline import Outline, ring_walls
+from lidar_buildings.core.stages.building_model.eaves import SeenWalls, walls_along
 from lidar_buildings.core.stages.building_model.model import build_model
 
 EAVES = Outline(np.array([[0.0, 0.0], [12.0, 0.0], [12.0, 8.0], [0.0, 8.0]]))
@@ -83,6 +83,6 @@ def test_walls_say_along_which_share_they_were_seen():
     ids=["too deep", "outside", "askew", "short"],
 )
 def test_other_walls_say_nothing_of_an_edge(wall):
-    found = walls_along(outline_edges(EAVES), np.array([wall]))
+    found = walls_along(ring_walls(EAVES.rings), np.array([wall]))
     assert np.isnan(found.inside).all()
     assert not found.seen_share.any()
