@@ -79,33 +79,6 @@ def length_of(members, vertices, most, labels, costs, corner_cost, graph):  # ty
     return total
 
 
-@kernel
-def _difference(before, labels, work, mark, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
-    """Return by how much the description is longer with these planes than before [m³]."""
-    _, _, begin, around, borders, sides, _, prices, _, _, _ = graph
-    vertices, vertex_mark = work[1], work[2]
-    mark[0] += 1
-    n, total = 0, 0.0
-    for c in range(len(labels)):
-        if labels[c] == before[c]:
-            continue
-        total += costs[c, labels[c]] - costs[c, before[c]]
-        for k in range(begin[c], begin[c + 1]):
-            e = around[k]
-            for end in range(2):
-                v = borders[e, end]
-                if vertex_mark[v] != mark[0]:
-                    vertex_mark[v], vertices[n] = mark[0], v
-                    n += 1
-            other = sides[e, 0] if sides[e, 0] != c else sides[e, 1]
-            # An edge between two cells that changed counts for the first one.
-            if other > c or (other >= 0 and labels[other] == before[other]):
-                total += prices[e] * (int(labels[c] != labels[other]) - int(before[c] != before[other]))
-    alone = vertices[:0]
-    total += length_of(alone, vertices[:n], np.inf, labels, costs, corner_cost, graph)
-    return total - length_of(alone, vertices[:n], np.inf, before, costs, corner_cost, graph)
-
-
 @inner_kernel
 def plane_of(cell, labels):  # type: ignore[no-untyped-def]
     """Plane of a cell, −1 beyond the outline."""
@@ -265,9 +238,9 @@ def simplified(
     are counted in space, as people draw them: where planes meet they are one, above a step and below it two.
     Cells are first tried alone; then one after the other beside those that took the plane before, as far as
     the description gets longer by little only, until it is shorter than at first (Kernighan & Lin, 1970): so
-    borders move from one line to another beside it. Faces smaller than `min_area` go in any case. What a
-    plane lost cell by cell it gets back at once: it takes all cells that hang together and that it fits no
-    worse than theirs, cells and faces are tried again, and what is shorter then is kept.
+    borders move from one line to another beside it. Faces smaller than `min_area` go in any case. Then every
+    plane takes, at once, cells that hang together and that it fits no worse than theirs; all are tried again,
+    and what is shorter is kept.
 
     - `labels`, shape (n_cells,), int64: Row of each cell's plane.
     - `costs`, shape (n_cells, n_planes): Misfit of each plane over each cell [m³].
@@ -310,47 +283,43 @@ def _simplify(  # type: ignore[no-untyped-def]
     work = (members, vertices, vertex_mark, cell_mark, stale, taken, member, tried)
     known = (mark, work, longer, looked, changed, areas, min_area)
     _search(known, labels, costs, corner_cost, graph)
-    before, is_new = labels.copy(), True
+    best, shortest, is_new = labels.copy(), _length(labels, costs, corner_cost, graph), True
     gathered = np.zeros(n_cells, np.int64)
-    # When planes about each cell last changed for good, and when each plane last asked for all of its cells.
-    settled, asked = np.zeros(n_cells, np.int64), np.full(costs.shape[1], -1, np.int64)
     while is_new:
         is_new = False
         for label in range(costs.shape[1]):
-            mark[0] += 1
-            visit, last = mark[0], asked[label]
-            asked[label] = visit
+            visit = mark[0] + 1
             for c in range(n_cells):
-                if gathered[c] == visit or not costs[c, label] < costs[c, labels[c]]:
-                    continue
-                n, gain = _fitting(c, label, visit, members, gathered, labels, costs, graph)
-                if gain <= _FEWEST_CORNERS * corner_cost or settled[members[:n]].max() < last:
+                if gathered[c] >= visit or not costs[c, label] < costs[c, labels[c]]:
                     continue
                 mark[0] += 1
+                n, gain = _gather(c, label, mark[0], members, gathered, labels, costs, graph)
+                if gain <= _FEWEST_CORNERS * corner_cost:
+                    continue
                 for i in range(n):
                     labels[members[i]] = label
                     for k in range(begin[members[i]], begin[members[i] + 1]):
-                        for end in range(2):
-                            note(borders[around[k], end], mark[0], changed, graph)
+                        note(borders[around[k], 0], mark[0], changed, graph)
+                        note(borders[around[k], 1], mark[0], changed, graph)
                 _search(known, labels, costs, corner_cost, graph)
-                if _difference(before, labels, work, mark, costs, corner_cost, graph) < -EPSILON:
-                    is_new = True
-                    _settle(before, labels, mark[0], settled, graph)
-                else:
-                    labels[:] = before
+                length = _length(labels, costs, corner_cost, graph)
+                if length < shortest - EPSILON:
+                    best[:], shortest, is_new = labels, length, True
+                labels[:] = best
 
 
 @kernel
-def _settle(before, labels, mark, settled, graph):  # type: ignore[no-untyped-def]
-    """Take over planes that changed, and note it for the cells about."""
-    _, _, begin, around, borders, _, _, _, _, _, _ = graph
+def _length(labels, costs, corner_cost, graph):  # type: ignore[no-untyped-def]
+    """Return the length of the whole description [m³]."""
+    first, _, _, _, _, sides, _, prices, _, _, _ = graph
+    none = np.empty(0, np.int64)
+    total = length_of(none, np.arange(len(first) - 1), np.inf, labels, costs, corner_cost, graph)
     for c in range(len(labels)):
-        if before[c] == labels[c]:
-            continue
-        before[c] = labels[c]
-        for k in range(begin[c], begin[c + 1]):
-            for end in range(2):
-                note(borders[around[k], end], mark, settled, graph)
+        total += costs[c, labels[c]]
+    for e in range(len(sides)):
+        if min(sides[e, 0], sides[e, 1]) >= 0 and labels[sides[e, 0]] != labels[sides[e, 1]]:
+            total += prices[e]
+    return total
 
 
 @kernel
@@ -374,7 +343,7 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
                 if cell_mark[c] >= face_mark or changed[c] < looked[2, c]:
                     continue
                 mark[0] += 1
-                n = _gather(c, mark[0], members, cell_mark, labels, graph)
+                n, _ = _gather(c, labels[c], mark[0], members, cell_mark, labels, costs, graph)
                 for i in range(n):
                     looked[2, members[i]] = mark[0]
                 m = _touch(members[:n], mark[0], vertices, vertex_mark, labels, graph)
@@ -398,39 +367,28 @@ def _search(known, labels, costs, corner_cost, graph):  # type: ignore[no-untype
 
 
 @kernel
-def _fitting(start, label, visit, members, gathered, labels, costs, graph):  # type: ignore[no-untyped-def]
-    """Write the cells about one that a plane fits no worse than theirs; return their number and the gain."""
+def _gather(c, label, mark, members, cell_mark, labels, costs, graph):  # type: ignore[no-untyped-def]
+    """Write the cells about one of its plane, or that another fits as well; return their number and gain."""
     _, _, begin, around, _, sides, _, _, _, _, _ = graph
-    members[0], gathered[start], n, done, gain = start, visit, 1, 0, 0.0
+    members[0], cell_mark[c], n, done, gain = c, mark, 1, 0, 0.0
     while done < n:
-        c = members[done]
-        gain += costs[c, labels[c]] - costs[c, label]
-        for k in range(begin[c], begin[c + 1]):
+        one = members[done]
+        gain += costs[one, labels[one]] - costs[one, label]
+        for k in range(begin[one], begin[one + 1]):
             for side in range(2):
                 o = sides[around[k], side]
-                if o < 0 or gathered[o] == visit or labels[o] == label:
+                if o < 0 or cell_mark[o] == mark:
                     continue
-                if costs[o, label] <= costs[o, labels[o]]:
-                    gathered[o], members[n] = visit, o
+                own = labels[o]
+                if (
+                    own == labels[c]
+                    if label == labels[c]
+                    else (own != label and costs[o, label] <= costs[o, own])
+                ):
+                    cell_mark[o], members[n] = mark, o
                     n += 1
         done += 1
     return n, gain
-
-
-@kernel
-def _gather(c, mark, members, cell_mark, labels, graph):  # type: ignore[no-untyped-def]
-    """Write the cells of a cell's face; return how many these are."""
-    _, _, begin, around, _, sides, _, _, _, _, _ = graph
-    members[0], cell_mark[c], n, done = c, mark, 1, 0
-    while done < n:
-        for k in range(begin[members[done]], begin[members[done] + 1]):
-            for side in range(2):
-                other = sides[around[k], side]
-                if other >= 0 and labels[other] == labels[c] and cell_mark[other] != mark:
-                    cell_mark[other], members[n] = mark, other
-                    n += 1
-        done += 1
-    return n
 
 
 @kernel
