@@ -61,6 +61,7 @@ MEANINGS = {
     "outline_quality": "JSON of a tile: by building the `sigma` and `max_offset` [m] of its outline from "
     "the traced ring, and why it is the traced one, if it is",
     "street_points": "the points of all classes but noise that were seen from the street (`view` 2 and 3)",
+    "newer_points": "points that were measured in tiles after these were sent, some at a time",
     "road_points": "a place beside a vehicle's way with what was seen of it, passed or quiet",
     "facades": "walls as they were seen from the street, an upright face a message, with ids of their own; "
     "one that a tile had in an earlier revision and has no more comes without vertices; one with id −1 and "

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from lidar_buildings.core.model.classes import PointClass
 from lidar_buildings.core.model.errors import InputError, ParameterError
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
+from lidar_buildings.core.surfaces.roof_planes import POINTS_SHARED
 from lidar_buildings.evaluation.readers.labelled_points import read_class_chunks
 from lidar_buildings.evaluation.readers.metric_polygons import MetricPolygons, read_metric_polygons
 from lidar_buildings.evaluation.readers.true_lengths import scale_of, scaled
@@ -257,7 +258,7 @@ class Change(NamedTuple):
     #: Median change of elevation; for what was built or removed, the height of the roof above ground [m].
     height: float
     #: Standard deviation of `height` [m]: by the scatter of what has not changed and, for roofs that both
-    #: results have, by how sure the corners of both models are.
+    #: results have, by how sure the planes of both models are.
     sigma: float
     #: Of the building's cells that have changed, and that both surveys tell of.
     share: float
@@ -466,10 +467,26 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
     limits = Limits(least, config.min_area, config.min_storey, shift + _CELL_SHARE * cell)
     cells = judge_cells(plan, before, after, offset, limits)
     outlines = sides[0].polygons, sides[1].polygons
-    known = (side.attributes.get("corner_sigma_z", np.zeros(len(side.polygons))) for side in sides)
-    was, now = (np.nan_to_num(one.astype(np.float64)) * sides[k].unit for k, one in enumerate(known))
-    changes, words = judge_buildings(cells, outlines, scatter, (was, now))
+    changes, words = judge_buildings(
+        cells, outlines, scatter, (_roof_sigmas(sides[0]), _roof_sigmas(sides[1]))
+    )
     return Comparison(*sides, changes, words, offset, scatter, cell)
+
+
+def _roof_sigmas(side: MetricPolygons) -> NDArray[np.float64]:
+    """
+    Return how sure the height of each roof is, 0 if that is not known [m].
+
+    Of a least-squares plane the variance is 3 s² / n in the mean over its n points, which scatter by s, and
+    more as neighbours share errors (`plane_covariances`). Corners have no part in it: heights are compared
+    amid roofs, and what walls are inside of the eaves both surveys share.
+    """
+    n_planes, n_points, scatter = (
+        np.asarray(side.attributes.get(name, np.zeros(len(side.polygons))), dtype=np.float64)
+        for name in ("n_planes", "n_points", "plane_sigma")
+    )
+    variance = 3.0 * POINTS_SHARED * n_planes / np.maximum(n_points, 1.0) * (scatter * side.unit) ** 2
+    return np.asarray(np.sqrt(np.nan_to_num(variance)))
 
 
 def _median(side: MetricPolygons, name: str) -> float:

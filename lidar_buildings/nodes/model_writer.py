@@ -35,7 +35,7 @@ from lidar_buildings.ros.polygons import outlines_of
 from lidar_buildings.ros.qos import BUILDING, CLOUD, EVENT, LATCHED, LATCHED_HISTORY
 from lidar_buildings.ros.stage_node import StageNode, reason_of
 from lidar_buildings.ros.stamps import header_of, to_stamp
-from lidar_buildings.ros.text_messages import closed_tile, facades_of, is_model
+from lidar_buildings.ros.text_messages import closed_tile, facades_of, is_model, is_provisional
 from lidar_buildings.ros.tile_table import Parts, agree_on_buildings
 
 #: So long diagnostics of the last tiles are waited for, which are sent right after the results; and how often
@@ -159,7 +159,7 @@ class ModelWriter(StageNode):
         line = message.data
         if (stamp := closed_tile(line)) is not None:
             self.add_part(stamp, _MODELS, True)
-        elif is_model(line):
+        elif is_model(line) and not is_provisional(line):
             number = checked_feature(line)
             self._features[number] = line
             self._features.move_to_end(number)

@@ -49,6 +49,7 @@ class ScanAssembler(TileSender):
         self._has_looked = self._has_frame = False
         self.summary.gauges.append(lambda: {**self.tiles.counts(), "scans_lost": self._n_lost})
         self._road_points = self.create_publisher(PointCloud2, "road_points", CLOUD)
+        self._newer_points = self.create_publisher(PointCloud2, "newer_points", CLOUD)
         self.begin()
         self.create_service(Trigger, "~/flush", self.on_flush)
         self.create_service(Trigger, "~/reset", self.on_reset)
@@ -73,6 +74,8 @@ class ScanAssembler(TileSender):
             self.publish_frame(self.tiles.frame)
         for place in self.tiles.take_places():
             self._road_points.publish(to_message(place))
+        for points in self.tiles.take_newer():
+            self._newer_points.publish(to_message(points))
         super().on_tick()
         n_flushed = self.tiles.n_flushed
         if self._n_flushed < n_flushed and self.is_empty:

@@ -40,6 +40,8 @@ from lidar_buildings.nodes.configs import (
     MapFrameConfig,
 )
 from lidar_buildings.nodes.map_frames import FrameListener
+from lidar_buildings.pipeline.building_pool import BuildingPool
+from lidar_buildings.pipeline.live_models import LiveModels, LiveRoof, live_roofs
 from lidar_buildings.pipeline.road_facades import RoadFacades
 from lidar_buildings.pipeline.tile_facades import (
     MappedFacades,
@@ -81,6 +83,8 @@ from lidar_buildings.ros.wall_maps import wall_map_message
 Outlines = tuple[BuildingOutline, ...]
 #: Places beside a vehicle's way that wait, or are worked on, at most: one takes a tenth of a second.
 _MOST_PLACES = 16
+#: A roof's model is published anew when so long no new point has come to it [s].
+_LIVE = 0.5
 
 
 class GroundFilter(StageNode):
@@ -315,6 +319,25 @@ class PlaneFitter(StageNode):
         self._plane_points.publish(to_message(planes))
 
 
+def _models(
+    facades: tuple[Facade, ...],
+    is_live: bool,
+    points: PointTile,
+    outlines: Outlines,
+    config: BuildingModelConfig,
+    pool: BuildingPool | None = None,
+) -> tuple[tuple[TileModel, ...], list[LiveRoof]]:
+    models = build_models(points, outlines, config, pool, facades=facades)
+    return models, live_roofs(points, outlines, models) if is_live else []
+
+
+def _markers_of(stamp: int, models: Sequence[TileModel], gone: Sequence[int] = ()) -> MarkerArray:
+    solids = {one.building_id: one.model.solids.values() for one in models}
+    return model_markers(
+        stamp, solids, gone, {one.building_id: one.attributes.get("corner_sigma_xy") for one in models}
+    )
+
+
 class ModelBuilder(StageNode):
     """Builds the models of each tile's buildings, and withdraws those that a tile has no more."""
 
@@ -333,6 +356,9 @@ class ModelBuilder(StageNode):
         self._map = FrameListener(self, self.on_frame, self.parameters[MapFrameConfig].frame_patience)
         topics = ("plane_points", "outlines", "outline_quality", "facade_records")
         self.take_tiles(topics, self.work, self.publish, agree_on_buildings)
+        self._live = LiveModels()
+        self.create_subscription(PointCloud2, "newer_points", self.on_newer, CLOUD)
+        self.create_timer(_LIVE, self._publish_live)
         self.create_subscription(String, "outline_quality", self.on_quality, CLOUD)
         self.create_subscription(String, "facade_records", self.on_facades, CLOUD)
         self.subscribe_rings("outlines", outlines_of)
@@ -360,20 +386,33 @@ class ModelBuilder(StageNode):
 
     def work(
         self, points: PointTile, outlines: Outlines, qualities: Qualities, facades: tuple[Facade, ...]
-    ) -> Future[tuple[TileModel, ...]]:
-        """Build one tile's models."""
+    ) -> Future[tuple[tuple[TileModel, ...], list[LiveRoof]]]:
+        """Build one tile's models, and have sums of their points if more may come."""
         outlines = tuple(replace(one, quality=qualities.get(one.building_id)) for one in outlines)
-        config = self.parameters[BuildingModelConfig]
-        return self.submit_shared(partial(build_models, facades=facades), points, outlines, config)
+        config, is_live = self.parameters[BuildingModelConfig], self.count_publishers("newer_points") > 0
+        return self.submit_shared(partial(_models, facades, is_live), points, outlines, config)
 
-    def publish(self, stamp: int, models: Sequence[TileModel]) -> None:
+    def on_newer(self, message: PointCloud2) -> None:
+        """Add points to the sums of the roofs that they are on."""
+        self._live.add(from_message(message).tile.points)
+
+    def _publish_live(self) -> None:
+        """Publish models anew that points have come to, once no more come."""
+        for stamp, one in self._live.solved():
+            line = feature_line(one.model, one.building_id, self._frame, one.attributes, anchor=one.anchor)
+            self._features.publish(String(data=line))
+            self._markers.publish(_markers_of(stamp, [one]))
+            self.summary.counts["provisional_models"] += 1
+
+    def publish(self, stamp: int, built: tuple[Sequence[TileModel], list[LiveRoof]]) -> None:
         """Publish one tile's models."""
+        models, roofs = built
+        self._live.replace(stamp, roofs)
         publish_all(self._features, self._feature_messages(stamp, models))
         faces = {one.building_id: tuple(chain.from_iterable(one.model.roof_faces)) for one in models}
         rings = {number: of_building for number, of_building in faces.items() if of_building}
         publish_all(self._roof_faces, ring_messages(stamp, rings))
-        solids = {one.building_id: one.model.solids.values() for one in models}
-        shown = model_markers(stamp, solids, self._numbers.of(stamp, solids))
+        shown = _markers_of(stamp, models, self._numbers.of(stamp, [one.building_id for one in models]))
         if shown.markers:  # late viewers get the last messages
             self._markers.publish(shown)
         self.summary.passed_on(0)

@@ -46,6 +46,7 @@ TOPICS = (
     Topic("city_model", _TEXT, "LATCHED"),  # its header
     Topic("street_points", _CLOUD, "CLOUD"),
     Topic("road_points", _CLOUD, "CLOUD"),
+    Topic("newer_points", _CLOUD, "CLOUD"),
     Topic("facades", _RINGS, "MAP_RINGS"),
     Topic("facade_records", _TEXT, "CLOUD"),
     Topic("facade_markers", "visualization_msgs/MarkerArray", "MAP"),
@@ -143,7 +144,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard(
         "scan_assembler",
         ("scan", "odometry", "/tf", "/tf_static", "fix", *_FRAME, "tile_done", "node_state"),
-        (*_SENT, "road_points"),
+        (*_SENT, "road_points", "newer_points"),
     ),
     NodeCard("ground_filter", writes=("dtm",)),
     NodeCard("roof_selector"),
@@ -152,7 +153,7 @@ NODE_TABLE: tuple[NodeCard, ...] = (
     NodeCard("outline_regulariser"),
     NodeCard("facade_finder", ("road_points",)),
     NodeCard("plane_fitter"),
-    NodeCard("model_builder", _FRAME, ("tile_done",)),
+    NodeCard("model_builder", (*_FRAME, "newer_points"), ("tile_done",)),
     NodeCard(
         "model_writer",
         ("tile_info", *_FRAME, *writer_topics(STAGES[-1]), "survey_done", "tile_failed", "diagnostics"),
@@ -167,6 +168,7 @@ NODE_STAGES = {stage.node: stage.name for stage in STAGE_TABLE}
 ON_REQUEST = {
     "building_tracer": (*_FRAME, "classified_points"),
     "facade_finder": ("road_points",),
+    "model_builder": ("newer_points",),
     "model_writer": _FRAME,
 }
 #: Nodes that tiles come from; a graph has one of them.

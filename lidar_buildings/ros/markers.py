@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
@@ -16,15 +17,21 @@ from lidar_buildings.ros.stamps import header_of
 
 
 def model_markers(
-    stamp: int, buildings: Mapping[int, Iterable[Solid]], withdrawn: Iterable[int] = ()
+    stamp: int,
+    buildings: Mapping[int, Iterable[Solid]],
+    withdrawn: Iterable[int] = (),
+    sigmas: Mapping[int, float | None] = MappingProxyType({}),
 ) -> MarkerArray:
     """
     Return the edges of each building's solids as a list of lines that replaces the one shown before.
 
-    The marker of a building without solids, or of one that is withdrawn, is deleted.
+    The marker of a building without solids, or of one that is withdrawn, is deleted. The less sure its
+    corners are in plan, by a standard deviation [m], the fainter it is.
     """
     shown: dict[int, Iterable[Solid]] = {**dict.fromkeys(withdrawn, ()), **buildings}
-    return MarkerArray(markers=[_marker(stamp, number, solids) for number, solids in shown.items()])
+    return MarkerArray(
+        markers=[_marker(stamp, number, solids, sigmas.get(number)) for number, solids in shown.items()]
+    )
 
 
 def facade_markers(stamp: int, facades: Iterable[Facade], withdrawn: Iterable[int] = ()) -> MarkerArray:
@@ -42,13 +49,15 @@ def facade_markers(stamp: int, facades: Iterable[Facade], withdrawn: Iterable[in
     return MarkerArray(markers=[*gone, *shown])
 
 
-_BUILDING = ColorRGBA(r=1.0, g=0.6, b=0.1, a=1.0)
+#: Corners as sure as this are opaque [m]; the least that is seen of others.
+_SURE, _FAINTEST = 0.05, 0.3
 _FACADE = ColorRGBA(r=0.1, g=0.6, b=1.0, a=1.0)
 
 
-def _marker(stamp: int, building_id: int, solids: Iterable[Solid]) -> Marker:
+def _marker(stamp: int, building_id: int, solids: Iterable[Solid], sigma: float | None) -> Marker:
     corners = [corner for solid in solids for corner in _edges(solid).tolist()]
-    return _lines(stamp, "buildings", building_id, corners, _BUILDING)
+    colour = ColorRGBA(r=1.0, g=0.6, b=0.1, a=max(_SURE / max(sigma or 0.0, _SURE), _FAINTEST))
+    return _lines(stamp, "buildings", building_id, corners, colour)
 
 
 def _lines(

@@ -92,6 +92,11 @@ def is_model(line: str) -> bool:
     return line.startswith(_FEATURE) and not line.endswith(_END)
 
 
+def is_provisional(line: str) -> bool:
+    """Whether a feature was solved again since its tile was sent: no file has it (`pipeline.live_models`)."""
+    return '"provisional":true' in line
+
+
 def tile_closing_message(stamp: int) -> String:
     """Return the message that a tile has no more features."""
     return withdrawal_message(f"tile-{stamp}")

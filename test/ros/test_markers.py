@@ -32,6 +32,12 @@ def test_what_is_gone_or_has_no_solid_is_deleted():
     assert [len(one.points) for one in markers if one.action == Marker.DELETE] == [0, 0]
 
 
+def test_a_building_is_the_fainter_the_less_sure_its_corners_are():
+    solids = {number: [TETRAHEDRON] for number in (1, 2, 3, 4)}
+    shown = model_markers(STAMP, solids, (), {1: 0.02, 2: 0.1, 3: 2.0})
+    assert [one.color.a for one in shown.markers] == pytest.approx([1.0, 0.5, 0.3, 1.0])
+
+
 @pytest.mark.parametrize("number", [1, 2**31 - 1, 2**31, 2**32 - 1])
 def test_every_id_of_a_building_fits_a_marker(number):
     (marker,) = model_markers(STAMP, {number: []}).markers

@@ -261,7 +261,9 @@ def _not_refused(inverse, discrepancy, group, critical):  # type: ignore[no-unty
             a, b = start[g], start[g + 1]
             if held[g]:
                 own, own_force = inverse[a:b, a:b].copy(), force[a:b].copy()
-                excess = _taken_out(own, own_force, np.int64(0), b - a) / critical[min(b - a, len(critical) - 1)]
+                excess = (
+                    _taken_out(own, own_force, np.int64(0), b - a) / critical[min(b - a, len(critical) - 1)]
+                )
                 if excess > most:
                     worst, most = g, excess
         if worst < 0:

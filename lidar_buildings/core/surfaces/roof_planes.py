@@ -79,23 +79,39 @@ class PlaneMoments(NamedTuple):
     sums: FloatArray  #: n, Σx, Σy, Σz, Σxx, Σxy, Σxz, Σyy, Σyz, Σzz about the centre, shape (n_planes, 10)
 
 
-def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
+class PlaneSums:
     """
-    Sum the coordinates of each plane's points, and their products; plane 0 is none.
+    Sums over the points of planes, numbered from 1, about one centre [m]; more may come, in any order.
 
-    Coordinates are counted in whole fractions of a metre: sums of integers do not depend on their order.
+    Coordinates are counted in whole fractions of a metre, 2 to the power of `bits`: sums of integers do not
+    depend on their order.
     """
+
+    def __init__(self, centre: FloatArray, n_planes: int, bits: int = _FINEST_BITS) -> None:
+        self._centre, self._unit = centre, 2.0**bits
+        self._sums = np.zeros((n_planes, N_MOMENTS), dtype=np.int64)
+
+    def add(self, points: FloatArray, plane_id: NDArray[np.uint16]) -> None:
+        """Add points, shape (n, 3) [m], each to its plane; plane 0 is none."""
+        _add_points(points, plane_id, self._centre, self._unit, self._sums)
+
+    @property
+    def moments(self) -> PlaneMoments:
+        """The sums so far."""
+        scale = np.array([1.0, *[1 / self._unit] * 3, *[1 / self._unit**2] * 6])
+        return PlaneMoments(self._centre, self._sums * scale)
+
+
+def plane_moments(points: FloatArray, plane_id: NDArray[np.uint16], n_planes: int) -> PlaneMoments:
+    """Sum the coordinates of each plane's points, and their products; plane 0 is none."""
     if not len(points):
         return PlaneMoments(np.zeros(3), np.zeros((n_planes, N_MOMENTS)))
     low, high = extent_of(points)
-    centre = 0.5 * (low + high)
     half = max(float((high - low).max()), 1e-3)
     bits = min(_FINEST_BITS, int((_SUM_BITS - math.log2(len(points))) / 2 - math.log2(half)))
-    sums = np.zeros((n_planes, N_MOMENTS), dtype=np.int64)
-    unit = 2.0**bits
-    _add_points(points, plane_id, centre, unit, sums)
-    scale = np.array([1.0, *[1 / unit] * 3, *[1 / unit**2] * 6])
-    return PlaneMoments(centre, sums * scale)
+    sums = PlaneSums(0.5 * (low + high), n_planes, bits)
+    sums.add(points, plane_id)
+    return sums.moments
 
 
 @kernel

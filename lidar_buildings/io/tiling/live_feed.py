@@ -196,6 +196,11 @@ class LiveFeed:
         while self._survey is not None and self._survey.places.ready:
             yield self._survey.places.ready.popleft()
 
+    def take_newer(self) -> Iterator[PointTile]:
+        """Yield points, some at a time, that were measured in tiles after these were sent."""
+        while self._survey is not None and self._survey.newer:
+            yield PointTile(self._survey.newer.popleft())
+
     def grown(self, tile: PointTile, sides: Sides = ALL) -> PointTile | None:
         """Return a tile with a larger buffer, None if there is none."""
         return None if self._survey is None else self._survey.grown(tile, sides)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +47,10 @@ _FEW = 0.01
 POINTS_PER_FILE = 5_000_000
 #: After so long without a scan the vehicle's way has ended [s].
 _SILENCE = 1.0
+#: Makes one number of a tile's column and row.
+_KEY = np.array([2**32, 1])
+#: Batches of points that wait to be shown in models; the oldest go first.
+_MOST_NEWER = 40
 #: Points that are written together: fewer open each cell's file more often.
 _BATCH = 50_000
 #: Spool cells along a buffer's width: narrow ones tell whether points lie in it or just beyond.
@@ -118,6 +122,8 @@ class LiveSurvey:
         self._to_flush, self._in_flush = set[Cell](), set[Cell]()
         self._batch: list[PlacedScan] = []
         self.places = RoadPlaces(self.config.road_place, self.frame)
+        #: Points seen from above in tiles that were sent before, until they are taken.
+        self.newer: deque[NDArray[Any]] = deque(maxlen=_MOST_NEWER)
         #: What is kept of scans and could not be written yet.
         self._unwritten: list[NDArray[Any]] = []
         self._n_chosen: Counter[Cell] = Counter()  # points of each tile, those included
@@ -359,7 +365,7 @@ class LiveSurvey:
             is_kept = self._are_kept(records, is_street, voxel, THINNED.format(voxel))
             records = records.compress(is_kept)
         columns_rows = self._cells_of(records) // self._grid.cells_per_side
-        _, first, tile = np.unique(columns_rows @ [2**32, 1], return_index=True, return_inverse=True)
+        _, first, tile = np.unique(columns_rows @ _KEY, return_index=True, return_inverse=True)
         places = [(column, row) for column, row in columns_rows[first].tolist()]
         counts = np.array([self._n_chosen[place] for place in places], dtype=np.int64)[tile]
         is_kept = counts < self.config.max_tile_points
@@ -400,6 +406,13 @@ class LiveSurvey:
             block = self._grid.block_of(place)
             tile = LiveTile(place, stamp, block, self._buffer, self._block_near(block, self._buffer))
             self._tiles[place] = self._by_stamp[stamp] = tile
+        if math.isfinite(now):
+            places = {self._grid.tile_of(cell) for cell in touched}
+            sent = [place for place in places if self._tiles[place].revision >= 0]
+            is_sent = np.isin(cells // k @ _KEY, np.array(sent, dtype=np.int64).reshape(-1, 2) @ _KEY)
+            is_sent &= ~self._are_from_street(records)
+            if is_sent.any():
+                self.newer.append(np.column_stack([records[axis][is_sent] for axis in "xyz"]))
         for cell in touched:
             self._touched[cell] = now
             columns, rows = (range((one - reach) // k, (one + reach) // k + 1) for one in cell)

@@ -14,7 +14,7 @@ from lidar_buildings.core.surfaces.plane_adjustment import (
     common_point,
     inverted,
 )
-from lidar_buildings.core.surfaces.roof_planes import POINTS_SHARED, fitted_planes, plane_moments
+from lidar_buildings.core.surfaces.roof_planes import POINTS_SHARED, PlaneSums, fitted_planes, plane_moments
 
 
 def adjusted(points, plane_id):
@@ -254,3 +254,13 @@ def test_slopes_too_unsure_to_tell_are_not_said_to_be_equal():
     factors = np.array([[[0.0, 1.0, 0.0], [0.0, 1.0, 0.0]]])
     adjusted = found.under([Condition(SLOPE, (1, 2), 0.01, factors)])
     assert adjusted.held == adjusted.refused == ()
+
+
+def test_sums_of_portions_in_any_order_are_those_of_all_points():
+    scene = model_scene("hip", density=2.0)
+    all_at_once = plane_moments(scene.points, scene.plane_id, 4)
+    sums = PlaneSums(all_at_once.centre, 4)
+    order = np.random.default_rng(0).permutation(len(scene.points))
+    for rows in np.array_split(order, 5):
+        sums.add(scene.points[rows], scene.plane_id[rows])
+    assert np.array_equal(sums.moments.sums, all_at_once.sums)

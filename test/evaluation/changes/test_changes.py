@@ -27,9 +27,7 @@ def flat(z):
     return lambda x, y: np.full(len(x), z)
 
 
-def survey(
-    folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0), crs="EPSG:28992", unsure=0.02
-):
+def survey(folder, roofs, *, seed=0, others=(), hidden=(), shift=(0.0, 0.0, 0.0), crs="EPSG:28992", **sigmas):
     """
     Write what a run writes: a lawn of 50 by 40 m with roofs, (polygon, elevation) each, that `others`, with
     a class, cover; without points where it is hidden.
@@ -44,11 +42,10 @@ def survey(
     points = np.column_stack([x, y, z + random.normal(0.0, NOISE, len(x))]) + shift
     kept = ~np.any([shapely.intersects_xy(one, x, y) for one in hidden] or [np.zeros(len(x), bool)], axis=0)
     write_cloud(folder / "classified" / "tile.laz", points[kept], classes[kept])
-    fields = {"building_id": int, "point_spacing": float, "outline_sigma": float, "corner_sigma_z": float}
-    rows = [
-        {"building_id": 100 + k, "point_spacing": SPACING, "outline_sigma": 0.1, "corner_sigma_z": unsure}
-        for k in range(len(roofs))
-    ]
+    known = {"point_spacing": SPACING, "outline_sigma": 0.1, "plane_sigma": NOISE, "corner_sigma_z": 0.02}
+    known |= {"n_points": 800, "n_planes": 2} | sigmas
+    fields = {"building_id": int} | {name: type(value) for name, value in known.items()}
+    rows = [{"building_id": 100 + k, **known} for k in range(len(roofs))]
     outlines = shapely.transform([one for one, _ in roofs], lambda xy: xy + ORIGIN[:2] + shift[:2])
     with geopackage_file(folder / "buildings.gpkg", crs) as add:
         add(VectorLayer("outlines", list(outlines), fields, rows))
@@ -92,10 +89,17 @@ def test_a_roof_that_is_higher_or_lower_as_a_whole_is_told_by_how_much(tmp_path,
     assert found.changes[0].sigma < 0.05
 
 
-def test_a_change_that_the_models_are_not_sure_of_is_none(tmp_path):
+@pytest.mark.parametrize(
+    ("sigmas", "word"),
+    [
+        pytest.param({"plane_sigma": 3.0}, "unchanged", id="planes through points of anything"),
+        pytest.param({"corner_sigma_z": 0.4}, "raised", id="eaves where walls are not sure"),
+    ],
+)
+def test_a_change_of_height_is_none_if_the_planes_are_not_sure(tmp_path, sigmas, word):
     raised = [(HOUSE, lambda x, y: gable(x, y) + 1.0)]
-    found, told = changes(tmp_path, [(HOUSE, gable)], raised, unsure=0.4)
-    assert (told, found.words) == ([], (["unchanged"], ["unchanged"]))
+    found, _ = changes(tmp_path, [(HOUSE, gable)], raised, **sigmas)
+    assert found.words == ([word], [word])
 
 
 def test_a_dormer_is_a_change_of_a_part_of_the_roof(tmp_path):

@@ -68,6 +68,16 @@ def test_a_tile_is_ready_when_no_point_has_fallen_into_it_for_a_while(survey):
     np.testing.assert_array_equal(sorted_rows(tile.points), sorted_rows(scan_at(20, 20).points))
 
 
+def test_points_in_a_tile_that_was_sent_are_given_out_and_no_others(survey):
+    first_tile(survey)
+    assert not survey.newer
+    later = scan_at(20, 20, seed=1)
+    survey.add(later, 6.0)
+    survey.add(scan_at(100, 20, seed=2), 6.0)
+    survey.tick(6.0)
+    np.testing.assert_array_equal(np.concatenate(survey.newer), later.points)
+
+
 def test_a_tile_without_gaps_goes_before_those_that_later_passes_may_fill(survey):
     survey.add(scan_at(20, 20), 0.0)
     x, y = (axis.ravel() for axis in np.mgrid[111.0:169.5:0.9, -9.0:49.5:0.9])
