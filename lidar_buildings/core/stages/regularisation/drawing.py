@@ -30,11 +30,6 @@ from lidar_buildings.core.stages.regularisation.walls import (
 )
 from lidar_buildings.core.surfaces.ring_division import running_sums, scatter_of
 
-#: How a wall is drawn: its line or arc, the chord from its first to its last sample, or all its samples.
-_FITTED, _CHORD, _ALL_SAMPLES = 0, 1, 2
-#: No wall: the step between two walls.
-STEP = -1
-
 
 class _Line(NamedTuple):
     """Walls of one direction, and the sums of `running_sums` before and after their samples, (2, 6)."""
@@ -163,31 +158,11 @@ def _joints(points, first, last, shape, min_step, shortest):  # type: ignore[no-
     return joints
 
 
-class DrawnRing(NamedTuple):
-    """A polygon's ring."""
-
-    #: Open; without rows where no simple ring was found [m], shape (n_vertices, 2).
-    vertices: NDArray[np.float64]
-    n_traced: int  #: number of walls that are drawn through their samples because fitted ones cross
-
-
-def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> DrawnRing:
-    """Draw a ring, arcs in chords; where walls cross, they come closer to their samples, as it takes."""
-    m = len(walled.first)
-    detail = np.zeros(m, dtype=np.int64)
-    while m:
-        vertices, wall = _drawn(points, walled, fit, detail)
-        if len(vertices) >= 3 and shapely.polygons(vertices).is_valid:
-            return DrawnRing(vertices, int(np.count_nonzero(detail)))
-        crossing = _crossing_edges(vertices)
-        involved = np.unique(np.concatenate([wall[crossing], wall[crossing - 1]]))
-        finer = detail.copy()
-        finer[involved[involved >= 0]] += 1
-        np.minimum(finer, _ALL_SAMPLES, out=finer)
-        if np.array_equal(finer, detail):
-            break
-        detail = finer
-    return DrawnRing(np.zeros((0, 2)), 0)
+def draw_ring(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
+    """Return the vertices of a ring, open, arcs in chords; none if its walls cross."""
+    vertices = _drawn(points, walled, fit)
+    is_simple = len(vertices) >= 3 and shapely.polygons(vertices).is_valid
+    return vertices if is_simple else np.zeros((0, 2))
 
 
 def arc_chords(
@@ -206,57 +181,17 @@ def arc_chords(
     return np.asarray(middle + radius * np.column_stack([np.cos(turns), np.sin(turns)]))
 
 
-def _drawn(
-    points: NDArray[np.float64], walled: WalledRing, fit: Fit, detail: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return all vertices in order and the wall of the edge that starts at each."""
+def _drawn(points: NDArray[np.float64], walled: WalledRing, fit: Fit) -> NDArray[np.float64]:
     m = len(walled.first)
     if m == 1:  # the whole ring is one circle
         start = np.array(foot_on(walled.shape[0], *points[walled.first[0] % len(points)]))
-        circle = np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
-        return circle, np.zeros(len(circle), dtype=np.int64)
-    vertices: list[NDArray[np.float64]] = []
-    owners: list[int] = []
+        return np.vstack([start, arc_chords(walled.shape[0], start, start, fit)])
+    path: list[NDArray[np.float64]] = []
     for i in range(m):
-        start, end = _ends(points, walled, detail, i)
-        if detail[i] == _FITTED:
-            path = [start]
-            if walled.shape[i, RADIUS] != 0:
-                path.extend(arc_chords(walled.shape[i], start, end, fit))
-        else:
-            rows = np.arange(walled.first[i], walled.last[i]) % len(points)
-            path = list(points[rows[:: max(len(rows) - 1, 1)] if detail[i] == _CHORD else rows])
-        if detail[i] == _FITTED and not np.array_equal(start, end):
-            path.append(end)
-        vertices.extend(path)
-        owners.extend([i] * (len(path) - 1) + [STEP])
-    corners = np.array(vertices).reshape(-1, 2)
-    goes_on = (corners != np.roll(corners, -1, axis=0)).any(axis=1)
-    return corners[goes_on], np.array(owners, dtype=np.int64)[goes_on]
-
-
-def _ends(
-    points: NDArray[np.float64], walled: WalledRing, detail: NDArray[np.int64], i: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where a fitted wall begins and ends: at joints, or beside a neighbour drawn as traced."""
-    m, n = len(walled.first), len(points)
-    before, behind = (i - 1) % m, (i + 1) % m
-    start, end = walled.joints[before, 1], walled.joints[i, 0]
-    if detail[before]:
-        turn = 0.5 * (points[(walled.last[before] - 1) % n] + points[walled.first[i] % n])
-        start = np.array(foot_on(walled.shape[i], *turn))
-    if detail[behind]:
-        turn = 0.5 * (points[(walled.last[i] - 1) % n] + points[walled.first[behind] % n])
-        end = np.array(foot_on(walled.shape[i], *turn))
-    return start, end
-
-
-def _crossing_edges(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    n = len(vertices)
-    if n < 4:
-        return np.arange(n)
-    edges = shapely.linestrings(np.stack([vertices, np.roll(vertices, -1, axis=0)], axis=1))
-    one, other = shapely.STRtree(edges).query(edges, predicate="intersects")
-    apart = (one - other) % n
-    crossing = np.unique(one[(apart > 1) & (apart < n - 1)])
-    return crossing if len(crossing) else np.arange(n)
+        start, end = walled.joints[i - 1, 1], walled.joints[i, 0]
+        path.append(start)
+        if walled.shape[i, RADIUS] != 0:
+            path.extend(arc_chords(walled.shape[i], start, end, fit))
+        path.append(end)
+    corners = np.array(path).reshape(-1, 2)
+    return corners[(corners != np.roll(corners, -1, axis=0)).any(axis=1)]

@@ -19,7 +19,6 @@ from lidar_buildings.core.stages.regularisation.directions import (
     divide_building,
 )
 from lidar_buildings.core.stages.regularisation.drawing import (
-    DrawnRing,
     draw_ring,
     offset_outwards,
     through_all_points,
@@ -82,7 +81,7 @@ class _Fitted(NamedTuple):
     samples: RingSamples
     bearing: WalledRing
     walled: WalledRing
-    drawn: DrawnRing
+    drawn: NDArray[np.float64]  #: shape (n_vertices, 2) [m]
 
 
 def regularise_outline(traced: Outline, config: RegularisationConfig | None = None) -> RegularisedOutline:
@@ -192,8 +191,8 @@ def _result(
     traced: Outline, rings: list[_Fitted], centre: NDArray[np.float64], directions: tuple[float, ...]
 ) -> RegularisedOutline:
     """Put the rings together, measure them, and say what is out of the ordinary."""
-    exterior = rings[0].drawn.vertices + centre
-    walled = [ring.drawn.vertices + centre for ring in rings[1:]]
+    exterior = rings[0].drawn + centre
+    walled = [ring.drawn + centre for ring in rings[1:]]
     holes, kept, filled = _fitting_holes(exterior, walled, traced.holes)
     outline = Outline(exterior, holes)
     problem = _problem(outline, traced)
@@ -202,15 +201,12 @@ def _result(
     points = np.concatenate([ring.samples.on_walls for ring in rings]) + centre
     unknowns = unknowns_of([ring.walled for ring in rings], len(directions))
     sigma, max_offset = fit_quality(points, outline, unknowns)
-    status, notes = BuildingStatus.OK, _notes(rings, kept, filled)
+    status, notes = BuildingStatus.OK, _notes(kept, filled)
     return RegularisedOutline(outline, sigma, max_offset, directions, status, notes)
 
 
-def _notes(rings: list[_Fitted], kept: list[int], filled: list[int]) -> str:
+def _notes(kept: list[int], filled: list[int]) -> str:
     notes = {
-        "walls drawn through traced points because straight ones would cross": sum(
-            ring.drawn.n_traced for ring in rings
-        ),
         "courtyards left as traced because straight walls would meet other rings": len(kept),
         "courtyards left out because the outer walls meet them": len(filled),
     }

@@ -336,8 +336,9 @@ def share_walls(
             break
         reasons[members] = faults
     result = list(outlines)
-    for member, polygon in zip(members, shared, strict=True):
-        result[order[member]] = _as_given(polygon, outlines[order[member]])
+    for member, polygon in zip(members, shapely.normalize(shared), strict=True):
+        if polygon != polygons[member]:
+            result[order[member]] = Outline.of(polygon)
     return SharedWalls(tuple(result), tuple(reasons[np.argsort(order)]))
 
 
@@ -380,25 +381,3 @@ def _fault(before: shapely.Polygon, after: shapely.Polygon | None, gap: float) -
         lost, gained = lost / before.area, gained / before.area
         return f"sharing walls would take {lost:.0%} of its area and add {gained:.0%}"
     return ""
-
-
-def _as_given(polygon: shapely.Polygon, before: Outline) -> Outline:
-    """Return a polygon as an outline, each ring from where the one before began, if it can."""
-    after = Outline.of(polygon)
-    first = np.array([ring[0] for ring in before.rings])
-    exterior, *holes = [_begun(ring, first) for ring in after.rings]
-    holes.sort(key=lambda ring: (*_places(ring[:1], first), *ring.min(axis=0)))
-    after = Outline(exterior, tuple(holes))
-    return before if after.same_as(before) else after
-
-
-def _begun(ring: NDArray[np.float64], first: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn a ring so that it begins with one of these vertices, else with its westernmost."""
-    known = np.flatnonzero(_places(ring, first) < len(first))
-    return np.roll(ring, -(known[0] if len(known) else np.lexsort(ring.T[::-1])[0]), axis=0)
-
-
-def _places(vertices: NDArray[np.float64], among: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return where among others equal vertices stand, the number of these for one that has no equal."""
-    equal = (vertices[:, None] == among[None]).all(axis=2)
-    return np.where(equal.any(axis=1), equal.argmax(axis=1), len(among))
