@@ -11,23 +11,9 @@ from numpy.typing import NDArray
 from lidar_buildings.core.kernels import inner_kernel, kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
 from lidar_buildings.core.neighbours.few_rows import sort_rows
-from lidar_buildings.core.stages.roof_topology.regions import Borders, RegionRaster
+from lidar_buildings.core.stages.roof_topology.regions import Borders
 from lidar_buildings.core.stages.roof_topology.result import HIP, RIDGE, VALLEY, IntersectionSegment
 from lidar_buildings.core.surfaces.plane_adjustment import POINT, Condition
-
-#: Places differ by less from where they are in whole numbers [m].
-_ROUNDING = 1e-3
-
-
-@inner_kernel
-def is_far(x, y, ax, ay, bx, by, reach):  # type: ignore[no-untyped-def]
-    """Whether a place is surely farther than so much from the line between two others."""
-    return (
-        (ax > x + reach and bx > x + reach)
-        or (ax < x - reach and bx < x - reach)
-        or (ay > y + reach and by > y + reach)
-        or (ay < y - reach and by < y - reach)
-    )
 
 
 @kernel
@@ -39,10 +25,7 @@ def stop(t, fx, fy, ux, uy, stops, reach, beyond, but):  # type: ignore[no-untyp
     of its walls. Stop number `but` is left out.
     """
     best, place = reach, math.nan
-    x, y, around = fx + t * ux, fy + t * uy, reach + beyond + _ROUNDING
     for m in range(len(stops)):
-        if is_far(x, y, stops[m, 0, 0], stops[m, 0, 1], stops[m, 1, 0], stops[m, 1, 1], around):
-            continue
         wx, wy = stops[m, 1, 0] - stops[m, 0, 0], stops[m, 1, 1] - stops[m, 0, 1]
         length = math.hypot(wx, wy)
         across = ux * wy - uy * wx
@@ -68,8 +51,6 @@ _NOISE = 0.06
 _BESIDE = 2.5
 #: Shortest piece, and longest gap within one, in spacings.
 _LEAST_LENGTH, _LONGEST_GAP = 2.0, 4.0
-#: Regions are looked up so many cells off the line to tell which plane lies on which side.
-_PROBE = 2
 
 
 class Pieces(NamedTuple):
@@ -87,7 +68,7 @@ class Pieces(NamedTuple):
 
 
 def find_pieces(
-    borders: Borders, raster: RegionRaster, gradients: FloatArray, centre: FloatArray, spacing: float
+    borders: Borders, points: FloatArray, gradients: FloatArray, centre: FloatArray, spacing: float
 ) -> Pieces:
     """Find where pairs of planes z = a x + b y + c about the centre meet."""
     n = len(borders.first)
@@ -98,9 +79,9 @@ def find_pieces(
         borders.first[borders.start[:-1]], borders.second[borders.start[:-1]], gradients
     )
     n_pieces = _all_pieces(
-        borders.upright, borders.first, borders.second, borders.gap, borders.start, borders.cell, lines,
-        borders.xy, spacing, raster.label, raster.west - centre[0], raster.south - centre[1],
-        pairs, values, on_line,
+        borders.upright, borders.gap, borders.start, borders.cell, lines, borders.xy,
+        points[borders.near_first, :2] - centre[:2], points[borders.near_second, :2] - centre[:2],
+        spacing, pairs, values, on_line,
     )  # fmt: skip
     pairs, values = pairs[:n_pieces], values[:n_pieces]
     at = borders.start[pairs]
@@ -139,7 +120,7 @@ def intersection_lines(first, second, gradients):  # type: ignore[no-untyped-def
 
 @kernel
 def _all_pieces(  # type: ignore[no-untyped-def]
-    upright, first, second, gap, start, cell, lines, xy, spacing, label, west, south, pairs, values, on_line
+    upright, gap, start, cell, lines, xy, of_first, of_second, spacing, pairs, values, on_line
 ):  # fmt: skip
     """Write pair, ends, length and vote on convexity of each piece; return how many."""
     n_pieces = 0
@@ -179,8 +160,8 @@ def _all_pieces(  # type: ignore[no-untyped-def]
             for at in range(low, high + 1):
                 k = rows[at]
                 on_line[k] = True
-                votes += _convexity(fx + t[k] * ux, fy + t[k] * uy, ux, uy, first[a], second[a],
-                                    label, west, south, cell)  # fmt: skip
+                # To the left of the line the first plane is the lower one.
+                votes += _beside(of_first, k, fx, fy, ux, uy) - _beside(of_second, k, fx, fy, ux, uy)
             pairs[n_pieces] = pair
             values[n_pieces, 0], values[n_pieces, 1], values[n_pieces, 2] = t0, t1, length
             values[n_pieces, 3] = votes
@@ -195,19 +176,10 @@ def _all_pieces(  # type: ignore[no-untyped-def]
     return n_pieces
 
 
-@kernel
-def _convexity(x, y, ux, uy, first, second, label, west, south, cell):  # type: ignore[no-untyped-def]
-    """Vote on whether each plane lies, at one place, on the side of the line where it is lower."""
-    votes = 0
-    for side in range(-1, 2, 2):
-        c = math.floor((x + side * _PROBE * cell * uy - west) / cell)
-        r = math.floor((y - side * _PROBE * cell * ux - south) / cell)
-        if 0 <= r < label.shape[0] and 0 <= c < label.shape[1]:
-            if label[r, c] == first:
-                votes -= side
-            elif label[r, c] == second:
-                votes += side
-    return votes
+@inner_kernel
+def _beside(place, k, fx, fy, ux, uy):  # type: ignore[no-untyped-def]
+    """Return on which side of a line a place lies: 1 to the left, -1 to the right."""
+    return 1 if ux * (place[k, 1] - fy) > uy * (place[k, 0] - fx) else -1
 
 
 #: Further planes whose lines end within so many spacings of a common point may pass it, too.
@@ -222,8 +194,8 @@ def piece_ends(pieces: Pieces, gradients: FloatArray) -> FloatArray:
 
 #: A convex line is a ridge if it is less steep than this share of the steeper plane.
 _RIDGE_SHARE = 0.3
-#: Ends move to a third plane, or else to the outline or a step edge, within so many spacings.
-_PLANE_REACH, _STOP_REACH = 4.5, 2.5
+#: Ends move to the outline or a step edge within so many spacings.
+_STOP_REACH = 2.5
 #: Pieces near a point that lead to nowhere are none if they are no longer than this [spacings].
 _STUB = 6.0
 #: What is left shorter is nothing but a point, in spacings.
@@ -244,17 +216,13 @@ def finished(
     """
     Return the pieces as segments, their ends moved along the line to what they nearly reach.
 
-    A third plane that meets both has precedence, then the outline and step edges. Planes, walls and steps are
-    about the centre; `conditions` are those that the planes are under.
+    A point in which planes are made to meet has precedence over the outline and step edges. Planes, walls and
+    steps are about the centre; `conditions` are those that the planes are under.
     """
     stops = np.concatenate([walls, steps])
-    partners = np.zeros((len(gradients) + 1, len(gradients) + 1), dtype=np.bool_)
-    partners[pieces.first, pieces.second] = partners[pieces.second, pieces.first] = True
     positions, members = _points_of(conditions, len(gradients))
     lines = intersection_lines(pieces.first, pieces.second, gradients)
-    t = _moved_ends(
-        pieces.first, pieces.second, pieces.t, gradients, lines, partners, stops, positions, members, spacing
-    )
+    t = _moved_ends(pieces.first, pieces.second, pieces.t, lines, stops, positions, members, spacing)
     kept = np.flatnonzero(t[:, 1] - t[:, 0] > _SHORTEST * spacing)
     return _segments(pieces, kept, t[kept], gradients, centre)
 
@@ -269,7 +237,7 @@ def _points_of(conditions: tuple[Condition, ...], n_planes: int) -> tuple[FloatA
 
 
 @kernel
-def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
+def _moved_ends(first, second, t, lines, stops, positions, members, spacing):  # type: ignore[no-untyped-def]
     """Return the places of all ends along their lines; none passes the other end, but for stubs."""
     moved = t.copy()
     for k in range(len(first)):
@@ -279,11 +247,6 @@ def _moved_ends(first, second, t, gradients, lines, partners, stops, positions, 
             here, there = t[k, end], t[k, 1 - end]
             point = _point(here, i, j, ux, uy, positions, members, POINT_REACH * spacing)
             at = point if abs(point - there) >= abs(point - here) else math.nan
-            if math.isnan(at):
-                reach = _PLANE_REACH * spacing
-                at = _third_plane(here, i, j, fx, fy, ux, uy, gradients, partners, reach)
-                if abs(at - there) < abs(at - here):
-                    at = math.nan
             if math.isnan(at):
                 at = stop(here, fx, fy, ux, uy, stops, _STOP_REACH * spacing, _CORNER * spacing, np.int64(-1))
             if math.isnan(at) and abs(there - here) <= _STUB * spacing:
@@ -300,24 +263,6 @@ def _point(t, i, j, ux, uy, positions, members, reach):  # type: ignore[no-untyp
     for m in range(len(positions)):
         at = positions[m, 0] * ux + positions[m, 1] * uy
         if members[m, i] and members[m, j] and abs(at - t) < best:
-            best, place = abs(at - t), at
-    return place
-
-
-@kernel
-def _third_plane(t, i, j, fx, fy, ux, uy, gradients, partners, reach):  # type: ignore[no-untyped-def]
-    """Return where on the line of planes i and j the nearest that meets both passes, or NaN."""
-    best, place = reach, math.nan
-    for k in range(1, len(gradients) + 1):
-        if k in (i, j) or not (partners[i, k] and partners[j, k]):
-            continue
-        a, b = gradients[i - 1, 0] - gradients[k - 1, 0], gradients[i - 1, 1] - gradients[k - 1, 1]
-        c = gradients[i - 1, 2] - gradients[k - 1, 2]
-        rate = a * ux + b * uy
-        if abs(rate) < LEAST_BEND:
-            continue
-        at = -(a * fx + b * fy + c) / rate
-        if abs(at - t) < best:
             best, place = abs(at - t), at
     return place
 

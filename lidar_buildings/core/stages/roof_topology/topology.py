@@ -10,7 +10,7 @@ from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.neighbours.point_spacing import quantised_spacing
 from lidar_buildings.core.stages.roof_topology.conditions import find_conditions
 from lidar_buildings.core.stages.roof_topology.intersections import find_pieces, finished, piece_ends
-from lidar_buildings.core.stages.roof_topology.regions import find_borders, region_raster
+from lidar_buildings.core.stages.roof_topology.regions import find_borders
 from lidar_buildings.core.stages.roof_topology.result import RoofTopology
 from lidar_buildings.core.stages.roof_topology.roof_type import roof_type
 from lidar_buildings.core.stages.roof_topology.step_edges import (
@@ -53,13 +53,12 @@ def find_topology(
         # One plane borders on none.
         kind = roof_type(points, seen, adjustment.coefficients, (), (), spacing)
         return RoofTopology(adjustment.planes, (), (), kind, adjustment.held)
-    raster = region_raster(points, seen, outline.rings, spacing)
     centre, walls = adjustment.centre, ring_walls(outline.rings)
     about = walls - centre[:2]
-    borders = find_borders(raster, centre)
-    pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
+    borders = find_borders(points, seen, outline, centre, spacing)
+    pieces = find_pieces(borders, points, adjustment.coefficients, centre, spacing)
     adjustment = adjustment.under(find_conditions(adjustment, pieces, about, spacing, corner_sigma))
-    pieces = find_pieces(borders, raster, adjustment.coefficients, centre, spacing)
+    pieces = find_pieces(borders, points, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
     area = adjustment.free.counts * spacing**2
     ends = piece_ends(pieces, gradients)
