@@ -79,29 +79,38 @@ class Surfaces(NamedTuple):
     other_low: NDArray[np.float64]  #: those of what is neither roof nor ground
     other_high: NDArray[np.float64]
     ground: NDArray[np.float64]  #: mean of ground, NaN where there is none
+    #: How far east and north of the middle of the cell the mean of points of roofs is, (n_cells, 2) [m].
+    place: NDArray[np.float64]
 
     def moved(self, rise: float) -> Surfaces:
         """Return what was seen, moved upwards [m]."""
-        return Surfaces(*(one + rise for one in self))
+        return Surfaces(*(one + rise for one in self[:-1]), self.place)
 
     def around(self, plan: CellPlan, kind: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the least and greatest elevation of a kind in a cell and those next to it."""
         low, high = getattr(self, f"{kind}_low"), getattr(self, f"{kind}_high")
         return plan.about(low, np.inf).min(axis=0), plan.about(high, -np.inf).max(axis=0)
 
-    def slope(self, plan: CellPlan) -> NDArray[np.float64]:
-        """Return the slope of roofs that go on straight to all sides; NaN elsewhere."""
-        about, steps = plan.about(self.roof, np.nan), []
-        for before, after in ((about[1], about[7]), (about[3], about[5])):
-            bend = np.abs(before + after - 2.0 * self.roof)
-            steps.append(np.where(bend <= _MAX_BEND, 0.5 * (after - before), np.nan))
-        return np.hypot(*steps) / plan.size
+    def gradient(self, plan: CellPlan) -> NDArray[np.float64]:
+        """Return how roofs rise to the east and north that go on straight, (n_cells, 2); NaN elsewhere."""
+        about, rises = plan.about(self.roof, np.nan), np.empty((len(self.roof), 2))
+        for axis, (before, after) in enumerate(((1, 7), (3, 5))):
+            here = self.place[:, axis]
+            place = plan.about(here, 0.0)
+            rise = (about[after] - about[before]) / (2.0 * plan.size + place[after] - place[before])
+            bend = about[before] + about[after] - 2.0 * self.roof
+            bend -= rise * (place[before] + place[after] - 2.0 * here)
+            rises[:, axis] = np.where(np.abs(bend) <= _MAX_BEND, rise, np.nan)
+        spread = self.roof_high - self.roof_low - np.abs(rises).sum(axis=1) * plan.size
+        rises[spread > _MAX_SPREAD] = np.nan  # a step in the middle of the cell
+        return rises
 
 
 def see(plan: CellPlan, chunks: Iterable[tuple[NDArray[Any], ...]]) -> Surfaces:
     """Return what a survey saw, of chunks of points [m], classes, and façade marks of those of buildings."""
-    n = len(plan.cells)
+    n, places = len(plan.cells), np.zeros((len(plan.cells), 2))
     counts, sums = np.zeros((2, 2, n))
+    middles = cell_centres(plan.cells, plan.size)
     ends = [(np.full(n, np.inf), np.full(n, -np.inf)) for _ in range(2)]
     for points, classes, facade in chunks:
         keys = keys_of(points[:, :2], plan.size)
@@ -114,18 +123,24 @@ def see(plan: CellPlan, chunks: Iterable[tuple[NDArray[Any], ...]]) -> Surfaces:
         for kind, rows in enumerate((is_roof, is_ground)):
             counts[kind] += np.bincount(cell[rows], minlength=n)
             sums[kind] += np.bincount(cell[rows], points[rows, 2], n)
+        for axis in range(2):
+            away = points[is_roof, axis] - middles[cell[is_roof], axis]
+            places[:, axis] += np.bincount(cell[is_roof], away, n)
         is_other = is_seen & ~is_roof & ~is_ground & ~is_facade
         for (low, high), rows in zip(ends, (is_roof, is_other), strict=True):
             np.minimum.at(low, cell[rows], points[rows, 2])
             np.maximum.at(high, cell[rows], points[rows, 2])
     roof, ground = np.where(counts > 0, sums / np.maximum(counts, 1.0), np.nan)
-    return Surfaces(roof, *ends[0], *ends[1], ground)
+    return Surfaces(roof, *ends[0], *ends[1], ground, places / np.maximum(counts[:1].T, 1.0))
 
 
 #: What becomes of a cell.
 SAME, UNSEEN, BUILT, REMOVED, HIGHER, LOWER = range(6)
 #: A roof goes on straight from cell to cell up to this: twice the noise of means and some roughness [m].
 _MAX_BEND = 0.2
+#: Rounds of finding what both surveys lie apart in plan, and the weight of none beside what slopes tell of it
+#: (sum of their squares over cells).
+_ROUNDS, _LEAST_SLOPES = 5, 3.0
 #: What lies within this in a cell is one roof, though it ends there [m].
 _MAX_SPREAD = 0.3
 
@@ -136,7 +151,6 @@ class Limits(NamedTuple):
     height: float  #: of a roof's elevation [m]
     area: float  #: of a part of a roof [m²]
     storey: float  #: of a roof above ground that was free before [m]
-    shift: float  #: by how much a roof may lie elsewhere, as outlines and cells are known no better [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,47 +172,91 @@ class CellChanges:
         return cell_centres(cells, self.plan.size), self.state[at], self.height[at]
 
 
-def offset_of(old: Surfaces, new: Surfaces) -> tuple[float, float]:
-    """
-    Return by how much a survey lies above another, and the scatter of what has not changed [m].
+class Rises(NamedTuple):
+    """By how much the roofs of a survey are higher than those of another, cell by cell."""
 
-    The offset is the median over ground that both have seen, or over roofs if there is none: a few houses
-    that were raised are no offset. The scatter is that of single cells of roofs or ground about their
-    medians, whichever is larger, as most of a place has not changed.
-    """
-    found = []
-    for away in (new.ground - old.ground, new.roof - old.roof):
-        known = away[np.isfinite(away)]
-        if len(known):
-            middle = float(np.median(known))
-            found.append((middle, 1.4826 * float(np.median(np.abs(known - middle)))))
-    return (found[0][0], max(one[1] for one in found)) if found else (0.0, 0.0)
+    rise: NDArray[np.float64]  #: [m], NaN where one has seen none, shape (n_cells,)
+    #: Whether each survey's roof goes on straight there, so that it is known where the other's points lie on
+    #: it, shape (2, n_cells).
+    is_straight: NDArray[np.bool_]
+    offset: float  #: by how much the whole survey lies above the other [m], taken off
+    shift: NDArray[np.float64]  #: by how much it lies to the east and north [m], taken off as slopes tell it
+    scatter: float  #: of what has not changed [m]
 
 
-def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, offset: float, limits: Limits) -> CellChanges:
+def rises_of(plan: CellPlan, old: Surfaces, new: Surfaces) -> Rises:
     """
-    Tell what became of each cell; `offset` is by how much the new survey lies above the old one [m].
+    Return by how much roofs are higher, less what both surveys lie apart.
 
-    On a smooth roof a cell has changed by the difference of both means, less what the slope makes of a shift
-    in plan. Elsewhere all that is seen of its roof has to lie beyond all that the other survey has seen of
-    roofs in the cells around: an edge that lies somewhat elsewhere is no change (as Murakami and others 1999,
-    who shrink and expand differences), nor are wires above; but cells that have changed in the mean go with
-    those beside them that have for sure. A roof is built where the other survey has seen ground and no roof
-    around, nor anything else at its height: what is only classified otherwise is no change, and what one
-    survey has not seen, behind a wall, is not told.
+    A cell's points have their mean elsewhere in each survey: on straight roofs what the slope makes of that
+    is taken off. The offset is the median over ground that both have seen, or over roofs if there is none: a
+    few houses that were raised are no offset. The shift in plan is what slopes make of it, by least squares
+    without what differs by more than most does. The scatter is that of single cells of roofs or ground about
+    their medians, whichever is larger, as most of a place has not changed.
     """
-    before, after = old, new.moved(-offset)
+    gradients = np.stack([old.gradient(plan), new.gradient(plan)])
+    is_straight = np.isfinite(gradients).all(axis=2)
+    n_straight = is_straight.sum(axis=0)
+    slope = np.where(is_straight[:, :, None], gradients, 0.0).sum(axis=0) / np.maximum(n_straight, 1)[:, None]
+    rise = new.roof - old.roof - (slope * (new.place - old.place)).sum(axis=1)
+    ground = _middle(new.ground - old.ground)
+    roof = _middle(rise)
+    offset = (ground or roof or (0.0, 0.0))[0]
+    rise = rise - offset
+    known = np.flatnonzero(np.isfinite(rise) & (n_straight > 0))
+    shift = _shift_of(slope[known], rise[known])
+    rise += slope @ shift
+    scatter = max(one[1] for one in (ground, _middle(rise), (0.0, 0.0)) if one)
+    return Rises(rise, is_straight, offset, shift, scatter)
+
+
+def _middle(away: NDArray[np.float64]) -> tuple[float, float] | None:
+    """Return the median and the scatter of what is known of differences, None if nothing is."""
+    known = away[np.isfinite(away)]
+    if not len(known):
+        return None
+    middle = float(np.median(known))
+    return middle, 1.4826 * float(np.median(np.abs(known - middle)))
+
+
+def _shift_of(slope: NDArray[np.float64], rise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much roofs of these slopes, (n, 2), were shifted in plan, as these rises tell [m]."""
+    shift = np.zeros(2)
+    for _ in range(_ROUNDS):
+        off = rise + slope @ shift
+        middle = _middle(off)
+        if middle is None:
+            break
+        used = np.abs(off) <= 3.0 * max(middle[1], _MAX_BEND / 3.0)
+        normal = slope[used].T @ slope[used] + _LEAST_SLOPES * np.eye(2)
+        shift = -np.linalg.solve(normal, slope[used].T @ rise[used])
+    return shift
+
+
+def judge_cells(plan: CellPlan, old: Surfaces, new: Surfaces, rises: Rises, limits: Limits) -> CellChanges:
+    """
+    Tell what became of each cell; `rises` are those of the new survey above the old one.
+
+    On a smooth roof a cell has changed by its rise. Elsewhere all that is seen of its roof has to lie beyond
+    all that the other survey has seen of roofs in the cells around: an edge that lies somewhat elsewhere is
+    no change (as Murakami and others 1999, who shrink and expand differences), nor are wires above; but cells
+    that have changed in the mean go with those beside them that have for sure. A roof is built where the
+    other survey has seen ground and no roof around, nor anything else at its height: what is only classified
+    otherwise is no change, and what one survey has not seen, behind a wall, is not told.
+    """
+    before, after = old, new.moved(-rises.offset)
     state, height = np.full(len(plan.cells), UNSEEN, dtype=np.int8), np.zeros(len(plan.cells))
-    for one, other, kind, sign in ((after, before, BUILT, 1.0), (before, after, REMOVED, -1.0)):
+    both = ((after, before, BUILT, 1.0), (before, after, REMOVED, -1.0))
+    for number, (one, other, kind, sign) in enumerate(both):
         has_roof = np.isfinite(one.roof)
-        rise = one.roof - other.roof
+        rise = sign * rises.rise
         state[np.isfinite(rise) & (state == UNSEEN)] = SAME
-        own, sloped = one.slope(plan), other.slope(plan)
-        is_plain = np.isfinite(own) | (one.roof_high - one.roof_low <= _MAX_SPREAD)
+        is_sloped, is_straight = rises.is_straight[number], rises.is_straight[1 - number]
+        is_plain = is_straight | (one.roof_high - one.roof_low <= _MAX_SPREAD)
         low, high = other.around(plan, "roof")
         gap = _gap(one.roof_low, one.roof_high, low, high)
-        away = np.abs(rise) - np.fmax(own, sloped) * limits.shift
-        is_sure = np.where(np.isfinite(sloped) & is_plain, away, np.abs(gap)) > limits.height
+        away = np.where(is_sloped | is_straight, np.abs(rise), 0.0)
+        is_sure = np.where(is_sloped & is_plain, away, np.abs(gap)) > limits.height
         part = plan.parts(is_sure | (away > limits.height))
         is_more = np.isin(part, part[is_sure]) & np.isfinite(rise)
         height[is_more] = sign * rise[is_more]
@@ -356,9 +414,6 @@ def _joined(corners: NDArray[np.float64], size: float) -> Any:
 _CELL_SPACINGS, _CELL_STEP, _SMALLEST_CELL = 1.5, 0.25, 0.5
 #: A difference is none within so many standard deviations of what has not changed.
 _SURE = 4.0
-#: Roofs lie so many standard deviations of both outlines elsewhere at most, and their points within a cell so
-#: many cells: what is left of the mean of four or more.
-_OUTLINE_SIGMAS, _CELL_SHARE = 2.0, 0.25
 #: Cells around outlines that are looked at, so that there is ground among them.
 _MARGIN = 4
 _FIELDS: dict[str, type] = {
@@ -459,18 +514,17 @@ def compare_runs(old: Path, new: Path, config: ChangeConfig | None = None) -> Co
         return Comparison(*sides, [], ([], []), 0.0, 0.0, _SMALLEST_CELL)
     spacing = max(_median(side, "point_spacing") for side in sides)
     cell = max(_SMALLEST_CELL, math.ceil(_CELL_SPACINGS * spacing / _CELL_STEP) * _CELL_STEP)
-    shift = _OUTLINE_SIGMAS * math.hypot(*(_median(side, "outline_sigma") for side in sides))
     plan = CellPlan.around(polygons, cell, _MARGIN)
     before, after = (see(plan, read_class_chunks(path, scale)) for path in (old, new))
-    offset, scatter = offset_of(before, after)
-    least = max(config.min_height, _SURE * scatter)
-    limits = Limits(least, config.min_area, config.min_storey, shift + _CELL_SHARE * cell)
-    cells = judge_cells(plan, before, after, offset, limits)
+    rises = rises_of(plan, before, after)
+    least = max(config.min_height, _SURE * rises.scatter)
+    limits = Limits(least, config.min_area, config.min_storey)
+    cells = judge_cells(plan, before, after, rises, limits)
     outlines = sides[0].polygons, sides[1].polygons
     changes, words = judge_buildings(
-        cells, outlines, scatter, (_roof_sigmas(sides[0]), _roof_sigmas(sides[1]))
+        cells, outlines, rises.scatter, (_roof_sigmas(sides[0]), _roof_sigmas(sides[1]))
     )
-    return Comparison(*sides, changes, words, offset, scatter, cell)
+    return Comparison(*sides, changes, words, rises.offset, rises.scatter, cell)
 
 
 def _roof_sigmas(side: MetricPolygons) -> NDArray[np.float64]:

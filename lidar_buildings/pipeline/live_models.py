@@ -288,10 +288,12 @@ class LiveModels:
         """Add points, shape (n, 3) [m], to the roofs that they are on."""
         if not len(points):
             return
+        points = points[np.argsort(points[:, 0])]
         extent = points.min(axis=0), points.max(axis=0)
         for tile, roofs in self._roofs.items():
             for roof in roofs if _meet(self._extents[tile], extent) else ():
-                if _meet((roof.low, roof.high), extent) and (n := roof.add(points)):
+                rows = slice(*np.searchsorted(points[:, 0], (roof.low[0], roof.high[0])))
+                if _meet((roof.low, roof.high), extent) and (n := roof.add(points[rows])):
                     self._new[roof] = self._new.get(roof, 0) + n
                     self._touched.add(roof)
 

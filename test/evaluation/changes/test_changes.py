@@ -89,6 +89,24 @@ def test_a_roof_that_is_higher_or_lower_as_a_whole_is_told_by_how_much(tmp_path,
     assert found.changes[0].sigma < 0.05
 
 
+@pytest.mark.parametrize(("by", "word"), [(0.8, "raised"), (0.0, "unchanged")])
+def test_a_shift_in_plan_neither_hides_a_change_of_a_steep_roof_nor_is_one(tmp_path, by, word):
+    places = [
+        shapely.box(x, y, x + 14.0, y + 10.0)
+        for x, y in ((2, 2), (18, 2), (34, 2), (2, 16), (18, 16), (34, 16))
+    ]
+
+    def roof(box, rise):
+        (x, y), along_x = box.centroid.coords[0], box.bounds[1] < 10.0
+        return box, lambda px, py: 8.0 + rise - 0.9 * np.abs(py - y if along_x else px - x)
+
+    old = [roof(box, 0.0) for box in places]
+    new = [roof(places[0], by), *old[1:]]
+    found, _ = changes(tmp_path, old, new, shift=(0.4, -0.3, 0.0), outline_sigma=0.3)
+    assert found.words[1] == [word, *["unchanged"] * 5]
+    assert [one.height for one in found.changes] == pytest.approx([by] * bool(by), abs=0.1)
+
+
 @pytest.mark.parametrize(
     ("sigmas", "word"),
     [
