@@ -196,7 +196,6 @@ def partitioned(
         polygons,
         lambda face, building, inside: (~shapely.contains(traced[building], inside[face]), area[building]),
     )
-    _drop_loose_parts(faces, owner, len(polygons))
     _fill(faces, owner, gaps)
     return _merged(faces, owner, polygons, kept)
 
@@ -223,18 +222,6 @@ def _slots(polygons: NDArray[np.object_], gaps: NDArray[np.float64]) -> NDArray[
 
 def _narrow(places: NDArray[np.object_], width: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(shapely.is_empty(shapely.buffer(places, -(width / 2.0 + GRID), join_style="mitre")))
-
-
-def _drop_loose_parts(faces: NDArray[np.object_], owner: NDArray[np.int64], n_buildings: int) -> None:
-    """Take from buildings what no longer hangs on their largest part."""
-    for building in range(n_buildings):
-        own = np.flatnonzero(owner == building)
-        if len(own) < 2:
-            continue
-        parts = shapely.get_parts(shapely.coverage_union_all(faces[own]))
-        if len(parts) > 1:
-            largest = parts[np.argmax(shapely.area(parts))]
-            owner[own[~shapely.contains(largest, shapely.point_on_surface(faces[own]))]] = -1
 
 
 def _fill(faces: NDArray[np.object_], owner: NDArray[np.int64], gaps: NDArray[np.float64]) -> None:
