@@ -136,9 +136,6 @@ _SAMPLE_SETS = 64
 _CONNECTION_RADIUS = 3.0
 #: Points may lie off their plane by this many times the measured noise, three standard deviations.
 _MAX_NOISE_RATIO = 3.0
-#: Longest way between parts of one plane over points on it that belong to others [m]; or so many
-#: spacings if that is more.
-_BRIDGE, _MIN_BRIDGE = 2.0, 5.0
 #: Weight of a point's neighbours against its distances when two planes claim it.
 _SMOOTHNESS = 1.0
 
@@ -152,14 +149,12 @@ def connected_planes(
     cloud, row_of, noise = survey_points(points, _CONNECTION_RADIUS * spacing)
     distance = max(config.max_plane_distance, _MAX_NOISE_RATIO * noise)
     prices = prices_of(distance, noise, spacing)
-    bridge = max(_BRIDGE, _MIN_BRIDGE * spacing)
     labels = _extracted(cloud, distance, min_points, config)
     seam = seam_points(cloud.neighbours, labels)
-    labels = select_planes(cloud, labels, seam, prices, bridge)
+    labels = select_planes(cloud, labels, seam, prices)
     labels = refine_labels(cloud, labels, seam, distance, _SMOOTHNESS)
     labels = split_planes(cloud.neighbours, labels, min_points)
-    # What fell apart where another plane comes between is one plane all the same.
-    labels = select_planes(cloud, labels, seam_points(cloud.neighbours, labels), prices, bridge)
+    labels = select_planes(cloud, labels, seam_points(cloud.neighbours, labels), prices)
     return labels[row_of]
 
 

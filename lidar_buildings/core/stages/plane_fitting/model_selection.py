@@ -25,10 +25,6 @@ from lidar_buildings.core.surfaces.point_moments import N_MOMENTS, add_point
 _N_RECENT = 1021
 #: Planes that are looked at around a point: more meet at no corner.
 _MOST_AROUND = 4
-#: Cosine of the angle between planes beyond which they are not one: 10°.
-_ALIKE = 0.985
-#: Planes that are farther from the middle of the other's seams are not one [largest distances of points].
-_OFF = 3.0
 
 
 @kernel
@@ -52,28 +48,6 @@ def touching_planes(neighbours: NDArray[np.int32], labels: NDArray[np.int32], se
     size = int(labels.max(initial=0)) + 1
     codes = np.unique(_pair_codes(neighbours, labels, seam, size))
     return np.column_stack([codes // size, codes % size])
-
-
-def bridged_planes(
-    cloud: Cloud,
-    labels: NDArray[np.int32],
-    seam: IntArray,
-    equations: FloatArray,
-    bridge: float,
-    max_distance: float,
-) -> IntArray:
-    """
-    Return the pairs of planes, shape (n_pairs, 2), that may be one that another comes between.
-
-    A bridge, no longer than that, leads from the one to the other over points that lie within `max_distance`
-    of the plane, though they belong to others: such as there are where two valleys end at a ridge. `seam` are
-    the rows of points that have neighbours in another plane; `equations` hold a, b, c, d of each plane by its
-    number.
-    """
-    rows, first = rows_by_group(labels[seam].astype(np.int64), len(equations))
-    is_bridged = np.zeros((len(equations), len(equations)), dtype=bool)
-    _bridge(cloud, labels, seam[rows], first, equations, bridge, max_distance, is_bridged)
-    return np.argwhere(is_bridged)
 
 
 @kernel
@@ -117,78 +91,6 @@ def _planes_around(neighbours: NDArray[np.int32], labels: NDArray[np.int32], i: 
     return n
 
 
-@kernel
-def _bridge(cloud, labels, rows, first, equations, bridge, max_distance, is_bridged):  # type: ignore[no-untyped-def]
-    """Compare all planes that have seams; see `bridged_planes`."""
-    points = cloud.points
-    way = np.full(len(points), np.inf)
-    queue = np.empty(len(points), np.int64)
-    size = len(equations)
-    low, high = np.full((size, 3), np.inf), np.full((size, 3), -np.inf)
-    middle = np.zeros((size, 3))
-    for k in range(1, size):
-        for i in rows[first[k] : first[k + 1]]:
-            for axis in range(3):
-                middle[k, axis] += points[i, axis] / (first[k + 1] - first[k])
-                low[k, axis] = min(low[k, axis], points[i, axis])
-                high[k, axis] = max(high[k, axis], points[i, axis])
-    for a in range(1, size):
-        for b in range(a + 1, size):
-            apart = False
-            for axis in range(3):
-                apart |= low[a, axis] > high[b, axis] + bridge or low[b, axis] > high[a, axis] + bridge
-            if apart or not _alike(equations, middle, a, b, _OFF * max_distance):
-                continue
-            one, other = rows[first[a] : first[a + 1]], rows[first[b] : first[b + 1]]
-            is_bridged[a, b] = _leads_to(
-                cloud, labels, one, b, equations[a], bridge, max_distance, way, queue
-            ) or _leads_to(cloud, labels, other, a, equations[b], bridge, max_distance, way, queue)
-
-
-@kernel
-def _alike(equations, middle, a, b, max_offset):  # type: ignore[no-untyped-def]
-    """Whether planes are nearly parallel, each nearly through the middle of the other's seams."""
-    cosine = 0.0
-    for axis in range(3):
-        cosine += equations[a, axis] * equations[b, axis]
-    return (
-        abs(cosine) >= _ALIKE
-        and distance_of(equations[a], middle, b) <= max_offset
-        and distance_of(equations[b], middle, a) <= max_offset
-    )
-
-
-@kernel
-def _leads_to(cloud, labels, start, goal, plane, bridge, max_distance, way, queue):  # type: ignore[no-untyped-def]
-    """Whether a bridge leads from points over others on their plane to `goal`; `way` is infinite."""
-    own = labels[start[0]] if len(start) else 0
-    tail, head, found = 0, 0, False
-    for i in start:
-        if distance_of(plane, cloud.points, i) <= max_distance:
-            way[i], queue[tail] = 0.0, i
-            tail += 1
-    while head < tail and not found:
-        i = queue[head]
-        head += 1
-        for near in cloud.neighbours[i]:
-            j = np.int64(near)
-            if j < 0:
-                break
-            if labels[j] == own or way[j] < np.inf or distance_of(plane, cloud.points, j) > max_distance:
-                continue
-            dx = cloud.points[j, 0] - cloud.points[i, 0]
-            dy = cloud.points[j, 1] - cloud.points[i, 1]
-            dz = cloud.points[j, 2] - cloud.points[i, 2]
-            length = way[i] + np.sqrt(dx * dx + dy * dy + dz * dz)
-            if length <= bridge:
-                found |= labels[j] == goal
-                way[j], queue[tail] = length, j
-                tail += 1
-    for k in range(tail):
-        way[queue[k]] = np.inf
-    return found
-
-
 # Those with which `bench.planes.run` finds all planes of the roofs labelled by hand and none too many.
 #: Cost of a plane against half the squared distances of points in parts of their variance.
 _PLANE_COST = 20.0
@@ -220,20 +122,18 @@ def prices_of(distance: float, noise: float, spacing: float) -> Prices:
 
 
 def select_planes(
-    cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, prices: Prices, bridge: float
+    cloud: Cloud, labels: NDArray[np.int32], seam: IntArray, prices: Prices
 ) -> NDArray[np.int32]:
     """
     Join neighbouring planes, the best pair first, and give up planes, the smallest first, where that saves.
 
     A plane is given up if its points lie nearly as well on the planes around. `seam` are the rows of points
-    that have neighbours in another plane; parts of a plane as near to one another as `bridge` [m] may be
-    joined even where another plane comes between.
+    that have neighbours in another plane.
     """
     size = int(labels.max(initial=0)) + 1
     touching = touching_planes(cloud.neighbours, labels, seam)
     moments = plane_sums(cloud.points, labels, size)
-    bridged = bridged_planes(cloud, labels, seam, equations_of(moments), bridge, prices.distance)
-    parent = _merged(moments, np.concatenate([touching, bridged]), prices, np.arange(size))
+    parent = _merged(moments, touching.copy(), prices, np.arange(size))
     labels = parent[labels].astype(np.int32)
     first, beside = _neighbours_of_planes(parent[touching], size)
     rows, begin = rows_by_group(labels.astype(np.int64), size)

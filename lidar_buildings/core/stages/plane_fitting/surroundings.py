@@ -32,10 +32,6 @@ _ON_PLANE = 3.0
 _NOISE_QUANTILE = 0.35
 #: The noise is never taken to be less, nor more: that is a tree's roughness, or a heap of small planes' [m].
 NOISE_RANGE = (0.005, 0.2)
-#: Surroundings reach this many times as far as the noise, so that their planes do not tumble.
-REACH_OF_NOISE = 5.0
-#: But no more than this times as far as points are connected: time grows with the square.
-_MAX_WIDENING = 4.0
 
 
 class Cloud(NamedTuple):
@@ -63,14 +59,8 @@ def survey_points(points: FloatArray, radius: float) -> Survey:
     """
     Sort distinct points, list the neighbours of each, estimate the noise and find the normals.
 
-    Points closer than `radius` [m] are connected; farther ones, too, where the noise is as large.
+    Points closer than `radius` [m] are connected.
     """
-    survey = _surveyed(points, radius)
-    reach = min(REACH_OF_NOISE * survey.noise / OWN_SHARE, _MAX_WIDENING * radius)
-    return survey if reach <= radius else _surveyed(points, reach)
-
-
-def _surveyed(points: FloatArray, radius: float) -> Survey:
     grid, row_of = distinct_grid(points, radius)
     distinct, runs = grid.points, grid.first[grid.around(radius)]
     neighbours = np.full((len(distinct), MAX_NEIGHBOURS), -1, dtype=np.int32)
