@@ -12,7 +12,7 @@ deviations in plan (along one axis) and in height, and the shares of errors with
 With --live the flights are scans for `lidar-buildings live`, in processes of its own. After each flight there
 are two lines: of the models that were solved again from sums (`provisional`), and of those made again of all
 points, each with the seconds from the flight's last point; processor seconds are of all the graph's work.
-A third graph gets all flights at once: are its files the same? And `run`: how far are corners from its own?
+Another graph gets all flights at once: are its files the same? How far are corners from those of `run`?
 """
 
 from __future__ import annotations

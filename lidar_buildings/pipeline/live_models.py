@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -48,6 +49,9 @@ _LOOSE = 1e-3
 #: Least share of new points for which a model is solved again.
 _NEW = 0.05
 _DECIMALS = 3
+#: Roofs that are remembered: those of the tiles that came last (20 kB each).
+_MOST = 10_000
+_log = logging.getLogger(__name__)
 
 
 class LiveRoof:
@@ -278,11 +282,17 @@ class LiveModels:
 
     def replace(self, stamp: int, roofs: list[LiveRoof]) -> None:
         """Take the roofs of a tile's revision in place of those of an earlier one."""
-        for roof in self._roofs.get(tile_of(stamp), ()):
-            self._new.pop(roof, None)
+        self._forget(tile_of(stamp))
         self._roofs[tile_of(stamp)] = roofs
+        while sum(map(len, self._roofs.values())) > _MOST and len(self._roofs) > 1:
+            self._forget(next(iter(self._roofs)))
         low, high = np.array([[one.low, one.high] for one in roofs]).reshape(-1, 2, 3).transpose(1, 0, 2)
         self._extents[tile_of(stamp)] = low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
+
+    def _forget(self, tile: int) -> None:
+        self._extents.pop(tile, None)
+        for roof in self._roofs.pop(tile, ()):
+            self._new.pop(roof, None)
 
     def add(self, points: FloatArray) -> None:
         """Add points, shape (n, 3) [m], to the roofs that they are on."""
@@ -302,7 +312,12 @@ class LiveModels:
         for roof in [one for one in self._new if one not in self._touched]:
             if self._new[roof] >= _NEW * roof.n_points:
                 del self._new[roof]
-                yield roof.stamp, roof.solved()
+                try:
+                    solved = roof.solved()
+                except Exception:
+                    _log.exception("building %d: its model stays as it was", roof.built.building_id)
+                else:
+                    yield roof.stamp, solved
         self._touched.clear()
 
 
@@ -318,8 +333,13 @@ def live_roofs(
     rows = {} if tile.building_id is None else dict(rows_by_building(tile.building_id))
     found = []
     for one in models:
-        if one.model.solids and max(one.model.solids) == LOD22 and one.building_id in rows:
+        if not one.model.solids or max(one.model.solids) != LOD22 or one.building_id not in rows:
+            continue
+        try:
             roof = LiveRoof(one, tile.point_spacing or 1.0, bias.get(one.building_id, 0.0), tile.stamp)
             roof.n_first = roof.add(tile.points[rows[one.building_id]])
+        except Exception:
+            _log.exception("building %d: no later points are added to it", one.building_id)
+        else:
             found.append(roof)
     return found

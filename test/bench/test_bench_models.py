@@ -1,9 +1,11 @@
 """The benchmark of building models, on roofs small enough for a test."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
-from bench.models import city3d, grade_cases, grade_truth, grades
+from bench.models import city3d, grade_cases, grade_truth, grades, strips
 from bench.models import clouds as model_clouds
 from bench.models import run as models
 from bench.models import truth as model_truth
@@ -11,6 +13,7 @@ from bench.scenes.models import model_scene
 from lidar_buildings.core.solids.raising import extrude
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.pipeline.config import PipelineConfig
+from lidar_buildings.simulation import make_scene
 
 
 @pytest.fixture(scope="module")
@@ -112,3 +115,16 @@ def test_a_model_through_the_points_is_better_than_one_half_a_metre_below(tmp_pa
     place = city3d.place_of("a", cloud, [right], city3d.read_obj(low))
     assert (place.ours, place.theirs, place.n_models) == (1.0, 0.0, 1)
     assert place.planes == (1, 0, 1)
+
+
+def test_flights_over_a_scene_follow_one_another_in_strips_of_their_own():
+    scene = make_scene("single_house", 1)
+    flights = list(strips.flights_of(scene, 1, 0.5))
+    times = np.concatenate([one.gps_time for one in flights])
+    kinds = [set(one.point_source_id.tolist()) for one in flights]
+    assert len(flights) == 4
+    assert len(set().union(*kinds)) == sum(map(len, kinds))
+    for before, after in pairwise(flights):
+        assert after.gps_time.min() == pytest.approx(before.gps_time.max() + strips.TURN)
+    *_, last = strips.after_each_flight(scene, 1, 0.5)
+    assert np.array_equal(last.gps_time, times)

@@ -8,6 +8,7 @@ from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.validity import check_solid
 from lidar_buildings.core.stages.building_model.config import BuildingModelConfig
+from lidar_buildings.pipeline import live_models
 from lidar_buildings.pipeline.live_models import LiveModels, live_roofs
 from lidar_buildings.pipeline.tile_models import build_models
 
@@ -88,3 +89,15 @@ def test_a_model_is_told_anew_when_no_more_points_come_and_until_its_tile_comes_
     live.add(points)
     live.replace(STAMP + 1, [first_roof()])
     assert [*live.solved(), *live.solved()] == []
+
+
+def test_tiles_that_came_long_ago_are_forgotten(monkeypatch):
+    monkeypatch.setattr(live_models, "_MOST", 1)
+    live, points = LiveModels(), strip(1).points
+    live.replace(STAMP, [first_roof()])
+    live.replace(STAMP + 1_000_000, [])
+    live.add(points)
+    assert len([*live.solved(), *live.solved()]) == 1
+    live.replace(STAMP + 2_000_000, [first_roof(), first_roof()])
+    live.add(points)
+    assert len([*live.solved(), *live.solved()]) == 2
