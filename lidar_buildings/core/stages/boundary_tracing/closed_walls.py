@@ -29,7 +29,8 @@ MIN_STRAIGHT = 0.75
 #: A box of which a larger share is ground is not part of the building.
 MAX_GROUND = 0.25
 #: Smallest share within an outline of what was not seen at all: with less of it the roof tells the outline.
-MIN_UNSEEN = 0.05
+#: From the street one slope of a roof is seen at most, from above all but what a tree hides.
+MIN_UNSEEN = 0.25
 #: Length of an outline along which walls have to be bare: it is by these that the roof is known to go on [m].
 MIN_BARE = 3.0
 #: Narrower parts are no building: garden walls, and sides of which hardly anything was seen [m].

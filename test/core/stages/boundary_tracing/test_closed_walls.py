@@ -89,6 +89,8 @@ def test_half_a_roof_and_the_gables_make_the_whole():
     seen = inside(shapely.box(-0.4, -0.4, 12.4, 4.5))
     assert iou(closed(walls, roofs=seen, bare=bare), HOUSE) > 0.97
     assert closed(walls, roofs=inside(HOUSE), bare=bare) is None, "the roof tells the outline"
+    tree = shapely.Point(8.0, 5.0).buffer(2.0)
+    assert closed(walls, roofs=inside(HOUSE.difference(tree)), bare=bare) is None, "seen but for a tree"
     assert closed(walls, roofs=seen, bare=bare[:20]) is None, "its own roof ends there"
 
 
