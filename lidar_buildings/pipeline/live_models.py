@@ -85,8 +85,8 @@ class LiveRoof:
         #: Of each corner of each face the roof's plane and the wall, −1 for none.
         self._plane, self._wall = np.full((2, len(kinds)), -1)
         self._plane[roofs], self._wall[walls] = self._plane_of_roof, np.arange(len(walls))
-        n_corners = np.diff(faces.corner_starts)
-        self._plane, self._wall = self._plane.repeat(n_corners), self._wall.repeat(n_corners)
+        self._face = np.repeat(np.arange(len(kinds)), np.diff(faces.corner_starts))
+        self._plane, self._wall = self._plane[self._face], self._wall[self._face]
         corners = np.concatenate([rings[k][0] for k in roofs])
         self.low, self.high = corners.min(axis=0) - spacing, corners.max(axis=0) + spacing
         self._sums = PlaneSums(0.5 * (self.low + self.high), len(self._planes))
@@ -153,7 +153,11 @@ class LiveRoof:
             return replace(self.built, attributes=self.built.attributes | new)
         covariance = corner_covariances(conditions, len(vertices), self._spacing)
         sigmas = np.sqrt(np.einsum("kii->ki", covariance)).round(_DECIMALS).tolist()
-        told = tuple(_retold(one, face, sigmas) for one, face in zip(self._told, solid.faces, strict=True))
+        faces = self._face[np.concatenate([roof, wall])]
+        square = np.bincount(faces, conditions.sigma**2, len(solid.faces))
+        across = np.sqrt(square / np.maximum(np.bincount(faces, minlength=len(solid.faces)), 1))
+        columns = self._told, solid.faces, across.round(_DECIMALS).tolist()
+        told = tuple(_retold(*each, sigmas) for each in zip(*columns, strict=True))
         old = self.built.model
         model = replace(old, solids={**old.solids, LOD22: solid}, of_faces={**old.of_faces, LOD22: told})
         new |= precision_attributes(told)
@@ -257,17 +261,19 @@ def _moved(conditions: Conditions, off: FloatArray, n_vertices: int) -> FloatArr
     return moved
 
 
-def _retold(told: dict[str, Any], face: Sequence[Sequence[int]], sigmas: list[list[float]]) -> dict[str, Any]:
-    """Return what is told of a face with the corners' new standard deviations, where any was told."""
+def _retold(
+    told: dict[str, Any], face: Sequence[Sequence[int]], across: float, sigmas: list[list[float]]
+) -> dict[str, Any]:
+    """Return what is told of a face with new standard deviations where any was told, [m]."""
+    new = dict.fromkeys(told.keys() & {"elevation_sigma", "position_sigma"}, across)
     if "corner_sigmas" not in told:
-        return told
-    old = told["corner_sigmas"]
-    new = [
+        return told | new
+    of_rings = [
         [[None if was is None else now for was, now in zip(one, sigmas[row], strict=True)]
          for row, one in zip(ring, own, strict=True)]
-        for ring, own in zip(face, old, strict=True)
+        for ring, own in zip(face, told["corner_sigmas"], strict=True)
     ]  # fmt: skip
-    return {**told, "corner_sigmas": new}
+    return {**told, **new, "corner_sigmas": of_rings}
 
 
 class LiveModels:
