@@ -112,6 +112,14 @@ class Adjustment:
         return self.free.moments.centre
 
     @property
+    def first(self) -> IntArray:
+        """Row of the first piece of the surface that each plane is a piece of, shape (n_planes,)."""
+        own = np.arange(len(self.surface))
+        surface = np.where(self.surface < 0, len(own) + own, self.surface)
+        _, first, number = np.unique(surface, return_index=True, return_inverse=True)
+        return np.asarray(first[number])
+
+    @property
     def planes(self) -> tuple[RoofPlane, ...]:
         """The planes; number k is item k - 1."""
         return adjusted_planes(self.free, self.coefficients, moved(self.covariances, self.free.mean))
@@ -152,11 +160,11 @@ class Adjustment:
 
 
 class _System(NamedTuple):
-    """Conditions as equations between unknown: c of each level surface, a, b, c of each other plane."""
+    """Conditions as equations between planes, of which the pieces of a level surface are one."""
 
     own: IntArray  #: row of each plane's unknown, shape (n_planes,)
-    x: FloatArray  #: shape (n_rows, 3)
-    sigma: FloatArray  #: covariances of x, shape (n_rows, 3, 3)
+    x: FloatArray  #: a, b, c, shape (n_planes, 3)
+    sigma: FloatArray  #: covariances of x, shape (n_planes, 3, 3)
     group: IntArray  #: condition of each equation, shape (n_equations,)
     variance: FloatArray  #: of each equation by itself, shape (n_equations,)
     is_exact: BoolArray  #: shape (n_equations,)
@@ -168,11 +176,7 @@ class _System(NamedTuple):
 
     @classmethod
     def of(cls, conditions: Sequence[Condition], adjustment: Adjustment) -> _System:
-        surface = adjustment.surface
-        level, n_surfaces = surface >= 0, int(surface.max(initial=-1)) + 1
-        own = np.where(level, surface, n_surfaces + np.cumsum(~level) - 1)
-        _, first = np.unique(own, return_index=True)
-        x, sigma = adjustment.coefficients[first], adjustment.covariances[first]
+        own, x, sigma = adjustment.first, adjustment.coefficients, adjustment.covariances
         sizes = [one.factors.shape[:2] for one in conditions]
         group = np.repeat(np.arange(len(sizes)), [n for n, _ in sizes])
         row = np.concatenate([np.tile(own[np.array(one.planes) - 1], len(one.factors)) for one in conditions])

@@ -128,20 +128,12 @@ def _add_points(points, plane_id, centre, unit, sums):  # type: ignore[no-untype
             sums[k, moment] += moments[moment]
 
 
-@kernel
-def centroids_and_scatters(sums):  # type: ignore[no-untyped-def]
+def centroids_and_scatters(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return planes' centroids about the centre, (n, 3), and scatter matrices about these, (n, 3, 3)."""
-    mean, scatter = np.empty((len(sums), 3)), np.empty((len(sums), 3, 3))
-    # Of the sums, those of products of x, y and z.
-    products = np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])
-    for k in range(len(sums)):
-        n = max(sums[k, 0], 1.0)
-        for i in range(3):
-            mean[k, i] = sums[k, 1 + i] / n
-        for i in range(3):
-            for j in range(3):
-                scatter[k, i, j] = sums[k, products[i, j]] - n * mean[k, i] * mean[k, j]
-    return mean, scatter
+    n = np.maximum(sums[:, :1], 1.0)
+    mean = sums[:, 1:4] / n
+    products = sums[:, np.array([[4, 5, 6], [5, 7, 8], [6, 8, 9]])]
+    return mean, products - n[:, :, None] * mean[:, :, None] * mean[:, None, :]
 
 
 #: Steeper planes are walls: they stay as they are [deg].
@@ -176,35 +168,17 @@ def free_planes(moments: PlaneMoments) -> FreePlanes:
     """Fit every plane to its points by orthogonal least squares."""
     mean, scatter = centroids_and_scatters(moments.sums)
     values, axes = np.linalg.eigh(scatter)
-    normals, rms, coefficients, roof = _planes(moments.sums, mean, scatter, values, axes)
-    covariance = plane_covariances(moments.sums[:, 0], scatter, normals[:, 2], rms)
+    is_line = (values[:, 1] <= _LINE**2 * values[:, 2]) | (moments.sums[:, 0] < 3)
+    normals = np.where(is_line[:, None], (0.0, 0.0, 1.0), axes[:, :, 0])
+    normals *= np.where(normals[:, 2:] < 0.0, -1.0, 1.0)
+    upright = normals[:, 2]
+    square = np.einsum("ki,kij,kj->k", normals, scatter, normals)
+    rms = np.sqrt(np.maximum(square, 0.0) / np.maximum(moments.sums[:, 0], 1.0))
+    gradients = -normals[:, :2] / np.maximum(upright, _LEAST_VERTICAL)[:, None]
+    coefficients = np.column_stack([gradients, mean[:, 2] - (gradients * mean[:, :2]).sum(axis=1)])
+    covariance = plane_covariances(moments.sums[:, 0], scatter, upright, rms)
+    roof = (moments.sums[:, 0] > 0.0) & (upright > _LEAST_UPRIGHT)
     return FreePlanes(moments, mean, scatter, normals, rms, coefficients, covariance, roof)
-
-
-@kernel
-def _planes(sums, mean, scatter, values, axes):  # type: ignore[no-untyped-def]
-    """Return normals, roughness, coefficients and which are roofs; see `FreePlanes`."""
-    n_planes = len(sums)
-    normals, rms, roof = np.zeros((n_planes, 3)), np.empty(n_planes), np.empty(n_planes, np.bool_)
-    coefficients = np.empty((n_planes, 3))
-    for k in range(n_planes):
-        normal, count = normals[k], max(sums[k, 0], 1.0)
-        if values[k, 1] <= _LINE**2 * values[k, 2] or sums[k, 0] < 3:
-            normal[2] = 1.0
-        else:
-            for i in range(3):
-                normal[i] = -axes[k, i, 0] if axes[k, 2, 0] < 0.0 else axes[k, i, 0]
-        square = 0.0
-        for i in range(3):
-            for j in range(3):
-                square += normal[i] * scatter[k, i, j] * normal[j]
-        rms[k] = math.sqrt(max(square, 0.0) / count)
-        upright = max(normal[2], 1e-6)
-        a, b = -normal[0] / upright, -normal[1] / upright
-        coefficients[k, 0], coefficients[k, 1] = a, b
-        coefficients[k, 2] = mean[k, 2] - (a * mean[k, 0] + b * mean[k, 1])
-        roof[k] = sums[k, 0] > 0.0 and normal[2] > _LEAST_UPRIGHT
-    return normals, rms, coefficients, roof
 
 
 #: Points of a roof scatter by no less [m]: noise of the range and of the survey's pose.
@@ -220,15 +194,9 @@ def plane_covariances(
     Return the covariances of a, b, c of planes z = a (x − x₀) + b (y − y₀) + c about their centroids.
 
     Least squares: the variance of a point along z, from the residuals with n − 3 degrees of freedom, times
-    the inverse normal matrix (Förstner and Wrobel 2016, 4.2). It is greater by the number of neighbouring
-    points that share an error. Planes of points on a line stay finite.
-
-    - `counts`, shape (n,): Number of points.
-    - `scatter`, shape (n, 3, 3): Sums of products of coordinates about the centroid [m²].
-    - `upright`, shape (n,): z of the unit normal.
-    - `rms`, shape (n,): Root mean square of the orthogonal distances [m].
-
-    Returns shape (n, 3, 3): of a and b [1], with c [m], of c [m²].
+    the inverse normal matrix (Förstner and Wrobel 2016, 4.2), greater by the number of neighbouring points
+    that share an error. Counts and `upright`, z of the unit normal, are (n,), scatter matrices about the
+    centroids (n, 3, 3) [m²], `rms` (n,) [m]; returned are (n, 3, 3) [1, m, m²].
     """
     freedom = counts / np.maximum(counts - 3.0, 1.0)
     variance = (
@@ -255,27 +223,12 @@ def adjusted_planes(
     free: FreePlanes, coefficients: FloatArray, covariances: FloatArray
 ) -> tuple[RoofPlane, ...]:
     """Return the planes after the adjustment; walls stay as they were fitted."""
-    normals, places, rms = _placed(
-        free.roof, free.normals, free.mean, free.scatter, free.counts, coefficients
-    )
-    columns = (normals, places + free.moments.centre, rms.tolist(), map(int, free.moments.sums[:, 0]))
-    return tuple(RoofPlane(*each) for each in zip(*columns, covariances, strict=True))
-
-
-@kernel
-def _placed(roof, normals, mean, scatter, counts, coefficients):  # type: ignore[no-untyped-def]
-    """Return normals, a place on each plane about the centre, and the root mean square of distances."""
-    normals, places, rms = normals.copy(), mean.copy(), np.empty(len(roof))
-    for k in range(len(roof)):
-        if roof[k]:
-            a, b, c = coefficients[k]
-            length = math.sqrt(a * a + b * b + 1.0)
-            normals[k, 0], normals[k, 1], normals[k, 2] = -a / length, -b / length, 1.0 / length
-            places[k, 2] = a * places[k, 0] + b * places[k, 1] + c
-        off, square = 0.0, 0.0
-        for i in range(3):
-            off += normals[k, i] * (mean[k, i] - places[k, i])
-            for j in range(3):
-                square += normals[k, i] * scatter[k, i, j] * normals[k, j]
-        rms[k] = math.sqrt(max(square / counts[k] + off * off, 0.0))
-    return normals, places, rms
+    roof, normals, places = free.roof, free.normals.copy(), free.mean.copy()
+    a, b, c = coefficients[roof].T
+    normals[roof] = np.column_stack([-a, -b, np.ones(len(a))]) / np.sqrt(a * a + b * b + 1.0)[:, None]
+    places[roof, 2] = a * places[roof, 0] + b * places[roof, 1] + c
+    off = (normals * (free.mean - places)).sum(axis=1)
+    square = np.einsum("ki,kij,kj->k", normals, free.scatter, normals) / free.counts + off**2
+    rms = np.sqrt(np.maximum(square, 0.0)).tolist()
+    columns = normals, places + free.moments.centre, rms, map(int, free.moments.sums[:, 0]), covariances
+    return tuple(RoofPlane(*each) for each in zip(*columns, strict=True))

@@ -174,8 +174,6 @@ _log = logging.getLogger(__name__)
 _EQUAL_DIGITS = 6
 #: Spacing of points too few to measure it [m].
 _ASSUMED_SPACING = 1.0
-#: Standard deviation of the corners of a traced outline along x and y [spacings].
-CORNER_SIGMA = 0.15
 #: What is said of a building whose roof was not seen.
 _NOT_SEEN = "the roof was not seen whole: one height, by the tops of walls and what was seen of the roof"
 
@@ -301,8 +299,7 @@ def _model(
     if plane_id is None:
         return _lowest_alone(lowest.solid, attributes, [*remarks, _NOT_SEEN, lowest.remark])
     try:
-        sigma = CORNER_SIGMA * spacing if is_traced else 0.0
-        topology = find_topology(points, plane_id, outline, point_spacing=spacing, corner_sigma=sigma)
+        topology = find_topology(points, plane_id, outline, point_spacing=spacing)
         has_extent = _has_extent(points)
         roof = _Roof(points, outline, ground, spacing, topology, has_extent, is_traced, wall_bias, seen)
         levels, faces, why = _finer_levels(roof, lowest, config)

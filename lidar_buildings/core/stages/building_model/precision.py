@@ -11,18 +11,20 @@ import shapely
 
 from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import BoolArray, FloatArray, IntArray
-from lidar_buildings.core.model.outline import Outline
+from lidar_buildings.core.model.outline import Outline, ring_walls
 from lidar_buildings.core.solids.shell import ROOF_SURFACE, WALL_SURFACE, Solid, cross
 from lidar_buildings.core.solids.triangulation import FaceArrays, face_arrays
 from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 # Chosen on virtual roofs of seeds 1 to 4, judged on others: `bench.models.precision`.
 #: A traced wall: what all of it is off by, and each of the rows of points that end at it [spacings].
-_WALL_BIAS, _WALL_EACH = 0.06, 0.25
+_WALL_BIAS, _WALL_EACH = 0.05, 0.18
 #: A wall between roofs, likewise.
-_STEP_BIAS, _STEP_EACH = 0.04, 0.32
+_STEP_BIAS, _STEP_EACH = 0.04, 0.27
 #: Share of the variance of the gaps between a traced wall and its points that is the wall's.
-_GAP_SHARE = 0.5
+_GAP_SHARE = 0.4
+#: By how much the variance of a wall's middle grows towards the square of the distance from it [lengths].
+_LEVER = 4.0
 #: Points within so many spacings of a wall tell where it is.
 _REACH = 3.0
 #: A wall that was given holds to this [m].
@@ -89,9 +91,9 @@ def corner_covariances(conditions: Conditions, n_vertices: int, loose: float) ->
     return np.asarray(np.linalg.inv(information))
 
 
-def wall_sigmas(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -> FloatArray:
+def wall_variances(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -> FloatArray:
     """
-    Return the standard deviations of walls across [m], shape (n_walls,).
+    Return the variances of walls across [m²]: of all of it, and of its middle besides, shape (n_walls, 2).
 
     A wall is where rows of points end, each anywhere within a spacing: it is the surer the more rows end at
     it and the less the gaps between it and their last points differ. `walls` are seen from above with the
@@ -102,8 +104,9 @@ def wall_sigmas(walls: FloatArray, is_outer: BoolArray, sampling: Sampling) -> F
     of_all = np.where(is_outer, _WALL_BIAS, _STEP_BIAS) * spacing
     of_each = np.where(is_outer, _WALL_EACH, _STEP_EACH) * spacing
     inside, gaps = np.where(is_outer, bias or 0.0, 0.0), np.where(is_outer, _GAP_SHARE * gaps, 0.0)
-    sigma = np.sqrt(inside**2 + of_all**2 + (of_each**2 + gaps) / n)
-    return np.where(is_outer & (bias is None), _GIVEN, sigma)
+    variances = np.column_stack([inside**2 + of_all**2, (of_each**2 + gaps) / n])
+    variances[is_outer & (bias is None)] = _GIVEN**2, 0.0
+    return variances
 
 
 @kernel
@@ -148,14 +151,18 @@ def told_precision(
     across = normals[walls, :2] / np.maximum(np.hypot(*normals[walls, :2].T), _LEAST)[:, None]
     of_wall = np.searchsorted(walls, own[is_wall])
     lines = _lines_of(corners[is_wall, :2], of_wall, across)
-    rings = shapely.multilinestrings([shapely.linearrings(ring) for ring in outline.rings])
-    is_outer = shapely.distance(rings, shapely.points(lines.mean(axis=1))) < _ON_OUTLINE
-    wall_of_face = np.zeros(len(kinds))
-    wall_of_face[walls] = wall_sigmas(lines, is_outer, sampling)
+    edges, middles = ring_walls(outline.rings), shapely.points(lines.mean(axis=1))
+    nearest = shapely.STRtree(shapely.linestrings(edges)).nearest(middles)
+    is_outer = shapely.distance(shapely.linestrings(edges[nearest]), middles) < _ON_OUTLINE
+    lines[is_outer] = edges[nearest[is_outer]]
+    # A line through points is less sure the farther from their middle.
+    aside = ((corners[is_wall, :2] - lines.mean(axis=1)[of_wall]) ** 2).sum(axis=1)
+    aside /= np.maximum(((lines[:, 1] - lines[:, 0]) ** 2).sum(axis=1), _LEAST)[of_wall]
+    of_all, of_middle = wall_variances(lines, is_outer, sampling)[of_wall].T
     upward = normals / np.maximum(normals[:, 2:], _LEAST)
     upward[walls, :2], upward[walls, 2] = across, 0.0
-    sigmas = wall_of_face[own]
-    sigmas[is_roof] = roof_sigmas
+    sigmas = np.zeros(len(own))
+    sigmas[is_roof], sigmas[is_wall] = roof_sigmas, np.sqrt(of_all + of_middle * (1.0 + _LEVER * aside))
     used = is_roof | is_wall
     conditions = Conditions(faces.corners[used], upward[own[used]], sigmas[used], is_wall[used])
     covariances = corner_covariances(conditions, len(solid.vertices), _LOOSE * sampling.spacing)

@@ -26,7 +26,7 @@ from lidar_buildings.core.surfaces.plane_adjustment import (
 
 #: How exactly roofs are built: a common point [m], where a hip meets the outline, in plan [m], directions of
 #: eaves [rad], slopes [m/m].
-_POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.02, 0.01, 0.01
+_POINT_SIGMA, _HIP_SIGMA, _STRIKE_SIGMA, _SLOPE_SIGMA = 0.02, 0.03, 0.01, 0.01
 #: Planes that fall farther off from across a wall do not [deg].
 _ACROSS_DEG = 20.0
 
@@ -41,13 +41,12 @@ _LEAST_PLANES = 4
 
 
 def find_conditions(
-    adjustment: Adjustment, pieces: Pieces, walls: FloatArray, spacing: float, corner_sigma: float
+    adjustment: Adjustment, pieces: Pieces, walls: FloatArray, spacing: float
 ) -> list[Condition]:
     """
     Collect the conditions that lines and walls hint at; the adjustment finds out which the points allow.
 
-    Walls, the outline's edges, are about the centre; their corners have the standard deviation `corner_sigma`
-    along x and y [m].
+    Walls, the outline's edges, are about the centre.
     """
     planes = adjustment.coefficients
     found: list[Condition] = []
@@ -55,8 +54,7 @@ def find_conditions(
         ends = piece_ends(pieces, planes)
         found += _common_points(pieces, ends, planes, spacing)
         if len(walls):
-            sigma = math.hypot(corner_sigma, _HIP_SIGMA)
-            found += _corners(pieces, ends, walls[:, 0], planes, spacing, sigma)
+            found += _corners(pieces, ends, walls[:, 0], planes, spacing)
         found += _equal_slopes(pieces, adjustment)
     return found + list(_strikes(adjustment, walls))
 
@@ -95,12 +93,7 @@ def _units(coefficients: FloatArray) -> FloatArray:
 
 
 def _corners(
-    pieces: Pieces,
-    ends: FloatArray,
-    corners: FloatArray,
-    planes: FloatArray,
-    spacing: float,
-    sigma: float,
+    pieces: Pieces, ends: FloatArray, corners: FloatArray, planes: FloatArray, spacing: float
 ) -> Iterator[Condition]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
     near = _near_corners(ends, corners, spacing)
@@ -108,7 +101,7 @@ def _corners(
     for i, j, at in dict.fromkeys((i, j, at) for i, j, rows in pairs for at in rows if at >= 0):
         position = np.append(corners[at], 1.0)
         bend = float(np.hypot(*(planes[i - 1, :2] - planes[j - 1, :2])))
-        yield Condition(CORNER, (i, j), sigma * bend, np.array([[position, -position]]))
+        yield Condition(CORNER, (i, j), _HIP_SIGMA * bend, np.array([[position, -position]]))
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.model.outline import Outline, ring_walls
@@ -20,33 +20,28 @@ from lidar_buildings.core.stages.roof_topology.step_edges import (
     step_edges,
     step_segments,
 )
-from lidar_buildings.core.surfaces.plane_adjustment import Adjustment, adjust
+from lidar_buildings.core.surfaces.plane_adjustment import adjust
 from lidar_buildings.core.surfaces.roof_planes import without_gaps
 
 #: What edges of roofs are straighter than, however densely points lie [m].
 _LEAST_DETAIL = 0.3
-#: Decimals to which the coefficients of planes that are one agree.
-_SAME_DECIMALS = 9
 
 
 def find_topology(
-    points: FloatArray,
-    plane_id: ArrayLike,
-    outline: Outline,
-    *,
-    point_spacing: float | None = None,
-    corner_sigma: float = 0.0,
+    points: FloatArray, plane_id: ArrayLike, outline: Outline, *, point_spacing: float | None = None
 ) -> RoofTopology:
     """
     Adjust a roof's planes, and find the ridges, hips, valleys and step edges between them.
 
     Planes come numbered from 1, 0 = none, and are numbered anew without gaps. The point spacing is
-    measured if not given; `corner_sigma` is how sure the outline's corners are along x and y [m].
+    measured if not given [m].
     """
     numbers = without_gaps(np.asarray(plane_id, dtype=np.uint16))
     spacing = point_spacing or quantised_spacing(points)
     adjustment = adjust(points, numbers)
-    seen = _regions_of(adjustment)[numbers]
+    # Pieces of one level surface are seen from above as the first of them, walls not at all.
+    region = np.append(0, np.where(adjustment.free.roof, adjustment.first + 1, 0)).astype(np.uint16)
+    seen = region[numbers]
     if np.count_nonzero(seen) < 3:
         return RoofTopology(adjustment.planes, (), (), "unknown", adjustment.held)
     if np.count_nonzero(np.bincount(seen)[1:]) == 1:
@@ -57,7 +52,7 @@ def find_topology(
     about = walls - centre[:2]
     borders = find_borders(points, seen, outline, centre, spacing)
     pieces = find_pieces(borders, points, adjustment.coefficients, centre, spacing)
-    adjustment = adjustment.under(find_conditions(adjustment, pieces, about, spacing, corner_sigma))
+    adjustment = adjustment.under(find_conditions(adjustment, pieces, about, spacing))
     pieces = find_pieces(borders, points, adjustment.coefficients, centre, spacing)
     gradients = adjustment.coefficients
     area = adjustment.free.counts * spacing**2
@@ -72,14 +67,3 @@ def find_topology(
     return RoofTopology(
         adjustment.planes, tuple(intersections), tuple(steps), kind, adjustment.held, adjustment.refused
     )
-
-
-def _regions_of(adjustment: Adjustment) -> NDArray[np.uint16]:
-    """Return the number under which each plane is seen from above; planes that are one have the first's."""
-    region = np.zeros(len(adjustment.coefficients) + 1, dtype=np.uint16)
-    roofs = np.flatnonzero(adjustment.free.roof)
-    rounded = np.round(adjustment.coefficients[roofs], _SAME_DECIMALS)
-    first: dict[tuple[float, ...], int] = {}
-    for number, plane in zip((roofs + 1).tolist(), rounded.tolist(), strict=True):
-        region[number] = first.setdefault(tuple(plane), number)
-    return region
