@@ -55,7 +55,7 @@ def test_strips_in_portions_and_any_order_are_the_same_sums_as_all_points_at_onc
 
 @pytest.mark.parametrize("name", ["gable", "hip", "shed", "l_shape"])
 def test_errors_and_standard_deviations_fall_with_each_strip(name):
-    roof, errors, sigmas = first_roof(name, move=0.25), [], []
+    roof, errors, sigmas = first_roof(name, move=0.15), [], []
     true = strip(0, name).wireframe.corners
     for seed in (1, 2, 3, 4):
         solved = roof.solved()
