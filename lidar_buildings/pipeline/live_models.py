@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,9 @@ from lidar_buildings.core.stages.building_model.precision import (
     corner_covariances,
     precision_attributes,
 )
-from lidar_buildings.core.surfaces.roof_planes import PlaneSums, free_planes, plane_covariances
+from lidar_buildings.core.surfaces.plane_adjustment import CORNER, POINT, Adjustment, Condition
+from lidar_buildings.core.surfaces.plane_adjustment import moved as moved_origin
+from lidar_buildings.core.surfaces.roof_planes import PlaneSums, free_planes
 from lidar_buildings.pipeline.tile_models import TileModel
 
 #: Attribute of a model that was solved again since its tile was sent; none in files has it.
@@ -35,6 +38,8 @@ _ROUGH, _LEAST_NEAR = 3.0, 0.1
 _SAME, _PARALLEL = 0.02, 0.9999
 #: A plane of fewer points stays as it was; what it is off by [m].
 _FEWEST, _NO_PLANE = 8, 0.3
+#: Planes meet at a corner to this [m]; more of them than these meet at a point by a condition alone.
+_MEET, _AT_A_POINT = 0.01, 3
 #: A quarter of the rows of points end this much before a wall, as a share of their mean gap, which has an
 #: exponential distribution (−ln ¾); the standard deviation of that, times the root of their number.
 _QUARTER, _GAP, _GAP_SIGMA = 0.25, 0.2877, 0.5774
@@ -130,24 +135,25 @@ class LiveRoof:
         Other levels of detail stay as they were, and all of it if faces were not flat otherwise.
         """
         vertices = self._solid.vertices
-        (equations, covariances, centroids), (moves, variances) = self._solved_planes(), self._solved_walls()
+        moves, variances = self._solved_walls()
         roof, wall = np.flatnonzero(self._plane >= 0), np.flatnonzero(self._wall >= 0)
+        level = np.zeros((len(wall), 3))
+        level[:, :2], own = self._across[self._wall[wall]], self._wall[wall]
+        walls = Conditions(self._corners[wall], level, np.sqrt(variances[own]), own >= 0)
+        is_fixed, shift = _fixed_by_walls(walls, moves[own], len(vertices))
+        equations, covariances, centroids = self._solved_planes(vertices[:, :2] + shift, is_fixed)
         plane, at = self._plane[roof], vertices[self._corners[roof]]
         place = np.ones((len(at), 3))
         place[:, :2] = at[:, :2] - centroids[plane]
         place[~self._planes[plane, :2].any(axis=1), :2] = 0.0  # level planes have no slope to be unsure of
         variance = np.einsum("ni,nij,nj->n", place, covariances[plane], place)
         a, b, c = equations[plane].T
-        upward, level = np.ones((len(roof), 3)), np.zeros((len(wall), 3))
-        upward[:, 0], upward[:, 1], level[:, :2] = -a, -b, self._across[self._wall[wall]]
-        conditions = Conditions(
-            self._corners[np.concatenate([roof, wall])],
-            np.concatenate([upward, level]),
-            np.sqrt(np.concatenate([variance, variances[self._wall[wall]]])),
-            np.repeat([False, True], [len(roof), len(wall)]),
-        )
-        off = np.concatenate([a * at[:, 0] + b * at[:, 1] + c - at[:, 2], moves[self._wall[wall]]])
-        solid = replace(self._solid, vertices=on_grid(vertices + _moved(conditions, off, len(vertices))))
+        upward = np.column_stack([-a, -b, np.ones(len(roof))])
+        roofs = Conditions(self._corners[roof], upward, np.sqrt(variance), plane < 0)
+        conditions = Conditions(*(np.concatenate(both) for both in zip(roofs, walls, strict=True)))
+        off = np.concatenate([a * at[:, 0] + b * at[:, 1] + c - at[:, 2], moves[own]])
+        moved = _moved(conditions, off, is_fixed, shift)
+        solid = replace(self._solid, vertices=on_grid(vertices + moved))
         new: dict[str, Any] = {PROVISIONAL: True, "n_points": self.n_points}
         if check_solid(solid):
             return replace(self.built, attributes=self.built.attributes | new)
@@ -163,17 +169,43 @@ class LiveRoof:
         new |= precision_attributes(told)
         return replace(self.built, model=model, attributes=self.built.attributes | new)
 
-    def _solved_planes(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a, b, c of the planes, covariances of these about their points' centroids, and those."""
+    def _solved_planes(
+        self, xy: FloatArray, is_fixed: BoolArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """
+        Return a, b, c of the planes, covariances of these about their points' centroids, and those.
+
+        The planes meet at corners that walls fix in plan, at these places [m], and where four or more of them
+        did, as far as their points do not refuse it (`Adjustment.under`).
+        """
         free = free_planes(self._sums.moments)
-        centre, found = free.moments.centre, free.coefficients.copy()
+        centre, found, covariances = free.moments.centre, free.coefficients.copy(), free.covariance.copy()
         is_level = ~self._planes[:, :2].any(axis=1)
         found[is_level] = free.mean[is_level] * (0.0, 0.0, 1.0)
-        found[:, 2] += centre[2] - found[:, :2] @ centre[:2]
-        covariances = plane_covariances(free.counts, free.scatter, free.normals[:, 2], free.rms)
+        covariances[is_level, :2], covariances[is_level, :, :2] = 0.0, 0.0
         is_kept = ~free.roof | (free.counts < _FEWEST)
-        found[is_kept], covariances[is_kept] = self._planes[is_kept], np.diag([0.0, 0.0, _NO_PLANE**2])
-        return found, covariances, free.mean[:, :2] + centre[:2]
+        found[is_kept] = self._planes[is_kept]
+        found[is_kept, 2] += found[is_kept, :2] @ centre[:2] - centre[2]
+        covariances[is_kept] = np.diag([0.0, 0.0, _NO_PLANE**2])
+        about = moved_origin(covariances, -free.mean)
+        conditions = list(self._conditions(xy - centre[:2], is_fixed))
+        joint = Adjustment(free, np.full(len(found), -1), found, about).under(conditions)
+        found = joint.coefficients.copy()
+        found[:, 2] += centre[2] - found[:, :2] @ centre[:2]
+        return found, moved_origin(joint.covariances, free.mean), free.mean[:, :2] + centre[:2]
+
+    def _conditions(self, xy: FloatArray, is_fixed: BoolArray) -> Iterator[Condition]:
+        """Yield that planes meet where corners lie about the centre [m]."""
+        pairs = np.unique(np.column_stack([self._corners, self._plane])[self._plane >= 0], axis=0)
+        for vertex, planes in groupby(pairs.tolist(), lambda one: one[0]):
+            own = tuple(plane + 1 for _, plane in planes)
+            n = len(own)
+            if n > 1 and is_fixed[vertex]:
+                factors = np.zeros((n - 1, n, 1))
+                factors[:, 0], factors[np.arange(n - 1), np.arange(1, n)] = 1.0, -1.0
+                yield Condition(CORNER, own, _MEET, factors * np.append(xy[vertex], 1.0))
+            elif n > _AT_A_POINT:
+                yield Condition(POINT, own, _MEET)
 
     def _solved_walls(self) -> tuple[FloatArray, FloatArray]:
         """
@@ -233,28 +265,36 @@ def _in_lines(across: FloatArray, lines: FloatArray) -> IntArray:
     return is_same.argmax(axis=1)
 
 
-def _moved(conditions: Conditions, off: FloatArray, n_vertices: int) -> FloatArray:
+def _solved(conditions: Conditions, off: FloatArray, n_vertices: int, n_axes: int) -> FloatArray:
+    """Return the least-squares shifts of corners to planes that are off by so much [m]."""
+    vertex, normal, weight = conditions.vertex, conditions.normal[:, :n_axes], 1.0 / conditions.sigma**2
+    matrix = np.tile(_LOOSE * np.eye(n_axes), (n_vertices, 1, 1))
+    right = np.zeros((n_vertices, n_axes, 1))
+    np.add.at(matrix, vertex, weight[:, None, None] * normal[:, :, None] * normal[:, None])
+    np.add.at(right, vertex, (weight * off)[:, None, None] * normal[:, :, None])
+    return np.asarray(np.linalg.solve(matrix, right)[:, :, 0])
+
+
+def _fixed_by_walls(walls: Conditions, off: FloatArray, n_vertices: int) -> tuple[BoolArray, FloatArray]:
+    """Return which corners walls that turn fix in plan, and by how much these move to them [m]."""
+    turns = np.zeros((n_vertices, 2, 2))
+    np.add.at(turns, walls.vertex, walls.normal[:, :2, None] * walls.normal[:, None, :2])
+    is_fixed = np.asarray(np.linalg.det(turns) > _TURN)
+    return is_fixed, _solved(walls, off, n_vertices, 2) * is_fixed[:, None]
+
+
+def _moved(conditions: Conditions, off: FloatArray, is_fixed: BoolArray, shift: FloatArray) -> FloatArray:
     """
     Return by how much corners move to where planes meet that are off by so much now [m], (n_vertices, 3).
 
-    Two walls that turn fix a corner in plan, and its height is then the mean of its roof planes' there: so it
-    was built. Else it is their least-squares intersection.
+    One that is fixed in plan gets the mean height of its roof planes there: so it was built. Others are their
+    least-squares intersection.
     """
-    vertex, normal, sigma, is_wall = conditions
-
-    def solved(used: BoolArray, n: int) -> FloatArray:
-        own, across, weight = vertex[used], normal[used, :n], 1.0 / sigma[used] ** 2
-        matrix, right = np.tile(_LOOSE * np.eye(n), (n_vertices, 1, 1)), np.zeros((n_vertices, n, 1))
-        np.add.at(matrix, own, weight[:, None, None] * across[:, :, None] * across[:, None])
-        np.add.at(right, own, (weight * off[used])[:, None, None] * across[:, :, None])
-        return np.asarray(np.linalg.solve(matrix, right)[:, :, 0])
-
-    turns = np.zeros((n_vertices, 2, 2))
-    np.add.at(turns, vertex[is_wall], normal[is_wall, :2, None] * normal[is_wall, None, :2])
-    moved, is_fixed = solved(is_wall | ~is_wall, 3), np.linalg.det(turns) > _TURN
-    moved[is_fixed, :2] = solved(is_wall, 2)[is_fixed]
-    of_roof = vertex[~is_wall]
-    rises = off[~is_wall] - (normal[~is_wall, :2] * moved[of_roof, :2]).sum(axis=1)
+    n_vertices, is_roof = len(is_fixed), ~conditions.is_wall
+    moved = _solved(conditions, off, n_vertices, 3)
+    moved[is_fixed, :2] = shift[is_fixed]
+    of_roof = conditions.vertex[is_roof]
+    rises = off[is_roof] - (conditions.normal[is_roof, :2] * moved[of_roof, :2]).sum(axis=1)
     n_roofs = np.bincount(of_roof, minlength=n_vertices)
     mean = np.bincount(of_roof, rises, n_vertices) / np.maximum(n_roofs, 1)
     moved[is_fixed, 2] = mean[is_fixed]
