@@ -45,7 +45,8 @@ def find_borders(
     """
     Collect the sides of cells between different planes inside an outline, with positions about a centre.
 
-    Every cell has the plane of the nearest cell that holds a point of one: that nearest to its middle.
+    Every cell has the plane of the nearest cell that holds a point of one; beside borders, of the nearest
+    point of the cells around.
     """
     low, high = extent_of(points)[:, :2]
     reach = np.maximum(high - low, _LEAST_MARGIN)
@@ -96,9 +97,17 @@ def _nearest_points(
     """Return the row of the nearest point of a plane for every cell, row by row; places are in cells."""
     known = np.flatnonzero(plane_id)
     column, row = places[known].astype(np.int64).T
-    off = np.hypot(*(places[known] % 1.0 - 0.5).T)
-    order = np.lexsort((plane_id[known], off))[::-1]  # of several in a cell the nearest comes last
+    order = np.argsort(-np.hypot(*(places[known] % 1.0 - 0.5).T), kind="stable")  # the nearest last
     nearest = np.full(shape, -1, dtype=np.int32)
     nearest[row[order], column[order]] = known[order]
     at = ndimage.distance_transform_edt(nearest < 0, return_distances=False, return_indices=True)
-    return nearest[tuple(at)].ravel()
+    nearest = nearest[tuple(at)]
+    # Beside borders points of the cells around may be nearer.
+    label = plane_id[nearest]
+    row, column = np.nonzero(ndimage.maximum_filter(label, 3) != ndimage.minimum_filter(label, 3))
+    around = [(row + r, column + c) for r, c in ((0, 0), (0, -1), (0, 1), (-1, 0), (1, 0))]
+    found = np.stack([nearest[np.clip(r, 0, shape[0] - 1), np.clip(c, 0, shape[1] - 1)] for r, c in around])
+    x, y = np.ascontiguousarray(places.T)
+    closest = ((x[found] - column - 0.5) ** 2 + (y[found] - row - 0.5) ** 2).argmin(axis=0)
+    nearest[row, column] = found[closest, np.arange(len(row))]
+    return nearest.ravel()
