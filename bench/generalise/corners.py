@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from bench.common.arguments import config_of
 from bench.common.tables import table
 from bench.generalise.disturbances import disturbances
 from lidar_buildings.core.model.classes import PointClass
+from lidar_buildings.core.model.outline import BuildingOutline, Outline
 from lidar_buildings.core.model.tile import PointTile
 from lidar_buildings.core.solids.shell import Solid
 from lidar_buildings.core.stages.building_model.quality import distance_to_surface
@@ -91,6 +92,23 @@ def _read(file: Path) -> DrawnRoof:
 
 def models_of(points: NDArray[np.float64], config: PipelineConfig) -> list[BuildingModel]:
     """Take roof points without ground through the chain, from segmentation on."""
+    roofs, outlines = _planes_and_outlines(points, config)
+    return [one.model for one in tile_models.build_models(roofs, outlines, config.building_model)]
+
+
+def traced_roofs(
+    points: NDArray[np.float64], config: PipelineConfig
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint16], Outline]]:
+    """Yield points, planes and outline of each building that `models_of` makes a model of."""
+    roofs, outlines = _planes_and_outlines(points, config)
+    for one in outlines:
+        own = roofs.building_id == one.building_id
+        yield roofs.points[own], roofs.plane_id[own], one.outline
+
+
+def _planes_and_outlines(
+    points: NDArray[np.float64], config: PipelineConfig
+) -> tuple[PointTile, tuple[BuildingOutline, ...]]:
     tile = PointTile(
         points,
         classification=np.full(len(points), PointClass.BUILDING, dtype=np.uint8),
@@ -98,8 +116,7 @@ def models_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Build
     )
     found = tile_tracing.trace_buildings(tile, config.segmentation, config.boundary_tracing)
     outlines = tile_outlines.regularise_outlines(found.outlines, config.regularisation)
-    roofs = tile_stages.fit_planes(found.tile, config.plane_fitting)
-    return [one.model for one in tile_models.build_models(roofs, outlines, config.building_model)]
+    return tile_stages.fit_planes(found.tile, config.plane_fitting), outlines
 
 
 def solids_of(points: NDArray[np.float64], config: PipelineConfig) -> list[Solid]:

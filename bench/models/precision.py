@@ -1,7 +1,7 @@
 """
 How often a model's corners are as near to the truth as they say.
 
-    python -m bench.models.precision [--seeds N ...] [--set STAGE.NAME=VALUE ...] [--each]
+    python -m bench.models.precision [--seeds N ...] [--set STAGE.NAME=VALUE ...] [--each] [--conditions]
 
 Virtual roofs, each with a density, a noise and an orientation of its own, are traced and modelled as they are
 and under the disturbances of `bench.generalise`. Corners of LoD2.2 are matched one to one with those of the
@@ -9,6 +9,9 @@ truth within 1 m; what is farther off is another topology. Left out are round ro
 and true corners with another one within 1 m in plan, which may be taken for one another. Shares of errors
 within one and two standard deviations should be near 68 and 95 %. By default `regularisation.correct_bias` is
 set: walls drawn through the points are inside the roof's edge by a third of a spacing, which is no chance.
+
+With `--conditions`: what holds of the planes of virtual roofs and of those that people drew, what their
+points refuse, and how far true corners are off the nearest plane along z without and with it.
 """
 
 from __future__ import annotations
@@ -16,15 +19,19 @@ from __future__ import annotations
 import argparse
 import logging
 import zlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from bench.common.arguments import config_of
+from bench.common.clouds import data_folder
 from bench.common.tables import table
-from bench.generalise.corners import models_of
+from bench.generalise.corners import FOLDER, drawn_roofs, models_of, traced_roofs
 from bench.generalise.disturbances import disturbances
 from bench.models.grade_cases import virtual_scene
 from bench.scenes.models import SHAPES
@@ -32,6 +39,10 @@ from lidar_buildings.core.solids.roof_lines import CORNER_KINDS, corner_kinds, r
 from lidar_buildings.core.solids.shell import ROOF_SURFACE
 from lidar_buildings.core.stages.building_model.model import LOD22
 from lidar_buildings.core.stages.building_model.result import BuildingModel
+from lidar_buildings.core.stages.roof_topology.result import RoofTopology
+from lidar_buildings.core.stages.roof_topology.topology import find_topology
+from lidar_buildings.core.surfaces.plane_adjustment import CORNER, LEVEL, POINT, SLOPE, STRIKE, adjust
+from lidar_buildings.core.surfaces.roof_planes import without_gaps
 from lidar_buildings.evaluation.scores.models import roof_wireframe
 from lidar_buildings.evaluation.scores.outlines import match_corners
 from lidar_buildings.pipeline.config import PipelineConfig
@@ -39,6 +50,7 @@ from lidar_buildings.pipeline.config import PipelineConfig
 #: Those after which the roof is still the same.
 KINDS = ("strip", "discs", "half", "quarter", "rotated", "shifted", "noisy", "lines", "stretched")
 ROUND = ("barrel", "round_tower", "pointed_tower")
+CONDITION_KINDS = (LEVEL, POINT, CORNER, SLOPE, STRIKE)
 #: Matched corners, and those that may be taken for one another, are nearer [m]; the same one is, in plan [m].
 NEAR, SAME = 1.0, 0.02
 
@@ -124,6 +136,56 @@ def share_table(corners: Sequence[Corner], groups: Sequence[str], name: str) -> 
     return table((name, "n", *columns), rows)
 
 
+class Adjusted(NamedTuple):
+    """A roof's planes, and how far corners are off the nearest without and with conditions, (n, 2) [m]."""
+
+    name: str
+    topology: RoofTopology
+    off: NDArray[np.float64]
+
+
+def adjusted_roofs(name: str, points: NDArray[np.float64], true: NDArray[np.float64]) -> Iterator[Adjusted]:
+    """Yield the buildings traced from a roof's points, which have true corners, shape (n, 3) [m]."""
+    for part, plane_id, outline in traced_roofs(points, PipelineConfig()):
+        topology = find_topology(part, plane_id, outline)
+        free = adjust(part, without_gaps(plane_id)).planes
+        near = true[shapely.dwithin(outline.polygon, shapely.points(true[:, :2]), NEAR)]
+        off = [
+            np.min([np.abs(plane.elevation(near[:, :2]) - near[:, 2]) for plane in planes], axis=0)
+            for planes in (free, topology.planes)
+            if planes
+        ]
+        yield Adjusted(name, topology, np.column_stack(off) if off else np.zeros((0, 2)))
+
+
+def condition_table(roofs: Sequence[Adjusted], *, each: bool) -> str:
+    """Return a line per roof if asked for, and one of all: held / refused by kind, errors [m]."""
+    groups = {one.name: [other for other in roofs if other.name == one.name] for one in roofs if each}
+    rows = []
+    for name, group in (groups | {"all": list(roofs)}).items():
+        held, refused = (
+            Counter(one.kind for roof in group for one in getattr(roof.topology, what))
+            for what in ("held", "refused")
+        )
+        off = np.concatenate([roof.off for roof in group])
+        off = off[off.min(axis=1, initial=np.inf) < NEAR]
+        errors = np.sqrt(np.mean(off**2, axis=0)) if len(off) else (np.nan, np.nan)
+        cells = [f"{held[kind]} / {refused[kind]}" for kind in CONDITION_KINDS]
+        rows.append([name, *cells, str(len(off)), *(f"{error:.3f}" for error in errors)])
+    return table(("roof", *CONDITION_KINDS, "corners", "free [m]", "adjusted [m]"), rows)
+
+
+def print_conditions(seeds: Sequence[int], data: Path) -> None:
+    """Print both tables: drawn roofs one by one, virtual ones together."""
+    drawn = [(roof.name, roof.points, roof.drawn.corners) for roof in drawn_roofs(data / FOLDER)]
+    scenes = [virtual_scene(name, seed) for seed in seeds for name in sorted(SHAPES.keys() - set(ROUND))]
+    virtual = [(scene.name, scene.points, scene.wireframe.corners) for scene in scenes]
+    for roofs, each in ((drawn, True), (virtual, False)):
+        print(
+            condition_table([one for roof in roofs for one in adjusted_roofs(*roof)], each=each), end="\n\n"
+        )
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
@@ -134,8 +196,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "--set", nargs="+", default=["regularisation.correct_bias=true"], metavar="STAGE.NAME=VALUE"
     )
     parser.add_argument("--each", action="store_true", help="by disturbance and shape, too")
+    parser.add_argument("--conditions", action="store_true", help="what holds of roofs' planes, instead")
+    parser.add_argument("--data", metavar="DIR", help="with --conditions: where the drawn roofs are")
     options = parser.parse_args(arguments)
     logging.disable(logging.WARNING)
+    if options.conditions:
+        print_conditions(options.seeds, data_folder(options.data))
+        return
     config = config_of(options.set)
     corners = [one for seed in options.seeds for one in corners_of(seed, config)]
     print(share_table(corners, CORNER_KINDS, "kind"))
