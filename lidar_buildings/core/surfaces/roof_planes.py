@@ -184,7 +184,7 @@ def free_planes(moments: PlaneMoments) -> FreePlanes:
 #: Points of a roof scatter by no less [m]: noise of the range and of the survey's pose.
 _LEAST_NOISE = 0.01
 #: Neighbouring points share noise and what the roof itself is uneven by: of so many one counts.
-POINTS_SHARED = 2.7
+POINTS_SHARED = 2.2
 
 
 def plane_covariances(

@@ -18,13 +18,13 @@ from lidar_buildings.core.surfaces.roof_planes import RoofPlane
 
 # Chosen on virtual roofs of seeds 1 to 4, judged on others: `bench.models.precision`.
 #: A traced wall: what all of it is off by, and each of the rows of points that end at it [spacings].
-_WALL_BIAS, _WALL_EACH = 0.05, 0.18
+_WALL_BIAS, _WALL_EACH = 0.06, 0.18
 #: A wall between roofs, likewise.
-_STEP_BIAS, _STEP_EACH = 0.04, 0.27
+_STEP_BIAS, _STEP_EACH = 0.04, 0.35
 #: Share of the variance of the gaps between a traced wall and its points that is the wall's.
 _GAP_SHARE = 0.4
 #: By how much the variance of a wall's middle grows towards the square of the distance from it [lengths].
-_LEVER = 4.0
+_LEVER = 3.0
 #: Points within so many spacings of a wall tell where it is.
 _REACH = 3.0
 #: A wall that was given holds to this [m].

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from lidar_buildings.core.kernels import kernel
 from lidar_buildings.core.model.array_types import FloatArray
 from lidar_buildings.core.neighbours.union_find import sets_of_pairs
 from lidar_buildings.core.stages.roof_topology.directions import main_directions, wall_directions
@@ -96,30 +95,16 @@ def _corners(
     pieces: Pieces, ends: FloatArray, corners: FloatArray, planes: FloatArray, spacing: float
 ) -> Iterator[Condition]:
     """Pair the ends of lines with the outline's corners that they nearly pass through."""
-    near = _near_corners(ends, corners, spacing)
+    (x, y), (u, v) = (ends[:, 1] - ends[:, 0]).T, np.moveaxis(corners - ends[:, :, None], -1, 0)
+    beside = np.abs(u * y[:, None, None] - v * x[:, None, None])
+    is_passed = beside <= _BESIDE_CORNER * spacing * np.maximum(np.hypot(x, y), 1e-12)[:, None, None]
+    away = np.where(is_passed, np.hypot(u, v), np.inf)
+    near = np.where(away.min(axis=2) < _BEFORE_CORNER * spacing, away.argmin(axis=2), -1)
     pairs = zip(pieces.first.tolist(), pieces.second.tolist(), near.tolist(), strict=True)
     for i, j, at in dict.fromkeys((i, j, at) for i, j, rows in pairs for at in rows if at >= 0):
         position = np.append(corners[at], 1.0)
         bend = float(np.hypot(*(planes[i - 1, :2] - planes[j - 1, :2])))
         yield Condition(CORNER, (i, j), _HIP_SIGMA * bend, np.array([[position, -position]]))
-
-
-@kernel
-def _near_corners(ends, corners, spacing):  # type: ignore[no-untyped-def]
-    """Return the row of the corner that each line nearly passes through at either end, -1 for none."""
-    near = np.full((len(ends), 2), -1)
-    for k in range(len(ends)):
-        x, y = ends[k, 1, 0] - ends[k, 0, 0], ends[k, 1, 1] - ends[k, 0, 1]
-        length = max(math.hypot(x, y), 1e-12)
-        for end in range(2):
-            least = _BEFORE_CORNER * spacing
-            for i in range(len(corners)):
-                u, v = corners[i, 0] - ends[k, end, 0], corners[i, 1] - ends[k, end, 1]
-                distance, beside = math.hypot(u, v), abs(u * y - v * x) / length
-                is_nearer = distance < least or (distance == least and near[k, end] < 0)
-                if is_nearer and beside <= _BESIDE_CORNER * spacing:
-                    near[k, end], least = i, distance
-    return near
 
 
 def _common_points(
